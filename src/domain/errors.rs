@@ -1,0 +1,162 @@
+//! The errors between two tensors, as the paper defines them and everything they leave out ([CPB06] section 5).
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// The errors of decoded samples `s'` against the original `s`, in f64 between the two f32 arrays.
+///
+/// Relative errors enter only where `s > 0` (and `s ≥ floor`, where a floor was declared): `er_l1 = mean |s'−s|/s`,
+/// `er_l2 = √ mean ((s'−s)/s)²`, unweighted over samples. Everything left out is counted and bounded absolutely.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ErrorReport {
+    /// All samples, masked ones included.
+    pub samples: u64,
+    /// Mean relative error over the scored samples, 0 if there are none.
+    pub er_l1: f64,
+    /// Root mean square of the relative error over the scored samples.
+    pub er_l2: f64,
+    /// The largest relative error of a scored sample.
+    pub max_relative_error: f64,
+    /// `√(Σ(s'−s)² / Σs²)` over every sample that is not masked.
+    pub relative_rmse: f64,
+    /// The largest |s'−s| over every sample that is not masked.
+    pub max_absolute_error: f64,
+    /// Samples that enter the relative errors.
+    pub scored_samples: u64,
+    /// Samples that are exactly 0.
+    pub zero_samples: u64,
+    /// Samples below 0.
+    pub negative_samples: u64,
+    /// Positive samples below the declared floor.
+    pub below_floor_samples: u64,
+    /// Samples that are masked in the original.
+    pub masked_samples: u64,
+    /// The largest |s'−s| where `s ≤ 0` or `s` is below the floor.
+    pub max_absolute_error_unscored: f64,
+    /// Samples masked in one of the two only; 0 unless something is broken.
+    pub mask_mismatches: u64,
+}
+
+/// Sums over one block; blocks are added in order, so that the result does not depend on threads.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    relative: f64,
+    relative_squared: f64,
+    squared: f64,
+    signal: f64,
+    report: ErrorReport,
+}
+
+const BLOCK: usize = 1 << 16;
+
+impl ErrorReport {
+    /// Measures `decoded` against `original`; both have NaN where masked. `floor` is absolute (same unit as a sample).
+    ///
+    /// # Panics
+    /// If the lengths differ.
+    pub fn measure(original: &[f32], decoded: &[f32], floor: f64) -> Self {
+        assert_eq!(original.len(), decoded.len(), "tensors to compare have the same length");
+        let blocks: Vec<Sums> =
+            original.par_chunks(BLOCK).zip(decoded.par_chunks(BLOCK)).map(|(s, d)| sums(s, d, floor)).collect();
+        let mut total = Sums::default();
+        for block in &blocks {
+            total.add(block);
+        }
+        let mut report = total.report;
+        if report.scored_samples > 0 {
+            let n = report.scored_samples as f64;
+            report.er_l1 = total.relative / n;
+            report.er_l2 = (total.relative_squared / n).sqrt();
+        }
+        report.relative_rmse = if total.squared == 0.0 {
+            0.0
+        } else if total.signal == 0.0 {
+            f64::MAX
+        } else {
+            (total.squared / total.signal).sqrt()
+        };
+        report
+    }
+}
+
+impl Sums {
+    fn add(&mut self, block: &Self) {
+        self.relative += block.relative;
+        self.relative_squared += block.relative_squared;
+        self.squared += block.squared;
+        self.signal += block.signal;
+        let (a, b) = (&mut self.report, &block.report);
+        a.samples += b.samples;
+        a.scored_samples += b.scored_samples;
+        a.zero_samples += b.zero_samples;
+        a.negative_samples += b.negative_samples;
+        a.below_floor_samples += b.below_floor_samples;
+        a.masked_samples += b.masked_samples;
+        a.mask_mismatches += b.mask_mismatches;
+        a.max_relative_error = a.max_relative_error.max(b.max_relative_error);
+        a.max_absolute_error = a.max_absolute_error.max(b.max_absolute_error);
+        a.max_absolute_error_unscored = a.max_absolute_error_unscored.max(b.max_absolute_error_unscored);
+    }
+}
+
+fn sums(original: &[f32], decoded: &[f32], floor: f64) -> Sums {
+    let mut sums = Sums::default();
+    let r = &mut sums.report;
+    for (&s, &d) in original.iter().zip(decoded) {
+        r.samples += 1;
+        if s.is_nan() || d.is_nan() {
+            r.masked_samples += u64::from(s.is_nan());
+            r.mask_mismatches += u64::from(s.is_nan() != d.is_nan());
+            continue;
+        }
+        let (s, d) = (f64::from(s), f64::from(d));
+        let absolute = (d - s).abs();
+        sums.squared += absolute * absolute;
+        sums.signal += s * s;
+        r.max_absolute_error = r.max_absolute_error.max(absolute);
+        if s > 0.0 && s >= floor {
+            let relative = absolute / s;
+            r.scored_samples += 1;
+            sums.relative += relative;
+            sums.relative_squared += relative * relative;
+            r.max_relative_error = r.max_relative_error.max(relative);
+        } else {
+            r.zero_samples += u64::from(s == 0.0);
+            r.negative_samples += u64::from(s < 0.0);
+            r.below_floor_samples += u64::from(s > 0.0);
+            r.max_absolute_error_unscored = r.max_absolute_error_unscored.max(absolute);
+        }
+    }
+    sums
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_positive_samples_above_the_floor_are_scored() {
+        let original = [1.0, 2.0, 0.0, -0.5, f32::NAN, 0.001];
+        let decoded = [1.1, 1.8, 0.01, -0.25, f32::NAN, 0.5];
+        let r = ErrorReport::measure(&original, &decoded, 0.01);
+        assert_eq!((r.samples, r.scored_samples, r.zero_samples, r.negative_samples), (6, 2, 1, 1));
+        assert_eq!((r.below_floor_samples, r.masked_samples, r.mask_mismatches), (1, 1, 0));
+        assert!((r.er_l1 - 0.1).abs() < 1e-7 && (r.er_l2 - 0.1).abs() < 1e-7);
+        assert!((r.max_absolute_error_unscored - 0.499).abs() < 1e-6);
+    }
+
+    #[test]
+    fn blocks_add_up_to_the_whole() {
+        let original: Vec<f32> = (0..3 * BLOCK + 17).map(|i| 1.0 + (i % 13) as f32).collect();
+        let decoded: Vec<f32> = original.iter().enumerate().map(|(i, s)| s * (1.0 + 0.01 * (i % 3) as f32)).collect();
+        let r = ErrorReport::measure(&original, &decoded, 0.0);
+        assert!((r.er_l1 - 0.01).abs() < 1e-5, "{}", r.er_l1);
+        assert_eq!(r.scored_samples, original.len() as u64);
+    }
+
+    #[test]
+    fn nothing_scored_is_no_error() {
+        let r = ErrorReport::measure(&[0.0, f32::NAN], &[0.0, 1.0], 0.0);
+        assert_eq!((r.er_l2, r.relative_rmse, r.mask_mismatches), (0.0, 0.0, 1));
+    }
+}

@@ -1,0 +1,36 @@
+//! What a measurement is: directions, wavelengths, triangles, axes, quantities, tensors, and the errors between two of them.
+//!
+//! # Conventions (the one place)
+//! * **Surface frame**: right handed, `+z` the outward normal, `+x` the sample's reference direction. `wi` points to the
+//!   source, `wo` to the detector, both away from the surface; transmission has `wo.z < 0`. `theta` from `+z`, `phi`
+//!   counter-clockwise from `+x`.
+//! * **Luminaire frame**: `-z` is nadir (gamma 0), `+x` the C0 half-plane, so theta = 180° − gamma.
+//! * **Values**: BSDF in sr⁻¹ *without* the cosine; phase functions integrate to 1 over the sphere; intensity in its
+//!   declared unit; wavelengths in nm, strictly increasing. Missing is masked (NaN in memory), never 0.
+//! * **Axes** in order `[incoming, outgoing, wavelength]`, row-major, wavelength contiguous; `f32` samples, `f64` for
+//!   geometry and accumulation.
+//! * **Bits**: where they matter (all geometry here) elementary functions come from the pure Rust `libm`, so that the
+//!   same input gives the same bytes on every machine.
+
+mod axis;
+mod direction;
+mod errors;
+pub mod limits;
+mod progress;
+mod quantity;
+mod tensor;
+mod triangles;
+pub(crate) mod vector;
+mod views;
+mod wavelengths;
+
+pub use axis::{Axis, AxisError, Layout};
+pub use direction::Direction;
+pub use errors::ErrorReport;
+pub use progress::{Cancelled, Progress, Silent};
+pub(crate) use quantity::named;
+pub use quantity::{Quantity, Sampling, Unit, UnknownName};
+pub use tensor::{Measurement, Tensor, TensorError};
+pub use triangles::{Domain, TriangleMesh};
+pub use views::{Brdf, Reflectance, Spectrum};
+pub use wavelengths::{WavelengthError, WavelengthGrid};

@@ -1,0 +1,143 @@
+//! What every parser gives: samples as the instrument took them, and a report of all that was assumed.
+
+use crate::domain::{Axis, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
+use serde::Serialize;
+
+/// One measurement as read from a file, before projection.
+#[derive(Clone, Debug)]
+pub struct Acquisition {
+    /// The format's name in the table of formats.
+    pub format: &'static str,
+    /// Revision and flavour, for people: `LM-63-2002, type C, no symmetry`.
+    pub dialect: String,
+    /// The radiometric quantity.
+    pub quantity: Quantity,
+    /// The unit of a value, after the spectral factor.
+    pub unit: Unit,
+    /// The samples.
+    pub samples: Samples,
+    /// A spectrum joined with the samples: value(direction, λ) = sample(direction) · factor(λ).
+    pub spectral_factor: Option<SpectralFactor>,
+    /// Everything the parser assumed, filled, skipped or found odd, and the file's own keywords.
+    pub report: ParseReport,
+}
+
+/// Samples in the form the instrument took them.
+#[derive(Clone, Debug)]
+pub enum Samples {
+    /// Already on their final axes.
+    OnAxes {
+        /// The samples.
+        tensor: Tensor,
+        /// What a sample on a triangle axis stands for.
+        sampling: Sampling,
+    },
+    /// On a grid of angles.
+    Grid(AngleGrid),
+}
+
+/// A full grid of angles; values row-major in the order
+/// `[index…, theta_i, phi_i, theta_o, phi_o, spectral]`, absent axes left out; NaN = missing.
+#[derive(Clone, Debug)]
+pub struct AngleGrid {
+    /// Leading opaque axes.
+    pub index: Vec<Axis>,
+    /// Incoming angles; without azimuth the data are isotropic and `phi_o` is relative to the incoming azimuth.
+    pub incoming: Option<Angles>,
+    /// Outgoing angles; without azimuth the data are rotationally symmetric about `z`.
+    pub outgoing: Option<Angles>,
+    /// Wavelength or colour channels.
+    pub spectral: Option<Axis>,
+    /// What holds outside the angles covered.
+    pub outside: Outside,
+    /// The values.
+    pub values: Vec<f32>,
+}
+
+/// The angles of one direction, in degrees of the surface frame (theta from `+z`; a luminaire's theta = 180° − gamma).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Angles {
+    /// Strictly increasing.
+    pub theta: Vec<f64>,
+    /// The range of theta that the grid stands for: values are held from the first and last theta to its ends.
+    pub covers: (f64, f64),
+    /// The azimuths, if there are any.
+    pub phi: Option<Azimuths>,
+}
+
+/// Azimuths in degrees, strictly increasing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Azimuths {
+    /// The azimuths measured.
+    pub phi: Vec<f64>,
+    /// How they extend to the full circle.
+    pub extent: AzimuthExtent,
+}
+
+/// How measured azimuths extend to the full circle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AzimuthExtent {
+    /// They go round: the last connects to the first + 360° (360° itself is not listed).
+    Circle,
+    /// 0..=180 measured, the other half is its mirror image: `phi` and `360 − phi` have the same value.
+    Mirrored,
+    /// Only the sector from the first to the last was measured.
+    Sector,
+}
+
+/// What holds where a grid has no samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outside {
+    /// The standard says the value is 0 (LM-63, EULUMDAT).
+    Zero,
+    /// Unmeasured: masked.
+    Masked,
+}
+
+/// A spectrum that multiplies every sample, normalised by the parser that joined it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SpectralFactor {
+    /// Its wavelengths.
+    pub grid: WavelengthGrid,
+    /// One factor a wavelength, in nm⁻¹.
+    pub factors: Vec<f64>,
+}
+
+/// What the user must see: assumptions, fillings, skips, warnings, and the file's own keywords in order.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct ParseReport {
+    /// In the order they came up.
+    pub notes: Vec<Note>,
+    /// Keywords and header fields of the file, in order.
+    pub metadata: Vec<(String, String)>,
+}
+
+/// One remark of a parser.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Note {
+    /// What kind of remark.
+    pub kind: NoteKind,
+    /// A sentence for the user.
+    pub message: String,
+}
+
+/// What a remark is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NoteKind {
+    /// The file did not say; this was taken to hold.
+    Assumed,
+    /// Values that the file does not contain were supplied.
+    Filled,
+    /// Something in the file was not used.
+    Skipped,
+    /// Something the user should look at.
+    Warning,
+}
+
+impl ParseReport {
+    /// Adds a remark.
+    pub fn note(&mut self, kind: NoteKind, message: impl Into<String>) {
+        self.notes.push(Note { kind, message: message.into() });
+    }
+}

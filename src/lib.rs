@@ -1,0 +1,11 @@
+//! wavelume: acquired radiometric measurements, compressed with generic wavelet transforms to a promised error.
+//!
+//! Data flow downward; nothing imports upward:
+//! file → [`formats`] → [`projection`] → tensor ([`domain`]) → `transform` → `codec` → [`compress`] → [`evaluate`].
+
+pub mod compress;
+pub mod domain;
+pub mod evaluate;
+pub mod formats;
+pub mod pipeline;
+pub mod projection;

@@ -1,0 +1,232 @@
+//! What a user asks for, whole: bytes of a measurement and a request in, a compressed material with its report out.
+
+use crate::compress::{self, CompressError, Policy, Settings, Target};
+use crate::domain::{Axis, ErrorReport, Measurement, Progress, Quantity, Unit, WavelengthError, WavelengthGrid};
+use crate::formats::{self, Acquisition, FormatError, Interpretation, Note};
+use crate::projection::{self, AxesRequest, Coverage, Projected, ProjectionError};
+use serde::{Deserialize, Serialize};
+
+/// The bytes of a measurement and what the user says about them.
+#[derive(Clone, Copy, Debug)]
+pub struct Input<'a> {
+    /// The file.
+    pub bytes: &'a [u8],
+    /// A spectrum to join with a luminaire.
+    pub spectrum: Option<&'a [u8]>,
+    /// What the user says about the file.
+    pub interpretation: &'a Interpretation,
+}
+
+/// How to compress, in the command line's names; everything but `target` has a default.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// The promise.
+    pub target: Target,
+    /// The policy.
+    #[serde(default)]
+    pub policy: Policy,
+    /// The spectral basis, or `auto`.
+    #[serde(default = "auto")]
+    pub basis: String,
+    /// Relative floor.
+    #[serde(default)]
+    pub floor: Option<f64>,
+    /// Subdivision level of the incoming triangles.
+    #[serde(default)]
+    pub incoming_level: Option<u8>,
+    /// Subdivision level of the outgoing triangles.
+    #[serde(default)]
+    pub outgoing_level: Option<u8>,
+    /// `START:STOP:STEP` in nm.
+    #[serde(default)]
+    pub wavelengths: Option<String>,
+    /// Whether the file carries its provenance.
+    #[serde(default = "yes")]
+    pub metadata: bool,
+}
+
+fn auto() -> String {
+    "auto".to_owned()
+}
+
+fn yes() -> bool {
+    true
+}
+
+impl Request {
+    /// A request with defaults for everything but the promise.
+    pub fn to(target: Target) -> Self {
+        Self {
+            target,
+            policy: Policy::Rd,
+            basis: auto(),
+            floor: None,
+            incoming_level: None,
+            outgoing_level: None,
+            wavelengths: None,
+            metadata: true,
+        }
+    }
+
+    fn axes(&self) -> Result<AxesRequest, WavelengthError> {
+        Ok(AxesRequest {
+            incoming_level: self.incoming_level,
+            outgoing_level: self.outgoing_level,
+            wavelengths: self.wavelengths.as_deref().map(WavelengthGrid::parse_range).transpose()?,
+        })
+    }
+}
+
+/// Why a request was not fulfilled.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PipelineError {
+    /// The file was refused.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    /// The spectrum to join was refused.
+    #[error("spectrum: {0}")]
+    Spectrum(FormatError),
+    /// The wavelengths asked for are none.
+    #[error("wavelengths: {0}")]
+    Wavelengths(#[from] WavelengthError),
+    /// The measurement cannot be put on the axes asked for.
+    #[error(transparent)]
+    Projection(#[from] ProjectionError),
+    /// The measurement was not compressed.
+    #[error(transparent)]
+    Compress(#[from] CompressError),
+}
+
+/// A material and its report.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The file.
+    pub bytes: Vec<u8>,
+    /// What was achieved.
+    pub report: Report,
+}
+
+/// What was achieved, in the names of `compress --json`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// `b3-` and the BLAKE3 digest of the file.
+    pub digest: String,
+    /// The same without the metadata chunk.
+    pub payload_digest: String,
+    /// The format of the input.
+    pub format: String,
+    /// Its revision and flavour.
+    pub dialect: String,
+    /// The quantity.
+    pub quantity: Quantity,
+    /// The unit of a sample.
+    pub unit: Unit,
+    /// The policy.
+    pub policy: Policy,
+    /// The spectral basis.
+    pub basis: String,
+    /// The axes, for people.
+    pub axes: Vec<String>,
+    /// The size of the file.
+    pub bytes: u64,
+    /// Coefficients that are not zero.
+    pub kept_coefficients: Option<u64>,
+    /// Samples per kept coefficient.
+    pub ratio_coefficients: Option<f64>,
+    /// Bytes of the float32 tensor per byte of the file.
+    pub ratio_bytes: f64,
+    /// Errors of the decoded file against the tensor that was compressed.
+    #[serde(flatten)]
+    pub errors: ErrorReport,
+    /// Errors of the decoded file at the original samples, where projection changed them.
+    pub errors_at_samples: Option<ErrorReport>,
+    /// What the cells stand on.
+    pub coverage: Coverage,
+    /// Everything a parser assumed, filled or skipped.
+    pub notes: Vec<Note>,
+}
+
+/// Reads a measurement and joins its spectrum.
+pub fn read(input: &Input<'_>) -> Result<Acquisition, PipelineError> {
+    let mut acquisition = formats::read(input.bytes, input.interpretation)?;
+    if let Some(bytes) = input.spectrum {
+        let spectrum = formats::read(bytes, &Interpretation::default()).map_err(PipelineError::Spectrum)?;
+        formats::attach_spectrum(&mut acquisition, &spectrum).map_err(PipelineError::Spectrum)?;
+    }
+    Ok(acquisition)
+}
+
+/// Puts a measurement on the axes that `request` asks for.
+pub fn project(acquisition: &Acquisition, request: &Request) -> Result<Projected, PipelineError> {
+    Ok(projection::project(acquisition, &request.axes()?)?)
+}
+
+/// Reads, projects and compresses.
+pub fn compress(input: &Input<'_>, request: &Request, progress: &dyn Progress) -> Result<Outcome, PipelineError> {
+    let acquisition = read(input)?;
+    let Projected { measurement, coverage } = project(&acquisition, request)?;
+    let settings = Settings {
+        target: request.target,
+        policy: request.policy,
+        basis: request.basis.clone(),
+        floor: request.floor,
+        metadata: request.metadata.then(|| provenance(input, &acquisition, request)),
+    };
+    let compressed = compress::compress(&measurement, &settings, progress)?;
+    let report = report(&acquisition, &measurement, coverage, &compressed);
+    Ok(Outcome { bytes: compressed.bytes, report })
+}
+
+/// Where a material comes from: no clock, path, host, timing or thread count, so that equal inputs give equal bytes.
+fn provenance(input: &Input<'_>, acquisition: &Acquisition, request: &Request) -> String {
+    serde_json::json!({
+        "generator": concat!("wavelume ", env!("CARGO_PKG_VERSION")),
+        "source": {
+            "format": acquisition.format,
+            "dialect": acquisition.dialect,
+            "content_digest": digest(input.bytes),
+            "spectrum_digest": input.spectrum.map(digest),
+            "metadata": acquisition.report.metadata,
+            "notes": acquisition.report.notes,
+        },
+        "request": request,
+    })
+    .to_string()
+}
+
+/// `b3-` and the BLAKE3 digest in hex.
+pub fn digest(bytes: &[u8]) -> String {
+    format!("b3-{}", blake3::hash(bytes).to_hex())
+}
+
+fn report(
+    acquisition: &Acquisition,
+    measurement: &Measurement,
+    coverage: Coverage,
+    compressed: &compress::Compressed,
+) -> Report {
+    let summary = &compressed.summary;
+    let samples = measurement.tensor.len() as f64;
+    let decoded = compress::decode(&compressed.bytes).ok();
+    Report {
+        digest: digest(&compressed.bytes),
+        payload_digest: compress::payload_digest(&compressed.bytes)
+            .map_or_else(|_| String::new(), |hash| format!("b3-{}", hash.to_hex())),
+        format: acquisition.format.to_owned(),
+        dialect: acquisition.dialect.clone(),
+        quantity: summary.quantity,
+        unit: summary.unit,
+        policy: summary.policy,
+        basis: summary.basis.clone(),
+        axes: summary.axes.iter().map(Axis::describe).collect(),
+        bytes: compressed.bytes.len() as u64,
+        kept_coefficients: summary.kept_coefficients,
+        ratio_coefficients: summary.kept_coefficients.map(|kept| samples / kept.max(1) as f64),
+        ratio_bytes: 4.0 * samples / compressed.bytes.len() as f64,
+        errors: summary.errors,
+        errors_at_samples: decoded.and_then(|d| projection::error_at_samples(acquisition, &d.measurement)),
+        coverage,
+        notes: acquisition.report.notes.clone(),
+    }
+}
