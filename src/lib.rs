@@ -3,6 +3,7 @@
 //! Data flow downward; nothing imports upward:
 //! file → [`formats`] → [`projection`] → tensor ([`domain`]) → `transform` → `codec` → [`compress`] → [`evaluate`].
 
+pub mod codec;
 pub mod compress;
 pub mod domain;
 pub mod evaluate;
