@@ -1,7 +1,7 @@
 //! wavelume: acquired radiometric measurements, compressed with generic wavelet transforms to a promised error.
 //!
 //! Data flow downward; nothing imports upward:
-//! file → [`formats`] → [`projection`] → tensor ([`domain`]) → `transform` → `codec` → [`compress`] → [`evaluate`].
+//! file → [`formats`] → [`projection`] → tensor ([`domain`]) → [`transform`] → `codec` → [`compress`] → [`evaluate`].
 
 pub mod codec;
 pub mod compress;
@@ -10,3 +10,4 @@ pub mod evaluate;
 pub mod formats;
 pub mod pipeline;
 pub mod projection;
+pub mod transform;
