@@ -17,7 +17,7 @@ mod symbols;
 pub use axes::{read_axes, write_axes};
 pub use bytes::{Reader, Writer};
 pub use classes::{Class, code_classes};
-pub use coefficients::{Rows, code_coefficients, code_corrections};
+pub use coefficients::{NONE, Payload, Rows, code_coefficients, code_corrections};
 pub use container::{Chunk, ChunkKind, Container, MAGIC, VERSION, write_container};
 pub use error::CodecError;
 pub use exact::code_exact;

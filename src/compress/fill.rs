@@ -34,7 +34,8 @@ fn fill_tree(block: &mut [f32], inner: usize) {
     let mut rows = block.len() / inner;
     while rows.is_multiple_of(4) && rows > 4 {
         let children = levels.last().map_or(&*block, Vec::as_slice);
-        let parents = children.chunks_exact(4 * inner).flat_map(|four| (0..inner).map(move |j| live_mean(four, inner, j)));
+        let parents =
+            children.chunks_exact(4 * inner).flat_map(|four| (0..inner).map(move |j| live_mean(four, inner, j)));
         let parents = parents.collect();
         levels.push(parents);
         rows /= 4;

@@ -80,9 +80,7 @@ impl Header {
         ] {
             w.f32(rounded_up(error));
         }
-        for count in
-            [e.scored_samples, e.zero_samples, e.negative_samples, e.below_floor_samples, e.masked_samples]
-        {
+        for count in [e.scored_samples, e.zero_samples, e.negative_samples, e.below_floor_samples, e.masked_samples] {
             w.varint(count);
         }
         w.into_bytes()
