@@ -136,6 +136,11 @@ impl<'a> Interpolant<'a> {
         &self.azimuth_mean
     }
 
+    /// Whether the grid has a value at `direction`.
+    pub(super) fn covers(&self, direction: Direction) -> bool {
+        self.at(direction).is_some()
+    }
+
     /// The samples that make the value at `direction`; `None` outside what the grid covers.
     pub(super) fn at(&self, direction: Direction) -> Option<Stencil> {
         let theta = direction.theta_degrees();

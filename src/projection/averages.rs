@@ -1,7 +1,8 @@
 //! Averages over cells as a sparse operator: for each cell, which samples with which weights.
 
 use super::angles::{Interpolant, finest_spacing};
-use crate::domain::{TriangleMesh, Vertices, centroid, child, solid_angle};
+use crate::domain::vector::{add, scale, unit};
+use crate::domain::{Direction, TriangleMesh, Vertices, centroid, child, solid_angle};
 use crate::formats::{Angles, Outside};
 use rayon::prelude::*;
 
@@ -9,8 +10,12 @@ use rayon::prelude::*;
 const MIN_DIVISIONS: u32 = 2;
 /// Levels below which cells are not divided further for the sake of narrow spacings.
 const FINEST_LEVEL: u32 = 9;
+/// How much further parts are divided that the rim of what is covered runs through: the jump there is all their error.
+const RIM_DIVISIONS: u32 = 4;
+/// How far vertices are pulled toward the centroid before they are asked on which side of the rim they are.
+const PULL: f64 = 1e-6;
 /// The size in degrees of an octant: √(π/2 sr).
-pub(super) const OCTANT_DEGREES: f64 = 71.809_613_903_273_71;
+pub(super) const OCTANT_DEGREES: f64 = 71.809_610_472_257_87;
 /// A cell whose weights sum to less than this is not covered: only rounding reaches it.
 const COVERED: f64 = 1e-9;
 
@@ -33,7 +38,8 @@ struct Cell {
 
 impl Averages {
     /// The averages over the triangles of `mesh` of the bilinear interpolant on checked `angles`, by the midpoint rule:
-    /// every triangle is split into 4^k (see [`divisions`]) whose values at their centroids count by solid angle.
+    /// every triangle is split into 4^k (see [`divisions`]) whose values at their centroids count by solid angle; parts
+    /// on the rim of what is covered are split further.
     pub(super) fn over_triangles(mesh: TriangleMesh, angles: &Angles, outside: Outside) -> Self {
         let interpolant = Interpolant::new(angles);
         let divisions = divisions(mesh, angles);
@@ -41,8 +47,12 @@ impl Averages {
             .all_vertices()
             .into_par_iter()
             .map(|vertices| {
-                let mut tally = Tally::new(&interpolant);
+                let mut tally = Tally::new(&interpolant, 0);
                 tally.split(vertices, divisions);
+                if tally.outside > 0.0 && tally.outside < tally.total {
+                    tally = Tally::new(&interpolant, RIM_DIVISIONS);
+                    tally.split(vertices, divisions);
+                }
                 tally.finish(outside)
             })
             .collect();
@@ -134,7 +144,9 @@ impl Averages {
                 total += weight;
             }
             if total > COVERED {
-                sums.iter_mut().for_each(|sum| *sum /= total);
+                for sum in sums.iter_mut() {
+                    *sum /= total;
+                }
             } else {
                 sums.fill(f64::NAN);
             }
@@ -158,20 +170,47 @@ struct Tally<'a> {
     poles: Vec<(usize, f64)>,
     outside: f64,
     total: f64,
+    rim_divisions: u32,
 }
 
 impl<'a> Tally<'a> {
-    fn new(interpolant: &'a Interpolant<'a>) -> Self {
-        Self { interpolant, entries: Vec::new(), poles: Vec::new(), outside: 0.0, total: 0.0 }
+    fn new(interpolant: &'a Interpolant<'a>, rim_divisions: u32) -> Self {
+        Self { interpolant, entries: Vec::new(), poles: Vec::new(), outside: 0.0, total: 0.0, rim_divisions }
     }
 
     fn split(&mut self, vertices: Vertices, divisions: u32) {
         if divisions > 0 {
-            (0..4).for_each(|c| self.split(child(vertices, c), divisions - 1));
+            for c in 0..4 {
+                self.split(child(vertices, c), divisions - 1);
+            }
             // Neighbouring parts share samples: merging on the way up keeps the list as short as the cell's samples.
             merge(&mut self.entries);
-            return;
+        } else {
+            self.split_at_rim(vertices, self.rim_divisions);
         }
+    }
+
+    fn split_at_rim(&mut self, vertices: Vertices, divisions: u32) {
+        if divisions > 0 && self.is_on_rim(vertices) {
+            for c in 0..4 {
+                self.split_at_rim(child(vertices, c), divisions - 1);
+            }
+        } else {
+            self.add(vertices);
+        }
+    }
+
+    fn is_on_rim(&self, vertices: Vertices) -> bool {
+        let centre = centroid(vertices).vector();
+        let covered = vertices.map(|v| {
+            let pulled = unit(add(scale(v, 1.0 - PULL), scale(centre, PULL)));
+            self.interpolant.covers(Direction::from_unit(pulled))
+        });
+        covered != [covered[0]; 3]
+    }
+
+    /// Adds one part by its value at the centroid.
+    fn add(&mut self, vertices: Vertices) {
         let angle = solid_angle(vertices);
         self.total += angle;
         let Some(stencil) = self.interpolant.at(centroid(vertices)) else {
@@ -227,7 +266,7 @@ fn merge(entries: &mut Vec<(u32, f64)>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::{Direction, Domain};
+    use crate::domain::Domain;
     use crate::formats::{AzimuthExtent, Azimuths};
 
     fn even(step: f64, to: f64) -> Vec<f64> {

@@ -2,14 +2,12 @@
 
 use super::angles::{self, check, check_area, sampled_cells};
 use super::averages::{Averages, divisions};
-use super::levels::{self, Choice};
+use super::levels::{self, Choice, rounded};
 use super::resampling::{Directions, Resampling};
 use super::{AxesRequest, Coverage, Projected, ProjectionError, on_axes, spectral};
 use crate::domain::limits::MAX_SAMPLES;
-use crate::domain::{
-    Axis, Domain, Layout, Measurement, Quantity, Sampling, Tensor, TensorError, TriangleMesh, check_axes,
-};
-use crate::formats::{Acquisition, AngleGrid, Angles, Outside};
+use crate::domain::{Axis, Domain, Layout, Measurement, Quantity, Sampling, Tensor, TensorError, check_axes};
+use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Outside};
 
 /// How the directions of one side come onto an axis.
 enum Side<'a> {
@@ -40,8 +38,8 @@ pub(super) fn project(
     check_axes(&axes)?;
 
     let mut notes = Vec::new();
-    incoming.describe("incoming", grid.outside, &mut notes)?;
-    outgoing.describe("outgoing", grid.outside, &mut notes)?;
+    incoming.describe("incoming", grid.outside, &mut notes);
+    outgoing.describe("outgoing", grid.outside, &mut notes);
     notes.extend(spectral.notes);
     if missing > 0 {
         notes.push(format!(
@@ -147,13 +145,6 @@ fn lower_to_fit<'a>(incoming: &mut Side<'a>, outgoing: &mut Side<'a>, others: us
 }
 
 impl Side<'_> {
-    fn mesh(&self) -> Option<TriangleMesh> {
-        match self {
-            Self::Triangles(_, choice) => Some(choice.mesh),
-            _ => None,
-        }
-    }
-
     fn lower(&mut self) -> bool {
         match self {
             Self::Triangles(_, choice) => choice.lower(),
@@ -197,44 +188,47 @@ impl Side<'_> {
         }
     }
 
-    fn describe(&self, what: &str, outside: Outside, notes: &mut Vec<String>) -> Result<(), ProjectionError> {
+    /// Everything chosen and assumed, for the user.
+    fn describe(&self, what: &str, outside: Outside, notes: &mut Vec<String>) {
         let (angles, choice) = match self {
-            Self::Absent => return Ok(()),
+            Self::Absent => return,
             Self::Elevations(angles) => {
                 notes.push(format!("{what}: the {} elevations of the file (isotropic)", angles.theta.len()));
-                return Ok(());
+                return;
             }
             Self::Triangles(angles, choice) => (angles, choice),
         };
+        let domain = choice.mesh.domain();
         notes.push(choice.note(what));
         notes.push(format!(
             "{what} cells are averages of the bilinear interpolant over {} parts each",
             1_u64 << (2 * divisions(choice.mesh, angles))
         ));
-        if angles.phi.is_none() {
-            notes.push(format!("{what} samples have no azimuth: taken as rotationally symmetric about z"));
-        }
         let rest = match outside {
             Outside::Zero => "0, as the format's standard says",
             Outside::Masked => "masked",
         };
-        let whole = if choice.mesh.domain() == Domain::Hemisphere { (0.0, 90.0) } else { (0.0, 180.0) };
-        let whole = if choice.mesh.domain() == Domain::Lower { (90.0, 180.0) } else { whole };
+        let (top, bottom) = match domain {
+            Domain::Hemisphere => (0.0, 90.0),
+            Domain::Lower => (90.0, 180.0),
+            Domain::Sphere => (0.0, 180.0),
+        };
         let (low, high) = angles.covers;
-        if low > whole.0 || high < whole.1 {
-            notes.push(format!("{what} directions outside theta {low}° to {high}° are {rest}"));
+        if low > top || high < bottom {
+            notes.push(format!("{what} directions outside theta {}° to {}° are {rest}", rounded(low), rounded(high)));
         }
-        if low < whole.0 || high > whole.1 {
-            notes.push(format!("{what} samples beyond the {} were left out", choice.mesh.domain()));
+        if low < top || high > bottom {
+            notes.push(format!("{what} samples beyond the {domain} were left out"));
         }
-        if let Some(azimuths) = &angles.phi
-            && azimuths.extent == crate::formats::AzimuthExtent::Sector
-            && let (Some(first), Some(last)) = (azimuths.phi.first(), azimuths.phi.last())
+        let Some(azimuths) = &angles.phi else {
+            notes.push(format!("{what} samples have no azimuth: taken as rotationally symmetric about z"));
+            return;
+        };
+        if let (AzimuthExtent::Sector, [first, .., last]) = (azimuths.extent, azimuths.phi.as_slice())
             && last - first < 360.0
         {
-            notes.push(format!("{what} directions outside phi {first}° to {last}° are {rest}"));
+            notes.push(format!("{what} directions outside phi {}° to {}° are {rest}", rounded(*first), rounded(*last)));
         }
-        Ok(())
     }
 }
 
@@ -277,4 +271,36 @@ fn cover(
         }
     }
     coverage
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chosen_levels_give_way_to_the_size_limit_and_named_ones_do_not() {
+        let angles = Angles { theta: (0..=90).map(f64::from).collect(), covers: (0.0, 90.0), phi: None };
+        let side = |level| {
+            let choice = levels::choose("outgoing", Domain::Hemisphere, &angles, level).unwrap();
+            Side::Triangles(&angles, choice)
+        };
+        let level = |side: &Side<'_>| match side.axis() {
+            Some(Axis::Triangles(mesh)) => mesh.level(),
+            other => panic!("{other:?}"),
+        };
+        let (mut a, mut b) = (side(None), side(None));
+        lower_to_fit(&mut a, &mut b, 1);
+        assert_eq!((level(&a), level(&b)), (6, 6));
+        lower_to_fit(&mut a, &mut b, 3);
+        assert_eq!((level(&a), level(&b)), (6, 5));
+        let (mut a, mut b) = (side(None), side(Some(7)));
+        lower_to_fit(&mut a, &mut b, 16);
+        assert_eq!((level(&a), level(&b)), (3, 7));
+        let (mut a, mut b) = (side(Some(7)), side(Some(7)));
+        lower_to_fit(&mut a, &mut b, 1);
+        assert_eq!((level(&a), level(&b)), (7, 7));
+        let mut elevations = Side::Elevations(&angles);
+        lower_to_fit(&mut elevations, &mut a, usize::MAX);
+        assert_eq!((level(&a), elevations.len()), (7, 91));
+    }
 }

@@ -84,7 +84,7 @@ fn natural_level(theta: f64, phi: Option<f64>) -> u8 {
 }
 
 /// At most two decimals, without trailing zeros.
-fn rounded(degrees: f64) -> f64 {
+pub(super) fn rounded(degrees: f64) -> f64 {
     libm::round(degrees * 100.0) / 100.0
 }
 

@@ -55,29 +55,28 @@ fn coarsen(
 ) -> Result<(Option<Axis>, Directions), ProjectionError> {
     let unfit = |reason: String| Err(ProjectionError::Unfit(format!("{what}_level: {reason}")));
     let kept = || (axis.cloned(), Directions::Kept(axis.map_or(1, Axis::len)));
-    match (axis, level) {
-        (_, None) => Ok(kept()),
-        (None, Some(_)) => unfit(format!("the data have no {what} directions to choose a level for")),
-        (Some(Axis::Triangles(mesh)), Some(level)) if level > mesh.level() => unfit(format!(
-            "{level} requested, the data are at level {} ({})",
-            mesh.level(),
-            Axis::Triangles(*mesh).describe()
-        )),
-        (Some(Axis::Triangles(mesh)), Some(level)) if level < mesh.level() => {
-            let depth = mesh.level() - level;
-            let averages = Averages::over_children(*mesh, depth);
-            let coarse = (0..depth).fold(Some(*mesh), |m, _| m.and_then(|m| m.coarser()));
-            notes.push(format!(
-                "{what} level {level} as requested: means of {} triangles of level {}, by solid angle",
-                1_u32 << (2 * u32::from(depth)),
-                mesh.level()
-            ));
-            Ok((coarse.map(Axis::Triangles), Directions::Averaged { from: mesh.len(), averages }))
-        }
-        (Some(Axis::Triangles(_)), Some(_)) => Ok(kept()),
-        (Some(Axis::Elevation(values)), Some(_)) => unfit(isotropic(values.len(), what)),
-        (Some(other), Some(_)) => unfit(format!("the {what} axis is {}, no triangles", other.describe())),
+    let Some(level) = level else { return Ok(kept()) };
+    let mesh = match axis {
+        Some(Axis::Triangles(mesh)) => *mesh,
+        None => return unfit(format!("the data have no {what} directions to choose a level for")),
+        Some(Axis::Elevation(values)) => return unfit(isotropic(values.len(), what)),
+        Some(other) => return unfit(format!("the {what} axis is {}, no triangles", other.describe())),
+    };
+    let Some(depth) = mesh.level().checked_sub(level) else {
+        let found = Axis::Triangles(mesh).describe();
+        return unfit(format!("{level} requested, the data are at level {} ({found})", mesh.level()));
+    };
+    if depth == 0 {
+        return Ok(kept());
     }
+    let coarse = (0..depth).try_fold(mesh, |mesh, _| mesh.coarser());
+    notes.push(format!(
+        "{what} level {level} as requested: means of {} triangles of level {}, by solid angle",
+        1_u32 << (2 * u32::from(depth)),
+        mesh.level()
+    ));
+    let averages = Averages::over_children(mesh, depth);
+    Ok((coarse.map(Axis::Triangles), Directions::Averaged { from: mesh.len(), averages }))
 }
 
 /// Why a level means nothing for elevations.
