@@ -399,6 +399,48 @@ fn named_levels_beyond_the_size_limit_are_refused_before_the_work() {
 }
 
 #[test]
+fn opaque_axes_stay_in_front() {
+    let mut acquired = edf(whole(30.0), Outside::Zero, |t, _| t as f32);
+    let grid = grid_of(&mut acquired);
+    grid.index = vec![Axis::Index { count: 3, labels: vec![] }];
+    let one = grid.values.clone();
+    grid.values = (0..3).flat_map(|k| one.iter().map(move |v| v + 1000.0 * k as f32)).collect();
+    let projected = project(&acquired, &levels(None, Some(2))).unwrap();
+    assert_eq!(projected.measurement.tensor.shape(), [3, 128]);
+    assert_eq!((projected.coverage.cells, projected.coverage.empty), (384, 0));
+    let samples = projected.measurement.tensor.samples();
+    for cell in 0..128 {
+        assert!((samples[256 + cell] - samples[cell] - 2000.0).abs() < 1e-3);
+    }
+    let errors = error_at_samples(&acquired, &projected.measurement).unwrap();
+    assert_eq!(errors.samples, 3 * 42);
+    assert!(errors.max_absolute_error < 30.0);
+}
+
+#[test]
+fn errors_of_another_files_tensor_are_none() {
+    let lamp = edf(whole(30.0), Outside::Zero, |_, _| 1.0);
+    let surface = project(&brdf(|_, _, _| 1.0), &levels(Some(0), Some(1))).unwrap();
+    assert_eq!(error_at_samples(&lamp, &surface.measurement), None);
+    let projected = project(&lamp, &AxesRequest::default()).unwrap();
+    let mut coloured = lamp.clone();
+    grid_of(&mut coloured).spectral = Some(Axis::Rgb);
+    grid_of(&mut coloured).values = vec![1.0; 42 * 3];
+    assert_eq!(error_at_samples(&coloured, &projected.measurement), None);
+}
+
+#[test]
+fn errors_shrink_with_the_cells() {
+    let acquired = edf(whole(5.0), Outside::Zero, |t, p| (2.0 + (t / 20.0).sin() * p.to_radians().cos()) as f32);
+    let error = |level| {
+        let projected = project(&acquired, &levels(None, Some(level))).unwrap();
+        error_at_samples(&acquired, &projected.measurement).unwrap().relative_rmse
+    };
+    let (coarse, middle, fine) = (error(2), error(4), error(6));
+    assert!(middle < 0.4 * coarse && fine < 0.4 * middle, "{coarse} {middle} {fine}");
+}
+
+#[test]
 fn threads_do_not_change_a_bit() {
     let acquired = brdf(|wi, wo, c| (wi.dot(wo) * 1.7 + c as f64 / 3.0) as f32);
     let run = |threads: usize| {
