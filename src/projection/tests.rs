@@ -431,7 +431,8 @@ fn errors_of_another_files_tensor_are_none() {
 
 #[test]
 fn errors_shrink_with_the_cells() {
-    let acquired = edf(whole(5.0), Outside::Zero, |t, p| (2.0 + (t / 20.0).sin() * p.to_radians().cos()) as f32);
+    let acquired =
+        edf(whole(5.0), Outside::Zero, |t, p| (2.0 + (3.0 * t.to_radians()).sin() * p.to_radians().cos()) as f32);
     let error = |level| {
         let projected = project(&acquired, &levels(None, Some(level))).unwrap();
         error_at_samples(&acquired, &projected.measurement).unwrap().relative_rmse
