@@ -1,13 +1,14 @@
 //! wavelume: acquired radiometric measurements, compressed with generic wavelet transforms to a promised error.
 //!
 //! Data flow downward; nothing imports upward:
-//! file → [`formats`] → [`projection`] → tensor ([`domain`]) → `transform` → `codec` → [`compress`] → [`evaluate`].
+//! file → [`formats`] → [`projection`] → tensor ([`domain`]) → [`transform`] → `codec` → [`compress`] → [`evaluate`].
 //! The service stands on these: `store` (bytes under their digest) → `catalog` (what is known of them) → `jobs` → `api`.
 
 #[cfg(feature = "service")]
 pub mod api;
 #[cfg(feature = "service")]
 pub mod catalog;
+pub mod codec;
 pub mod compress;
 pub mod domain;
 pub mod evaluate;
@@ -18,3 +19,4 @@ pub mod pipeline;
 pub mod projection;
 #[cfg(feature = "service")]
 pub mod store;
+pub mod transform;

@@ -24,13 +24,15 @@ pub(crate) mod vector;
 mod views;
 mod wavelengths;
 
+pub(crate) use axis::check_axes;
 pub use axis::{Axis, AxisError, Layout};
 pub use direction::Direction;
-pub use errors::ErrorReport;
+pub use errors::{ErrorAccumulator, ErrorReport};
 pub use progress::{Cancelled, Progress, Silent};
 pub(crate) use quantity::named;
 pub use quantity::{Quantity, Sampling, Unit, UnknownName};
 pub use tensor::{Measurement, Tensor, TensorError};
 pub use triangles::{Domain, TriangleMesh};
+pub(crate) use triangles::{Vertices, centroid, child, solid_angle};
 pub use views::{Brdf, Reflectance, Spectrum};
 pub use wavelengths::{WavelengthError, WavelengthGrid};
