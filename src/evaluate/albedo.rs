@@ -1,5 +1,6 @@
 //! The integral over outgoing directions, stored by wavelength for every incoming cell ([CPB06] section 6.1.3).
 
+use super::lookup::Stencil;
 use super::{EvaluateError, Interpolation, Material, unfit};
 use crate::domain::{Direction, Measurement, TriangleMesh};
 use rayon::prelude::*;
@@ -23,7 +24,10 @@ impl Material {
             return unfit(format!("room for {} samples, expected {lambdas}", out.len()));
         }
         let entry = self.entry(index)?;
-        let stencil = self.incoming(wi, how)?;
+        let stencil = match how {
+            Interpolation::Constant => Stencil::one(self.incoming_entry(wi)?),
+            Interpolation::Smooth => self.incoming_stencil(wi)?,
+        };
         for (lambda, value) in out.iter_mut().enumerate() {
             let (mut sum, mut total) = (0.0, 0.0);
             for (incoming, weight) in stencil.entries() {

@@ -1,6 +1,5 @@
 //! From a direction to the entries of an axis and their weights: tables of a mesh, without search or allocation.
 
-use super::Interpolation;
 use crate::domain::vector::{Vector, cross, dot};
 use crate::domain::{Direction, Domain, TriangleMesh};
 
@@ -28,11 +27,6 @@ impl Stencil {
     /// The entries and weights.
     pub(super) fn entries(&self) -> impl Iterator<Item = (usize, f32)> + Clone + '_ {
         self.entries[..self.length].iter().map(|&(entry, weight)| (entry as usize, weight))
-    }
-
-    /// The only entry, if there is one alone.
-    pub(super) fn single(&self) -> Option<usize> {
-        (self.length == 1).then(|| self.entries[0].0 as usize)
     }
 
     fn add(&mut self, entry: u32, weight: f32) {
@@ -96,12 +90,9 @@ impl MeshLookup {
         self.descend(direction).map(|(triangle, _)| triangle)
     }
 
-    /// The entries of the triangle axis that make the value at `direction`; `None` outside the domain.
-    pub(super) fn stencil(&self, direction: Direction, how: Interpolation) -> Option<Stencil> {
+    /// The triangles that make the smooth value at `direction`; `None` outside the domain.
+    pub(super) fn stencil(&self, direction: Direction) -> Option<Stencil> {
         let (triangle, folded) = self.descend(direction)?;
-        if how == Interpolation::Constant {
-            return Some(Stencil::one(triangle));
-        }
         let opposite = &self.opposite[triangle % self.opposite.len()];
         let coordinates = opposite.map(|plane| dot(plane, folded).max(0.0));
         let total = coordinates[0] + coordinates[1] + coordinates[2];
@@ -140,16 +131,11 @@ impl MeshLookup {
         let base = if self.mesh.domain() == Domain::Sphere && z < 0.0 { quadrant + 4 } else { quadrant };
         let (mut node, mut offset, mut width) = (0, 0, 1);
         for _ in 0..self.mesh.level() {
-            let [c0, c1, c2] = &self.cuts[offset + node];
-            let child = if dot(*c0, folded) > 0.0 {
-                0
-            } else if dot(*c1, folded) > 0.0 {
-                1
-            } else if dot(*c2, folded) > 0.0 {
-                2
-            } else {
-                3
-            };
+            // All three planes and no branches: which corner it is cannot be predicted.
+            let [beyond0, beyond1, beyond2] = self.cuts[offset + node].map(|plane| dot(plane, folded) > 0.0);
+            let mut child = if beyond2 { 2 } else { 3 };
+            child = if beyond1 { 1 } else { child };
+            child = if beyond0 { 0 } else { child };
             node = 4 * node + child;
             offset += width;
             width *= 4;
@@ -158,23 +144,29 @@ impl MeshLookup {
     }
 }
 
-/// Where `theta` (degrees) lies on a strictly increasing axis of elevations, held at its ends.
-pub(super) fn elevation_stencil(values: &[f64], theta: f64, how: Interpolation) -> Stencil {
+/// The entry nearest to `theta` (degrees) on a strictly increasing axis of elevations; of two, the lower.
+pub(super) fn nearest_elevation(values: &[f64], theta: f64) -> usize {
+    let (below, t) = elevation(values, theta);
+    if t > 0.5 { below + 1 } else { below }
+}
+
+/// Where `theta` (degrees) lies between the elevations of an axis, held at its ends.
+pub(super) fn elevation_stencil(values: &[f64], theta: f64) -> Stencil {
+    let (below, t) = elevation(values, theta);
+    let mut stencil = Stencil::one(below);
+    if t > 0.0 {
+        stencil.entries[0].1 = (1.0 - t) as f32;
+        stencil.add(below as u32 + 1, t as f32);
+    }
+    stencil
+}
+
+fn elevation(values: &[f64], theta: f64) -> (usize, f64) {
     let above = values.partition_point(|&v| v <= theta);
     if above == 0 || above == values.len() {
-        return Stencil::one(above.saturating_sub(1));
+        return (above.saturating_sub(1), 0.0);
     }
-    let t = (theta - values[above - 1]) / (values[above] - values[above - 1]);
-    match how {
-        Interpolation::Constant => Stencil::one(if t > 0.5 { above } else { above - 1 }),
-        Interpolation::Smooth if t == 0.0 => Stencil::one(above - 1),
-        Interpolation::Smooth => {
-            let mut stencil = Stencil::empty();
-            stencil.add(above as u32 - 1, (1.0 - t) as f32);
-            stencil.add(above as u32, t as f32);
-            stencil
-        }
-    }
+    (above - 1, (theta - values[above - 1]) / (values[above] - values[above - 1]))
 }
 
 /// The triangles of the first octant of a domain.
@@ -316,7 +308,7 @@ mod tests {
             let lookup = MeshLookup::new(mesh);
             for _ in 0..500 {
                 let d = random_direction(&mut rng);
-                let Some(stencil) = lookup.stencil(d, Interpolation::Smooth) else {
+                let Some(stencil) = lookup.stencil(d) else {
                     assert_eq!(lookup.locate(d), None);
                     continue;
                 };
@@ -332,12 +324,12 @@ mod tests {
     fn at_a_vertex_the_triangles_around_it_weigh_by_solid_angle() {
         let mesh = TriangleMesh::new(Domain::Hemisphere, 3).unwrap();
         let lookup = MeshLookup::new(mesh);
-        let pole = lookup.stencil(Direction::from_degrees(0.0, 0.0), Interpolation::Smooth).unwrap();
+        let pole = lookup.stencil(Direction::from_degrees(0.0, 0.0)).unwrap();
         let mut found: Vec<_> = pole.entries().collect();
         found.sort_by_key(|entry| entry.0);
         assert_eq!(found, [(0, 0.25), (64, 0.25), (128, 0.25), (192, 0.25)]);
         // On the horizon only the upper side counts (others have the weight of a rounding error).
-        let horizon = lookup.stencil(Direction::from_degrees(90.0, 45.0), Interpolation::Smooth).unwrap();
+        let horizon = lookup.stencil(Direction::from_degrees(90.0, 45.0)).unwrap();
         assert_eq!(horizon.entries().filter(|entry| entry.1 > 1e-6).count(), 3);
     }
 
@@ -355,10 +347,7 @@ mod tests {
                         let p = [0, 1, 2].map(|j| 0.3 * a[j] + 0.7 * b[j] + t * (centre[j] - 0.3 * a[j] - 0.7 * b[j]));
                         Direction::new(p[0], p[1], p[2]).unwrap()
                     };
-                    let (Some(inside), Some(outside)) = (
-                        lookup.stencil(at(1e-7), Interpolation::Smooth),
-                        lookup.stencil(at(-1e-7), Interpolation::Smooth),
-                    ) else {
+                    let (Some(inside), Some(outside)) = (lookup.stencil(at(1e-7)), lookup.stencil(at(-1e-7))) else {
                         continue;
                     };
                     for (entry, weight) in inside.entries() {
@@ -373,13 +362,13 @@ mod tests {
     #[test]
     fn elevations_are_nearest_linear_and_held_at_the_ends() {
         let values = [10.0, 20.0, 60.0];
-        let at = |theta, how| elevation_stencil(&values, theta, how).entries().collect::<Vec<_>>();
-        assert_eq!(at(0.0, Interpolation::Smooth), [(0, 1.0)]);
-        assert_eq!(at(90.0, Interpolation::Smooth), [(2, 1.0)]);
-        assert_eq!(at(60.0, Interpolation::Smooth), [(2, 1.0)]);
-        assert_eq!(at(20.0, Interpolation::Smooth), [(1, 1.0)]);
-        assert_eq!(at(30.0, Interpolation::Smooth), [(1, 0.75), (2, 0.25)]);
-        assert_eq!(at(39.0, Interpolation::Constant), [(1, 1.0)]);
-        assert_eq!(at(41.0, Interpolation::Constant), [(2, 1.0)]);
+        let at = |theta| elevation_stencil(&values, theta).entries().collect::<Vec<_>>();
+        assert_eq!(at(0.0), [(0, 1.0)]);
+        assert_eq!(at(90.0), [(2, 1.0)]);
+        assert_eq!(at(60.0), [(2, 1.0)]);
+        assert_eq!(at(20.0), [(1, 1.0)]);
+        assert_eq!(at(30.0), [(1, 0.75), (2, 0.25)]);
+        let nearest = [0.0, 14.0, 15.0, 16.0, 39.0, 41.0, 90.0].map(|theta| nearest_elevation(&values, theta));
+        assert_eq!(nearest, [0, 0, 0, 1, 1, 2, 2]);
     }
 }

@@ -1,11 +1,11 @@
 //! An opened material: the samples, the roles of their axes, and the tables that queries read.
 
 use super::albedo;
-use super::lookup::{MeshLookup, Stencil, elevation_stencil};
+use super::lookup::{MeshLookup, Stencil, elevation_stencil, nearest_elevation};
 use super::sampling::Trees;
-use super::{EvaluateError, Interpolation, unfit};
+use super::{EvaluateError, unfit};
 use crate::compress::{self, Summary};
-use crate::domain::{Axis, Direction, Measurement, WavelengthGrid};
+use crate::domain::{Axis, Direction, Domain, Measurement, WavelengthGrid};
 use std::sync::Arc;
 
 /// An opened material; share it between threads by reference.
@@ -122,25 +122,38 @@ impl Material {
         Ok(entry)
     }
 
-    /// The entries of the incoming axis for `wi`; entry 0 where there is no such axis.
-    pub(super) fn incoming(&self, wi: Option<Direction>, how: Interpolation) -> Result<Stencil, EvaluateError> {
+    /// The entry of the incoming axis for `wi` in the piecewise constant sense; 0 where there is no such axis.
+    pub(super) fn incoming_entry(&self, wi: Option<Direction>) -> Result<usize, EvaluateError> {
+        self.look_up(wi, || 0, MeshLookup::locate, nearest_elevation)
+    }
+
+    /// The entries of the incoming axis for `wi` in the smooth sense; entry 0 where there is no such axis.
+    pub(super) fn incoming_stencil(&self, wi: Option<Direction>) -> Result<Stencil, EvaluateError> {
+        self.look_up(wi, || Stencil::one(0), MeshLookup::stencil, elevation_stencil)
+    }
+
+    fn look_up<T>(
+        &self,
+        wi: Option<Direction>,
+        none: impl Fn() -> T,
+        on_triangles: impl Fn(&MeshLookup, Direction) -> Option<T>,
+        on_elevations: impl Fn(&[f64], f64) -> T,
+    ) -> Result<T, EvaluateError> {
         let quantity = self.measurement.quantity;
-        let (wi, expected) = match (&self.incoming, wi) {
-            (Incoming::None, None) => return Ok(Stencil::one(0)),
+        let (wi, domain) = match (&self.incoming, wi) {
+            (Incoming::None, None) => return Ok(none()),
             (Incoming::None, Some(_)) => {
                 return unfit(format!("wi was given, but this {quantity} has no incoming axis"));
             }
             (_, None) => return unfit(format!("no wi was given, but this {quantity} has an incoming axis")),
-            (Incoming::Triangles(lookup), Some(wi)) => match lookup.stencil(wi, how) {
-                Some(stencil) => return Ok(stencil),
-                None => (wi, lookup.mesh().domain().name()),
+            (Incoming::Triangles(lookup), Some(wi)) => match on_triangles(lookup, wi) {
+                Some(found) => return Ok(found),
+                None => (wi, lookup.mesh().domain()),
             },
-            (Incoming::Elevations(_), Some(wi)) if wi.cos_theta() < 0.0 => (wi, "hemisphere"),
-            (Incoming::Elevations(values), Some(wi)) => {
-                return Ok(elevation_stencil(values, wi.theta_degrees(), how));
-            }
+            (Incoming::Elevations(_), Some(wi)) if wi.cos_theta() < 0.0 => (wi, Domain::Hemisphere),
+            (Incoming::Elevations(values), Some(wi)) => return Ok(on_elevations(values, wi.theta_degrees())),
         };
-        unfit(format!("wi has theta = {:.3} degrees, outside the incoming domain `{expected}`", wi.theta_degrees()))
+        unfit(format!("wi has theta = {:.3} degrees, outside the incoming domain `{domain}`", wi.theta_degrees()))
     }
 
     /// The mesh of the outgoing axis and the direction in it: `wo`, turned back by the azimuth of `wi` where incoming

@@ -8,7 +8,7 @@
 //! points stay stratified. With a coarser end level the descent goes on by the geometric factor alone.
 
 use super::material::turned;
-use super::{DirectionSample, EvaluateError, Interpolation, Material, unfit};
+use super::{DirectionSample, EvaluateError, Material, unfit};
 use crate::domain::{Direction, Measurement, TriangleMesh};
 use rayon::prelude::*;
 
@@ -155,7 +155,7 @@ impl Material {
     }
 
     /// Draws an outgoing direction from the unit square's `u`; `None` where nothing is emitted or reflected. Incoming
-    /// directions take their cell as [`Interpolation::Constant`] does. `level` ends the choice by value at that level
+    /// directions take their cell as [`super::Interpolation::Constant`] does. `level` ends the choice by value at that level
     /// (0 = the base triangles) and goes on by the geometric factor.
     pub fn sample(
         &self,
@@ -185,7 +185,7 @@ impl Material {
             return unfit(format!("this {} has no outgoing axis to sample", self.measurement.quantity));
         };
         let entry = self.entry(index)?;
-        let incoming = self.incoming(wi, Interpolation::Constant)?.single().unwrap_or(0);
+        let incoming = self.incoming_entry(wi)?;
         Ok((trees, entry * self.shape[0] + incoming))
     }
 }

@@ -2,6 +2,7 @@
 
 use super::lookup::Stencil;
 use super::{EvaluateError, Interpolation, Material, Place, unfit};
+use crate::domain::WavelengthGrid;
 
 /// Samples of a spectrum that are summed together where some are masked.
 const BLOCK: usize = 64;
@@ -20,24 +21,16 @@ impl Material {
         if out.len() != self.lambdas() {
             return unfit(format!("room for {} samples, expected {}", out.len(), self.lambdas()));
         }
-        let Some(rows) = self.rows(place, how)? else {
-            out.fill(0.0);
-            return Ok(());
-        };
-        if let (Some(i), Some(o)) = (rows.incoming.single(), rows.outgoing.single()) {
-            out.copy_from_slice(self.row(rows.entry, i, o));
-        } else if self.has_masked {
-            self.sum_with_masks(&rows, out);
-        } else {
-            out.fill(0.0);
-            for (i, a) in rows.incoming.entries() {
-                for (o, b) in rows.outgoing.entries() {
-                    let weight = a * b;
-                    for (sum, sample) in out.iter_mut().zip(self.row(rows.entry, i, o)) {
-                        *sum += weight * sample;
-                    }
-                }
-            }
+        match how {
+            Interpolation::Constant => match self.constant_row(place)? {
+                Some(row) => out.copy_from_slice(row),
+                None => out.fill(0.0),
+            },
+            Interpolation::Smooth => match self.smooth_rows(place)? {
+                Some(rows) if self.has_masked => self.sum_with_masks(&rows, out),
+                Some(rows) => self.sum(&rows, out),
+                None => out.fill(0.0),
+            },
         }
         Ok(())
     }
@@ -58,31 +51,39 @@ impl Material {
         if out.len() != wavelengths.len() {
             return unfit(format!("room for {} samples, expected {}: one a wavelength", out.len(), wavelengths.len()));
         }
-        let rows = self.rows(place, how)?;
-        for (value, &lambda) in out.iter_mut().zip(wavelengths) {
-            let Some((below, t)) = grid.locate(lambda) else {
-                *value = f32::NAN;
-                continue;
-            };
-            let Some(rows) = &rows else {
-                *value = 0.0;
-                continue;
-            };
-            *value = self.sample_of(rows, below);
-            if t > 0.0 {
-                let t = t as f32;
-                *value = (1.0 - t) * *value + t * self.sample_of(rows, below + 1);
+        match how {
+            Interpolation::Constant => {
+                let row = self.constant_row(place)?;
+                between(grid, wavelengths, out, |lambda| row.map_or(0.0, |row| row[lambda]));
+            }
+            Interpolation::Smooth => {
+                let rows = self.smooth_rows(place)?;
+                between(grid, wavelengths, out, |lambda| {
+                    rows.as_ref().map_or(0.0, |rows| self.sample_of(rows, lambda))
+                });
             }
         }
         Ok(())
     }
 
-    fn rows(&self, place: Place<'_>, how: Interpolation) -> Result<Option<Rows>, EvaluateError> {
+    /// The spectrum of the cell that holds a place; `None` if `wo` is outside the outgoing domain.
+    fn constant_row(&self, place: Place<'_>) -> Result<Option<&[f32]>, EvaluateError> {
         let entry = self.entry(place.index)?;
-        let incoming = self.incoming(place.wi, how)?;
+        let incoming = self.incoming_entry(place.wi)?;
+        let outgoing = match self.outgoing(place.wi, place.wo)? {
+            None => Some(0),
+            Some((lookup, wo)) => lookup.locate(wo),
+        };
+        Ok(outgoing.map(|outgoing| self.row(entry, incoming, outgoing)))
+    }
+
+    /// The cells around a place; `None` if `wo` is outside the outgoing domain.
+    fn smooth_rows(&self, place: Place<'_>) -> Result<Option<Rows>, EvaluateError> {
+        let entry = self.entry(place.index)?;
+        let incoming = self.incoming_stencil(place.wi)?;
         let outgoing = match self.outgoing(place.wi, place.wo)? {
             None => Some(Stencil::one(0)),
-            Some((lookup, wo)) => lookup.stencil(wo, how),
+            Some((lookup, wo)) => lookup.stencil(wo),
         };
         Ok(outgoing.map(|outgoing| Rows { entry, incoming, outgoing }))
     }
@@ -115,6 +116,18 @@ impl Material {
         }
     }
 
+    fn sum(&self, rows: &Rows, out: &mut [f32]) {
+        out.fill(0.0);
+        for (i, a) in rows.incoming.entries() {
+            for (o, b) in rows.outgoing.entries() {
+                let weight = a * b;
+                for (sum, sample) in out.iter_mut().zip(self.row(rows.entry, i, o)) {
+                    *sum += weight * sample;
+                }
+            }
+        }
+    }
+
     fn sum_with_masks(&self, rows: &Rows, out: &mut [f32]) {
         for (block, out) in out.chunks_mut(BLOCK).enumerate() {
             let mut totals = [0.0_f32; BLOCK];
@@ -135,5 +148,16 @@ impl Material {
                 *sum = if total > 0.0 { *sum / total } else { f32::NAN };
             }
         }
+    }
+}
+
+/// Linear between the samples of a spectrum; NaN outside the grid or beside a NaN that is needed.
+fn between(grid: &WavelengthGrid, wavelengths: &[f64], out: &mut [f32], sample: impl Fn(usize) -> f32) {
+    for (value, &lambda) in out.iter_mut().zip(wavelengths) {
+        *value = match grid.locate(lambda) {
+            None => f32::NAN,
+            Some((below, 0.0)) => sample(below),
+            Some((below, t)) => (1.0 - t as f32) * sample(below) + t as f32 * sample(below + 1),
+        };
     }
 }

@@ -54,6 +54,11 @@ fn btdf() -> Material {
     material(Quantity::Btdf, axes, rough)
 }
 
+fn bsdf() -> Material {
+    let axes = vec![triangles(Domain::Sphere, 0), triangles(Domain::Sphere, 1), lambda(5)];
+    material(Quantity::Bsdf, axes, rough)
+}
+
 fn at(wi: Option<Direction>, wo: Option<Direction>) -> Place<'static> {
     Place { index: &[], wi, wo }
 }
@@ -286,6 +291,7 @@ fn sampled() -> Vec<(&'static str, Material, Option<Direction>, TriangleMesh)> {
         ("isotropic", isotropic(), Some(angles(31.0, 77.0)), mesh(Domain::Hemisphere, 2)),
         ("phase", phase(), Some(angles(120.0, 20.0)), mesh(Domain::Sphere, 2)),
         ("btdf", btdf(), Some(angles(10.0, 20.0)), mesh(Domain::Lower, 2)),
+        ("bsdf", bsdf(), Some(angles(10.0, 20.0)), mesh(Domain::Sphere, 1)),
     ]
 }
 
@@ -318,8 +324,8 @@ fn z_score(chi2: f64, k: f64) -> f64 {
     ((chi2 / k).cbrt() - (1.0 - 2.0 / (9.0 * k))) / (2.0 / (9.0 * k)).sqrt()
 }
 
-/// Pcg32 with state 0x5eed and the case as stream; 25 tests of one side at z < 3.5, so a false alarm of a correct sampler
-/// with fresh seeds has probability 25 × 2.3e-4 = 0.6 %. Bins are triangles one level finer than the leaves (they also
+/// Pcg32 with state 0x5eed and the case as stream; 30 tests of one side at z < 3.5, so a false alarm of a correct sampler
+/// with fresh seeds has probability 30 × 2.3e-4 = 0.7 %. Bins are triangles one level finer than the leaves (they also
 /// see the distribution within a leaf), merged until 5 samples are expected.
 #[test]
 fn samples_follow_their_density() {
