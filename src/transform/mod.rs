@@ -1,6 +1,6 @@
 //! The generic wavelet transform: a tensor's axes, each with its own basis, transformed in place between rows.
 //!
-//! A *generic coefficient* over an axis ([CPB06] section 4, equations 11–12) is the contiguous row behind one index of
+//! A *generic coefficient* over an axis (Claustres, Paulin & Boucher 2006, section 4, equations 11–12) is the contiguous row behind one index of
 //! that axis; a transform over the axis is arithmetic between such rows, whatever they hold. Transforming axis after
 //! axis is the *standard* decomposition (a tensor product of one-space transforms), not the square one.
 //!
