@@ -1,4 +1,4 @@
-//! Bytes under their digest over HTTP: strong ETag, immutable, ranges, conditions.
+//! Bytes under their digest over HTTP: strong `ETag`, immutable, ranges, conditions.
 
 use super::problem::{Kind, Problem};
 use super::state::App;

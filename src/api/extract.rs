@@ -43,7 +43,9 @@ impl<S: Send + Sync> FromRequestParts<S> for Id {
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
         let text = segment(parts, state).await?;
-        text.parse().map(Self).map_err(|error: crate::store::NotADigest| Problem::new(Kind::NotFound, error.to_string()))
+        text.parse()
+            .map(Self)
+            .map_err(|error: crate::store::NotADigest| Problem::new(Kind::NotFound, error.to_string()))
     }
 }
 

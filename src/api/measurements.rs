@@ -243,7 +243,12 @@ async fn delete(State(app): State<App>, Id(id): Id) -> Result<StatusCode, Proble
         (status = 304, description = "Unchanged"),
     )
 )]
-async fn get_content(State(app): State<App>, method: Method, headers: HeaderMap, Id(id): Id) -> Result<Response, Problem> {
+async fn get_content(
+    State(app): State<App>,
+    method: Method,
+    headers: HeaderMap,
+    Id(id): Id,
+) -> Result<Response, Problem> {
     let row = row(&app, id).await?;
     let name = row.file_name.as_deref();
     content::respond(&app, row.content, "application/octet-stream", name, &method, &headers).await
@@ -257,7 +262,8 @@ async fn row(app: &App, id: Digest) -> Result<MeasurementRow, Problem> {
 /// Cursor and limit of a list.
 pub(super) fn page(cursor: Option<&str>, limit: Option<usize>) -> Result<(Option<Cursor>, usize), Problem> {
     let cursor = cursor.map(str::parse).transpose();
-    let cursor = cursor.map_err(|e: crate::catalog::NotACursor| Problem::new(Kind::BadQuery, format!("cursor: {e}")))?;
+    let cursor =
+        cursor.map_err(|e: crate::catalog::NotACursor| Problem::new(Kind::BadQuery, format!("cursor: {e}")))?;
     match limit.unwrap_or(50) {
         limit @ 1..=1000 => Ok((cursor, limit)),
         limit => Err(Problem::new(Kind::BadQuery, format!("limit: found {limit}, expected 1 to 1000"))),

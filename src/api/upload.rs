@@ -63,9 +63,8 @@ pub(crate) async fn receive(app: &App, headers: &HeaderMap, body: Body) -> Resul
     };
     let mut body = Box::pin(body.into_data_stream().map(|piece| piece.map_err(|_| io::Error::other(Cut::Broken))));
     let received = tokio::time::timeout(limits.upload_time, stage(app, coding, body.as_mut())).await;
-    let received = received.unwrap_or_else(|_| {
-        Err(Problem::new(Kind::TooSlow, format!("an upload may take {:?}", limits.upload_time)))
-    });
+    let received = received
+        .unwrap_or_else(|_| Err(Problem::new(Kind::TooSlow, format!("an upload may take {:?}", limits.upload_time))));
     if received.is_err() {
         linger(Body::from_stream(body)).await;
     }

@@ -135,9 +135,7 @@ impl Archive {
             if stopped() {
                 return Ok(report);
             }
-            if named.contains_key(&digest)
-                || !self.catalog.unless_named(digest, self.store.remove(digest)).await??
-            {
+            if named.contains_key(&digest) || !self.catalog.unless_named(digest, self.store.remove(digest)).await?? {
                 report.kept_blobs += 1;
             } else {
                 report.removed_blobs += 1;

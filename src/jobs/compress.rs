@@ -44,7 +44,8 @@ pub(crate) async fn run(engine: &Arc<Engine>, request: &str, control: &Arc<Contr
     let work = {
         let (request, control) = (request.clone(), Arc::clone(control));
         let mut interpretation = options.interpretation();
-        interpretation.axes = request.axes.clone();
+        interpretation.axes.clone_from(&request.axes);
+        interpretation.wavelengths.clone_from(&request.wavelengths);
         interpretation.quantity = request.quantity.or(interpretation.quantity);
         move || {
             let input = Input { bytes: &bytes, spectrum: spectrum.as_deref(), interpretation: &interpretation };

@@ -16,14 +16,12 @@ pub(crate) fn describe(acquisition: &Acquisition) -> Map<String, Value> {
         }
         Samples::Grid(grid) => (grid_axes(grid), grid.values.as_slice(), grid_coverage(grid)),
     };
-    let mut range = range(samples);
+    let mut range = extremes(samples.iter().map(|&s| f64::from(s)));
     if let Some(factor) = &acquisition.spectral_factor {
         axes.push(wavelengths(&factor.grid));
         // value = sample · factor is bilinear: its extremes are products of extremes.
-        let factors = factor.factors.iter().fold(None, |range, &f| widen(range, f));
-        range = range.zip(factors).and_then(|((a, b), (c, d))| {
-            [a * c, a * d, b * c, b * d].into_iter().fold(None, widen)
-        });
+        let factors = extremes(factor.factors.iter().copied());
+        range = range.zip(factors).and_then(|((a, b), (c, d))| extremes([a * c, a * d, b * c, b * d]));
     }
     let missing = samples.iter().filter(|s| s.is_nan()).count();
     let fields: Vec<Value> = acquisition
@@ -126,12 +124,12 @@ fn direction_coverage(angles: &Angles) -> Value {
     json!({ "theta": [angles.covers.0, angles.covers.1], "phi": phi })
 }
 
-fn range(samples: &[f32]) -> Option<(f64, f64)> {
-    samples.iter().filter(|s| !s.is_nan()).fold(None, |range, &s| widen(range, f64::from(s)))
-}
-
-fn widen(range: Option<(f64, f64)>, value: f64) -> Option<(f64, f64)> {
-    Some(range.map_or((value, value), |(low, high)| (low.min(value), high.max(value))))
+/// The smallest and the largest of the values that are not masked.
+fn extremes(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
+    values.into_iter().filter(|v| !v.is_nan()).fold(None, |range, v| match range {
+        None => Some((v, v)),
+        Some((low, high)) => Some((low.min(v), high.max(v))),
+    })
 }
 
 fn merged(a: Value, b: Value) -> Value {

@@ -119,6 +119,11 @@ impl Engine {
             .await
     }
 
+    /// The opened form of a material, if it is open.
+    pub(crate) async fn opened(&self, id: Digest) -> Option<Arc<Material>> {
+        self.opened.get(&id).await
+    }
+
     /// Forgets the opened form of a deleted material.
     pub(crate) async fn close_material(&self, id: Digest) {
         self.opened.invalidate(&id).await;

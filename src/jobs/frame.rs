@@ -25,8 +25,7 @@ const LIMIT: usize = 1 << 20;
 impl Frame {
     /// The text for the queue.
     pub(crate) fn encode(&self) -> Result<String, FrameError> {
-        let bytes =
-            bincode::serde::encode_to_vec(self, config()).map_err(|error| FrameError(error.to_string()))?;
+        let bytes = bincode::serde::encode_to_vec(self, config()).map_err(|error| FrameError(error.to_string()))?;
         if bytes.len() > LIMIT {
             return Err(FrameError(format!("{} bytes, the limit is {LIMIT}", bytes.len())));
         }
@@ -65,7 +64,7 @@ mod tests {
     fn frames_round_trip_and_keep_their_bytes() {
         let frame = Frame::Compress { request: "{}".to_owned() };
         let text = frame.encode().unwrap();
-        assert_eq!(text, "000000000200000000000000" .to_owned() + "7b7d");
+        assert_eq!(text, "000000000200000000000000".to_owned() + "7b7d");
         assert_eq!(Frame::decode(&text), Ok(frame));
     }
 

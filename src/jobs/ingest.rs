@@ -84,6 +84,7 @@ impl Options {
             wavelength_unit: self.wavelength_unit.clone(),
             column: self.column.clone(),
             axes: None,
+            wavelengths: None,
         }
     }
 
@@ -139,11 +140,7 @@ impl Engine {
         added.ok_or_else(|| IngestError::Spectrum("it was deleted meanwhile".to_owned()))
     }
 
-    async fn understand(
-        self: &Arc<Self>,
-        staged: Staged,
-        options: &Options,
-    ) -> Result<(Staged, Summary), IngestError> {
+    async fn understand(self: &Arc<Self>, staged: Staged, options: &Options) -> Result<(Staged, Summary), IngestError> {
         let spectrum = match options.spectrum {
             Some(id) => Some(self.spectrum(id).await?),
             None => None,
@@ -153,8 +150,7 @@ impl Engine {
             .run(move || {
                 let bytes = staged.read()?;
                 let interpretation = options.interpretation();
-                let input =
-                    Input { bytes: &bytes, spectrum: spectrum.as_deref(), interpretation: &interpretation };
+                let input = Input { bytes: &bytes, spectrum: spectrum.as_deref(), interpretation: &interpretation };
                 let mut described = match pipeline::read(&input) {
                     Ok(acquisition) => describe(&acquisition),
                     Err(PipelineError::Format(error)) if can_wait(&error, &options) => {

@@ -22,6 +22,7 @@ pub use maths::{Maths, MathsError};
 pub use problem::{Code, JobProblem};
 pub use request::{CompressRequest, Kind, check_text};
 
+pub(crate) use maths::message as panic_message;
 pub(crate) use worker::run as run_workers;
 
 use tokio_util::sync::CancellationToken;
