@@ -12,7 +12,7 @@ use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
 use super::text::{Source, Token, Tokens, listed, snippet};
 use super::{Format, Interpretation, Reader, Sample};
-use crate::domain::limits::MAX_SAMPLES;
+use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use crate::domain::{Quantity, Unit};
 use distribution::{Photometry, Stated};
 use labels::{Labels, Revision};
@@ -130,7 +130,12 @@ fn unit(labels: &Labels, header: &Header, how: &Interpretation, report: &mut Par
         };
     }
     let unit = labels.unit(report);
-    if unit == Unit::Candela && header.lumens >= 0.0 {
+    if unit == Unit::Candela && header.lumens == 0.0 {
+        report.note(
+            NoteKind::Warning,
+            "0 lumens per lamp, expected -1 for absolute photometry; candela kept as they are",
+        );
+    } else if unit == Unit::Candela && header.lumens > 0.0 {
         report.note(
             NoteKind::Assumed,
             format!("relative photometry: candela hold for {} lamp(s) of {} lm each", header.lamps, header.lumens),
@@ -165,7 +170,7 @@ impl<'a> Numbers<'a> {
     /// A count of things that follow, each at least one token.
     fn count(&mut self, expected: &str) -> Result<usize, FormatError> {
         let remaining = self.tokens.clone().count().saturating_sub(1);
-        self.whole(expected, 1, remaining.max(1))
+        self.whole(expected, 1, remaining.clamp(1, MAX_ENTRIES))
     }
 
     /// The block of TILT=INCLUDE: how the whole luminaire dims when it is installed at an angle, not part of its shape.

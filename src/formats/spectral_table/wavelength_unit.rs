@@ -31,7 +31,12 @@ impl WavelengthUnit {
     pub(super) fn to_nanometres(self, value: f64) -> f64 {
         match self {
             Self::Nanometre => value,
-            Self::Micrometre => value * 1000.0,
+            // 0.55 um is 550 nm, not 550.0000000000001: the last bit of the product is no information.
+            Self::Micrometre => {
+                let product = value * 1000.0;
+                let rounded = (product * 1e6).round() / 1e6;
+                if (rounded - product).abs() <= 1e-12 * product { rounded } else { product }
+            }
             Self::Angstrom => value / 10.0,
             Self::Wavenumber => 1e7 / value,
         }
