@@ -116,9 +116,9 @@ fn a_luminaire_and_its_spectrum_become_a_spectral_emission() {
     assert_eq!((chosen.domain(), chosen.level()), (Domain::Sphere, 5));
     let note = "outgoing level 5 on the sphere: cells of 2.2° for samples every 2.5° × 11.25°";
     assert!(projected.coverage.notes[0].starts_with(note), "{:?}", projected.coverage.notes);
-    assert_eq!((projected.coverage.cells, projected.coverage.empty), (2048, 1024));
+    assert_eq!((projected.coverage.cells, projected.coverage.empty), (8192, 4096));
     let lambdas = acquired.spectral_factor.as_ref().unwrap().grid.len();
-    assert_eq!(projected.measurement.tensor.shape(), [2048, lambdas]);
+    assert_eq!(projected.measurement.tensor.shape(), [8192, lambdas]);
     let coarse = error_at_samples(&acquired, &projected.measurement).unwrap();
     assert_eq!((coarse.samples, coarse.mask_mismatches), (37 * 32 * lambdas as u64, 0));
     let request = AxesRequest { outgoing_level: Some(6), ..AxesRequest::default() };
