@@ -2,10 +2,19 @@
 //!
 //! Data flow downward; nothing imports upward:
 //! file → [`formats`] → [`projection`] → tensor ([`domain`]) → `transform` → `codec` → [`compress`] → [`evaluate`].
+//! The service stands on these: `store` (bytes under their digest) → `catalog` (what is known of them) → `jobs` → `api`.
 
+#[cfg(feature = "service")]
+pub mod api;
+#[cfg(feature = "service")]
+pub mod catalog;
 pub mod compress;
 pub mod domain;
 pub mod evaluate;
 pub mod formats;
+#[cfg(feature = "service")]
+pub mod jobs;
 pub mod pipeline;
 pub mod projection;
+#[cfg(feature = "service")]
+pub mod store;

@@ -1,0 +1,1 @@
+//! What is known about which digest: SQL and its migrations.

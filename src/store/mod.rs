@@ -1,0 +1,1 @@
+//! Bytes under their digest: publish, verify, sweep; knows nothing of measurements.
