@@ -1,7 +1,7 @@
-//! `wavelume bases`: the spectral bases that are known.
+//! `wavelume bases`: the bases that are known.
 
 use super::failure::Failure;
-use super::output::{print, print_json};
+use super::output::{Table, print, print_json};
 use crate::transform;
 
 #[derive(Debug, clap::Args)]
@@ -12,9 +12,23 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let bases = transform::bases();
+    let known = transform::bases();
     if args.json {
-        return print_json(&bases);
+        return print_json(&known);
     }
-    print("")
+    let mut table = Table::new(&["name", "space", "family", ">analysis", ">synthesis", ">moments", "properties"]);
+    for basis in known {
+        let properties = [(basis.orthogonal, "orthogonal"), (basis.symmetric, "symmetric")];
+        let properties: Vec<_> = properties.iter().filter(|(holds, _)| *holds).map(|(_, name)| *name).collect();
+        table.row([
+            basis.name.to_owned(),
+            basis.space.to_string(),
+            basis.family.to_owned(),
+            basis.analysis_length.to_string(),
+            basis.synthesis_length.to_string(),
+            basis.vanishing_moments.to_string(),
+            properties.join(" "),
+        ]);
+    }
+    print(&table.render())
 }

@@ -59,17 +59,12 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         How::Smooth => Interpolation::Smooth,
     };
     let unit = material.measurement().unit;
-    let (wavelengths, values) = match &args.wavelengths {
-        Some(List(wavelengths)) => {
-            let mut values = vec![0.0; wavelengths.len()];
-            material.at_wavelengths(place, how, wavelengths, &mut values).map_err(about)?;
-            (Some(wavelengths.clone()), values)
-        }
-        None => {
-            let mut values = vec![0.0; material.lambdas()];
-            material.spectrum(place, how, &mut values).map_err(about)?;
-            (material.wavelengths(), values)
-        }
+    let Some(List(wavelengths)) = &args.wavelengths else {
+        let mut values = vec![0.0; material.lambdas()];
+        material.spectrum(place, how, &mut values).map_err(about)?;
+        return print_json(&Answer { wavelengths: material.wavelengths(), values, unit });
     };
-    print_json(&Answer { wavelengths, values, unit })
+    let mut values = vec![0.0; wavelengths.len()];
+    material.at_wavelengths(place, how, wavelengths, &mut values).map_err(about)?;
+    print_json(&Answer { wavelengths: Some(wavelengths.clone()), values, unit })
 }

@@ -17,21 +17,17 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let report = block_on(async {
-        open_existing(&args.data.directory).await?.check().await.map_err(Failure::failed)
-    })?;
+    let report = block_on(async { open_existing(&args.data.directory).await?.check().await.map_err(Failure::failed) })?;
     if args.json {
         print_json(&report)?;
     } else {
-        let mut text =
-            format!("checked {} blobs, {} bytes\n", count(report.checked_blobs), count(report.checked_bytes));
-        for fault in &report.faults {
-            text.push_str(&match fault {
-                Fault::Corrupt { digest } => format!("corrupt  {digest}\n"),
-                Fault::Missing { digest, named_by } => format!("missing  {digest}, named by {named_by}\n"),
-            });
-        }
-        print(&text)?;
+        let mut lines =
+            vec![format!("checked {} blobs, {} bytes\n", count(report.checked_blobs), count(report.checked_bytes))];
+        lines.extend(report.faults.iter().map(|fault| match fault {
+            Fault::Corrupt { digest } => format!("corrupt  {digest}\n"),
+            Fault::Missing { digest, named_by } => format!("missing  {digest}, named by {named_by}\n"),
+        }));
+        print(&lines.concat())?;
     }
     match report.faults.len() {
         0 => Ok(()),

@@ -16,9 +16,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let report = block_on(async {
-        open_existing(&args.data.directory).await?.sweep().await.map_err(Failure::failed)
-    })?;
+    let report = block_on(async { open_existing(&args.data.directory).await?.sweep().await.map_err(Failure::failed) })?;
     if args.json {
         return print_json(&report);
     }

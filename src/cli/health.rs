@@ -34,7 +34,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// An address to ask: a service that listens on every address is asked on the machine's own.
-fn reachable(listen: &str) -> String {
+pub(crate) fn reachable(listen: &str) -> String {
     let listen = listen.strip_prefix("http://").unwrap_or(listen);
     match listen.parse::<std::net::SocketAddr>() {
         Ok(address) if address.ip().is_unspecified() && address.is_ipv6() => format!("[::1]:{}", address.port()),

@@ -33,7 +33,7 @@ use std::ffi::OsString;
 #[command(name = "wavelume", version, max_term_width = 100)]
 #[command(arg_required_else_help = false, disable_help_subcommand = true, infer_long_args = false)]
 pub struct Cli {
-    /// How the log on stderr is written; RUST_LOG filters it
+    /// How the log on stderr is written; the environment's `RUST_LOG` filters it
     #[arg(long, global = true, value_enum, default_value_t, env = "WAVELUME_LOG_FORMAT", hide_env_values = true)]
     pub log_format: LogFormat,
     #[command(subcommand)]

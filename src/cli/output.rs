@@ -15,10 +15,10 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
     match target.metadata() {
         Ok(metadata) if metadata.is_dir() => {
-            return Err(Failure::failed("cannot write: is a directory, expected a file").about(path));
+            Err(Failure::failed("cannot write: is a directory, expected a file").about(path))
         }
         Ok(metadata) if !metadata.is_file() => {
-            return File::options().write(true).open(&target).and_then(|mut f| f.write_all(bytes)).map_err(refuse);
+            File::options().write(true).open(&target).and_then(|mut f| f.write_all(bytes)).map_err(refuse)
         }
         Ok(metadata) => replace(&target, bytes, metadata.permissions()).map_err(refuse),
         // The process's umask takes its part of this.
@@ -124,7 +124,7 @@ pub(crate) fn count(n: u64) -> String {
     let digits = n.to_string();
     let mut text = String::with_capacity(digits.len() + digits.len() / 3);
     for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i) % 3 == 0 {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
             text.push(',');
         }
         text.push(digit);

@@ -60,11 +60,8 @@ pub(crate) fn sample_lines(sheet: &mut Sheet, errors: &ErrorReport) {
         ("negative", errors.negative_samples),
         ("below the floor", errors.below_floor_samples),
     ];
-    let mut text = count(errors.samples);
-    for (what, n) in special.iter().filter(|(_, n)| *n > 0) {
-        text.push_str(&format!(", {} {what}", count(*n)));
-    }
-    sheet.line("samples", text);
+    let special = special.iter().filter(|(_, n)| *n > 0).map(|(what, n)| format!(", {} {what}", count(*n)));
+    sheet.line("samples", format!("{}{}", count(errors.samples), special.collect::<String>()));
 }
 
 /// The errors, relative ones in per cent.
