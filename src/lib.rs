@@ -3,11 +3,14 @@
 //! Data flow downward; nothing imports upward:
 //! file → [`formats`] → [`projection`] → tensor ([`domain`]) → `transform` → `codec` → [`compress`] → [`evaluate`].
 //! The service stands on these: `store` (bytes under their digest) → `catalog` (what is known of them) → `jobs` → `api`.
+//! file → [`formats`] → [`projection`] → tensor ([`domain`]) → [`transform`] → `codec` → [`compress`] → [`evaluate`].
 
 #[cfg(feature = "service")]
 pub mod api;
 #[cfg(feature = "service")]
 pub mod catalog;
+#[cfg(feature = "service")]
+pub mod cli;
 pub mod compress;
 pub mod domain;
 pub mod evaluate;
@@ -18,3 +21,4 @@ pub mod pipeline;
 pub mod projection;
 #[cfg(feature = "service")]
 pub mod store;
+pub mod transform;

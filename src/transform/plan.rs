@@ -1,0 +1,195 @@
+//! A plan: which transform each axis gets, as plain data with its tables, and the four passes over a flat tensor.
+
+use super::basis::{AxisTransform, Weights};
+use super::line;
+use super::rows::{Pass, for_rows};
+use super::sphere::{self, SphereTables};
+use super::tree::AxisTree;
+use crate::domain::{Axis, TriangleMesh};
+use std::fmt;
+
+/// The transforms of a tensor's axes. Passes work in place on all samples, row-major, in `f32`; the result is the same
+/// to the last bit on any number of threads. A NaN spreads to every coefficient it meets: fill masked samples first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    axes: Vec<AxisPlan>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct AxisPlan {
+    length: usize,
+    mesh: Option<TriangleMesh>,
+    transform: AxisTransform,
+    tree: AxisTree,
+    /// Present for sphere transforms only.
+    sphere: Option<SphereTables>,
+}
+
+/// Why axes and transforms do not make a plan.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PlanError {
+    /// Not one transform for each axis.
+    #[error("{transforms} transforms for {axes} axes, expected one each")]
+    Count {
+        /// Axes given.
+        axes: usize,
+        /// Transforms given.
+        transforms: usize,
+    },
+    /// An axis without entries.
+    #[error("axis {axis} has no entries, expected at least one")]
+    Empty {
+        /// Its position, from 0.
+        axis: usize,
+    },
+    /// A transform on an axis it is not made for.
+    #[error("axis {axis}: `{transform}` on {found}, expected {expected}")]
+    Unfit {
+        /// Its position, from 0.
+        axis: usize,
+        /// The basis asked for.
+        transform: &'static str,
+        /// The axis found.
+        found: String,
+        /// The axes it is made for.
+        expected: &'static str,
+    },
+}
+
+impl Plan {
+    /// Plans one transform for each axis: sphere bases on triangles only, line bases on everything else.
+    pub fn new(axes: &[Axis], transforms: &[AxisTransform]) -> Result<Self, PlanError> {
+        if axes.len() != transforms.len() {
+            return Err(PlanError::Count { axes: axes.len(), transforms: transforms.len() });
+        }
+        let axes = axes.iter().zip(transforms).enumerate().map(|(i, (axis, &t))| AxisPlan::new(i, axis, t));
+        Ok(Self { axes: axes.collect::<Result<_, _>>()? })
+    }
+
+    /// Samples to coefficients, first axis first.
+    ///
+    /// # Panics
+    /// If there are not as many samples as the axes have entries.
+    pub fn forward(&self, samples: &mut [f32]) {
+        self.pass(samples, Pass::Forward);
+    }
+
+    /// Coefficients to samples: undoes [`Plan::forward`] in reverse order.
+    ///
+    /// # Panics
+    /// If there are not as many coefficients as the axes have entries.
+    pub fn inverse(&self, coefficients: &mut [f32]) {
+        self.pass(coefficients, Pass::Inverse);
+    }
+
+    /// The adjoint of [`Plan::forward`]: ⟨forward u, v⟩ = ⟨u, `forward_transposed` v⟩ in the plain sum over entries.
+    ///
+    /// # Panics
+    /// If there are not as many coefficients as the axes have entries.
+    pub fn forward_transposed(&self, coefficients: &mut [f32]) {
+        self.pass(coefficients, Pass::ForwardTransposed);
+    }
+
+    /// The adjoint of [`Plan::inverse`]: its entries are the inner products of the samples with the synthesis functions.
+    ///
+    /// # Panics
+    /// If there are not as many samples as the axes have entries.
+    pub fn inverse_transposed(&self, samples: &mut [f32]) {
+        self.pass(samples, Pass::InverseTransposed);
+    }
+
+    /// How many axes there are.
+    pub fn axes(&self) -> usize {
+        self.axes.len()
+    }
+
+    /// The transform of axis `axis`.
+    ///
+    /// # Panics
+    /// If there is no such axis.
+    pub fn transform(&self, axis: usize) -> AxisTransform {
+        self.axes[axis].transform
+    }
+
+    /// The coefficient tree of axis `axis`.
+    ///
+    /// # Panics
+    /// If there is no such axis.
+    pub fn tree(&self, axis: usize) -> &AxisTree {
+        &self.axes[axis].tree
+    }
+
+    /// The L2 norm of the synthesis function of each index of axis `axis`; on several axes a coefficient's norm is the
+    /// product. `weights` says how triangles are measured; on every other axis each entry weighs 1 either way.
+    ///
+    /// # Panics
+    /// If there is no such axis.
+    pub fn norms(&self, axis: usize, weights: Weights) -> Vec<f64> {
+        let axis = &self.axes[axis];
+        match (axis.transform, axis.mesh) {
+            (AxisTransform::Sphere(basis), Some(mesh)) => sphere::norms(mesh, basis, weights),
+            (AxisTransform::Line(basis), _) => line::norms(axis.length, basis),
+            (_, Some(mesh)) if weights == Weights::Area => mesh.solid_angles().into_iter().map(libm::sqrt).collect(),
+            _ => vec![1.0; axis.length],
+        }
+    }
+
+    fn pass(&self, data: &mut [f32], pass: Pass) {
+        let expected: usize = self.axes.iter().map(|axis| axis.length).product();
+        assert_eq!(data.len(), expected, "as many samples as the plan's axes have entries");
+        let last_first = matches!(pass, Pass::Inverse | Pass::ForwardTransposed);
+        for step in 0..self.axes.len() {
+            let i = if last_first { self.axes.len() - 1 - step } else { step };
+            let inner = self.axes[i + 1..].iter().map(|axis| axis.length).product();
+            self.axes[i].pass(data, inner, pass);
+        }
+    }
+}
+
+impl AxisPlan {
+    fn new(position: usize, axis: &Axis, transform: AxisTransform) -> Result<Self, PlanError> {
+        let length = axis.len();
+        if length == 0 {
+            return Err(PlanError::Empty { axis: position });
+        }
+        let mesh = match axis {
+            Axis::Triangles(mesh) => Some(*mesh),
+            _ => None,
+        };
+        let unfit = |expected| PlanError::Unfit {
+            axis: position,
+            transform: transform.name(),
+            found: axis.describe(),
+            expected,
+        };
+        let sphere = match (transform, mesh) {
+            (AxisTransform::Sphere(basis), Some(mesh)) => Some(SphereTables::new(mesh, basis)),
+            (AxisTransform::Sphere(_), None) => return Err(unfit("triangles")),
+            (AxisTransform::Line(_), Some(_)) => return Err(unfit("wavelengths, elevations, channels or indices")),
+            _ => None,
+        };
+        Ok(Self { length, mesh, transform, tree: AxisTree::new(length, mesh, transform), sphere })
+    }
+
+    fn pass(&self, data: &mut [f32], inner: usize, pass: Pass) {
+        match (self.transform, &self.sphere) {
+            (AxisTransform::Line(basis), _) => {
+                for_rows(data, self.length, inner, |rows| line::transform(rows, basis, pass));
+            }
+            (AxisTransform::Sphere(_), Some(tables)) => {
+                for_rows(data, self.length, inner, |rows| tables.transform(rows, pass));
+            }
+            _ => {}
+        }
+    }
+}
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, axis) in self.axes.iter().enumerate() {
+            let times = if i == 0 { "" } else { " × " };
+            write!(f, "{times}{}[{}]", axis.transform.name(), axis.length)?;
+        }
+        Ok(())
+    }
+}

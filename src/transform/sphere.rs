@@ -1,0 +1,231 @@
+//! Haar-type wavelets on the triangle tree: a 4 × 4 matrix for every parent and its children, in place.
+//!
+//! At level l the value of node n lies at index n·4^(L−l). Analysis turns the four children of a node, at
+//! n·4^(L−l) + k·4^(L−l−1), into its smooth value at k = 0 and three details at k = 1, 2, 3.
+
+use super::basis::{SphereBasis, Weights};
+use super::rows::{Pass, mix, scale};
+use crate::domain::{Domain, TriangleMesh};
+
+type Matrix = [[f32; 4]; 4];
+type Exact = [[f64; 4]; 4];
+
+/// The matrices of a mesh and basis. The octants of the octahedron are congruent, so one octant's serve all.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct SphereTables {
+    level: u8,
+    /// Forward and inverse of each parent, level by level from the bases (the parent's level is the outer index). A
+    /// single pair stands for a whole level.
+    nodes: Vec<Vec<(Matrix, Matrix)>>,
+    /// What a mesh of level 0 is multiplied with: it has no parents to carry the leaves' scale.
+    bare: f32,
+}
+
+impl SphereTables {
+    pub(super) fn new(mesh: TriangleMesh, basis: SphereBasis) -> Self {
+        let areas = octant_areas(mesh.level());
+        let finest = mesh.level();
+        let bare = match basis {
+            SphereBasis::Orthonormal(Weights::Area) if finest == 0 => libm::sqrt(areas[0][0]) as f32,
+            _ => 1.0,
+        };
+        let nodes = (0..finest)
+            .map(|l| {
+                let children = &areas[usize::from(l) + 1];
+                let leaf_scaled = basis == SphereBasis::Orthonormal(Weights::Area) && l + 1 == finest;
+                let same = basis == SphereBasis::Orthonormal(Weights::Count);
+                let parents = if same { 1 } else { children.len() / 4 };
+                (0..parents)
+                    .map(|parent| {
+                        let w = four(children, parent);
+                        let (forward, inverse) = node(basis, w);
+                        let g = if leaf_scaled { w.map(libm::sqrt) } else { [1.0; 4] };
+                        let scaled_forward = fill(|r, c| (forward[r][c] * g[c]) as f32);
+                        let scaled_inverse = fill(|r, c| (inverse[r][c] / g[r]) as f32);
+                        (scaled_forward, scaled_inverse)
+                    })
+                    .collect()
+            })
+            .collect();
+        Self { level: finest, nodes, bare }
+    }
+
+    /// One pass over the rows of a mesh.
+    pub(super) fn transform(&self, rows: &mut [&mut [f32]], pass: Pass) {
+        if self.bare != 1.0 {
+            let by = match pass {
+                Pass::Forward | Pass::ForwardTransposed => self.bare,
+                Pass::Inverse | Pass::InverseTransposed => 1.0 / self.bare,
+            };
+            for row in rows {
+                scale(row, by);
+            }
+            return;
+        }
+        match pass {
+            Pass::Forward | Pass::InverseTransposed => {
+                for parent_level in (0..self.level).rev() {
+                    self.pass_level(rows, parent_level, pass);
+                }
+            }
+            Pass::Inverse | Pass::ForwardTransposed => {
+                for parent_level in 0..self.level {
+                    self.pass_level(rows, parent_level, pass);
+                }
+            }
+        }
+    }
+
+    fn pass_level(&self, rows: &mut [&mut [f32]], parent_level: u8, pass: Pass) {
+        let matrices = &self.nodes[usize::from(parent_level)];
+        let stride = 1_usize << (2 * u32::from(self.level - parent_level - 1));
+        for (node, group) in rows.chunks_exact_mut(4 * stride).enumerate() {
+            let (forward, inverse) = &matrices[node % matrices.len()];
+            let matrix = match pass {
+                Pass::Forward => *forward,
+                Pass::Inverse => *inverse,
+                Pass::ForwardTransposed => transposed(forward),
+                Pass::InverseTransposed => transposed(inverse),
+            };
+            let (a, rest) = group.split_at_mut(stride);
+            let (b, rest) = rest.split_at_mut(stride);
+            let (c, d) = rest.split_at_mut(stride);
+            mix(&matrix, a[0], b[0], c[0], d[0]);
+        }
+    }
+}
+
+/// The norms of the synthesis functions of every index of `mesh`, in closed form: on each child a function is constant.
+pub(super) fn norms(mesh: TriangleMesh, basis: SphereBasis, measure: Weights) -> Vec<f64> {
+    let areas = octant_areas(mesh.level());
+    let finest = mesh.level();
+    let octant = areas[usize::from(finest)].len();
+    let leaves = |level: u8| (1_u64 << (2 * u32::from(finest - level))) as f64;
+    // The value, on the leaves below, of a smooth coefficient 1 of a node with this area and level; and their measure.
+    let height = |area: f64, level: u8| match basis {
+        SphereBasis::BioHaar => 1.0,
+        SphereBasis::Orthonormal(Weights::Area) => 1.0 / libm::sqrt(area),
+        SphereBasis::Orthonormal(Weights::Count) => 1.0 / libm::sqrt(leaves(level)),
+    };
+    let extent = |area: f64, level: u8| match measure {
+        Weights::Area => area,
+        Weights::Count => leaves(level),
+    };
+    let mut norms = vec![0.0; octant];
+    norms[0] = height(areas[0][0], 0) * libm::sqrt(extent(areas[0][0], 0));
+    for parent_level in 0..finest {
+        let level = parent_level + 1;
+        let stride = leaves(level) as usize;
+        let children = &areas[usize::from(level)];
+        for parent in 0..children.len() / 4 {
+            let w = four(children, parent);
+            let (_, inverse) = node(basis, w);
+            for k in 1..4 {
+                let square: f64 = (0..4)
+                    .map(|j| {
+                        let value = inverse[j][k] * height(w[j], level);
+                        value * value * extent(w[j], level)
+                    })
+                    .sum();
+                norms[(4 * parent + k) * stride] = libm::sqrt(square);
+            }
+        }
+    }
+    (0..mesh.len()).map(|i| norms[i % octant]).collect()
+}
+
+/// The areas of the nodes of one octant, level by level; a parent's is the sum of its children's.
+fn octant_areas(level: u8) -> Vec<Vec<f64>> {
+    let leaves = 1_usize << (2 * u32::from(level));
+    let finest: Vec<f64> = TriangleMesh::new(Domain::Hemisphere, level)
+        .map(|mesh| (0..leaves).map(|i| mesh.solid_angle(i)).collect())
+        .unwrap_or_default();
+    let mut areas = vec![finest];
+    for _ in 0..level {
+        let coarser = areas[areas.len() - 1].chunks_exact(4).map(|c| c[0] + c[1] + c[2] + c[3]).collect();
+        areas.push(coarser);
+    }
+    areas.reverse();
+    areas
+}
+
+fn four(children: &[f64], parent: usize) -> [f64; 4] {
+    let c = &children[4 * parent..][..4];
+    [c[0], c[1], c[2], c[3]]
+}
+
+/// The analysis and synthesis matrix of a parent whose children weigh `w` by area.
+fn node(basis: SphereBasis, w: [f64; 4]) -> (Exact, Exact) {
+    let total = w[0] + w[1] + w[2] + w[3];
+    match basis {
+        SphereBasis::BioHaar => {
+            let unit = |r: usize, c: usize| if r == c { 1.0 } else { 0.0 };
+            let forward = fill(|r, c| if r == 0 { w[c] / total } else { unit(r, c) - w[c] / total });
+            let inverse = fill(|r, c| match (r, c) {
+                (_, 0) => 1.0,
+                (0, c) => -w[c] / w[0],
+                (r, c) => unit(r, c),
+            });
+            (forward, inverse)
+        }
+        SphereBasis::Orthonormal(Weights::Area) => {
+            let h = householder(w.map(|w| libm::sqrt(w / total)));
+            (h, h)
+        }
+        SphereBasis::Orthonormal(Weights::Count) => {
+            let h = householder([0.5; 4]);
+            (h, h)
+        }
+    }
+}
+
+/// The reflection that takes the unit vector `u` to (1, 0, 0, 0); symmetric and its own inverse.
+fn householder(u: [f64; 4]) -> Exact {
+    let v = [u[0] - 1.0, u[1], u[2], u[3]];
+    let square = v.iter().map(|x| x * x).sum::<f64>();
+    fill(|r, c| (if r == c { 1.0 } else { 0.0 }) - 2.0 * v[r] * v[c] / square)
+}
+
+fn fill<T: Copy + Default>(entry: impl Fn(usize, usize) -> T) -> [[T; 4]; 4] {
+    let mut matrix = [[T::default(); 4]; 4];
+    for (r, row) in matrix.iter_mut().enumerate() {
+        for (c, value) in row.iter_mut().enumerate() {
+            *value = entry(r, c);
+        }
+    }
+    matrix
+}
+
+fn transposed(matrix: &Matrix) -> Matrix {
+    fill(|r, c| matrix[c][r])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_octant_has_the_areas_of_the_first() {
+        for &domain in Domain::ALL {
+            let mesh = TriangleMesh::new(domain, 3).unwrap();
+            let first = octant_areas(3).pop().unwrap();
+            for (i, area) in mesh.solid_angles().into_iter().enumerate() {
+                assert!((area - first[i % first.len()]).abs() < 1e-14);
+            }
+        }
+    }
+
+    #[test]
+    fn node_matrices_are_inverse_to_each_other() {
+        let w = [0.11, 0.12, 0.13, 0.2];
+        for &basis in SphereBasis::ALL {
+            let (forward, inverse) = node(basis, w);
+            for r in 0..4 {
+                for c in 0..4 {
+                    let product: f64 = (0..4).map(|k| inverse[r][k] * forward[k][c]).sum();
+                    assert!((product - if r == c { 1.0 } else { 0.0 }).abs() < 1e-14, "{basis:?}");
+                }
+            }
+        }
+    }
+}
