@@ -2,6 +2,8 @@
 
 mod acquisition;
 mod error;
+pub mod manifest;
+pub mod npy;
 
 pub use acquisition::{
     Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, Note, NoteKind, Outside, ParseReport, Samples,
