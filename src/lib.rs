@@ -1,6 +1,7 @@
 //! wavelume: acquired radiometric measurements, compressed with generic wavelet transforms to a promised error.
 //!
 //! Data flow downward; nothing imports upward:
+//! file → [`formats`] → [`projection`] → tensor ([`domain`]) → [`transform`] → `codec` → [`compress`] → [`evaluate`].
 //! The service stands on these: `store` (bytes under their digest) → `catalog` (what is known of them) → `jobs` → `api`.
 
 #[cfg(feature = "service")]

@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use super::output::{Table, print, print_json};
-use crate::transform;
+use crate::transform::{self, Space};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
@@ -22,7 +22,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         let properties: Vec<_> = properties.iter().filter(|(holds, _)| *holds).map(|(_, name)| *name).collect();
         table.row([
             basis.name.to_owned(),
-            basis.space.to_string(),
+            space(basis.space).to_owned(),
             basis.family.to_owned(),
             basis.analysis_length.to_string(),
             basis.synthesis_length.to_string(),
@@ -31,4 +31,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         ]);
     }
     print(&table.render())
+}
+
+fn space(space: Space) -> &'static str {
+    match space {
+        Space::Line => "line",
+        Space::Sphere => "sphere",
+    }
 }

@@ -2,8 +2,6 @@
 
 mod acquisition;
 mod error;
-pub mod manifest;
-pub mod npy;
 
 pub use acquisition::{
     Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, Note, NoteKind, Outside, ParseReport, Samples,
