@@ -48,7 +48,7 @@ struct Measured {
     unit: Unit,
     sampling: Sampling,
     /// What the file holds, outermost first.
-    as_measured: Vec<String>,
+    source_axes: Vec<String>,
     /// What the tensor holds, outermost first.
     axes: Vec<String>,
     shape: Vec<usize>,
@@ -77,7 +77,7 @@ impl Measured {
             quantity: projected.measurement.quantity,
             unit: projected.measurement.unit,
             sampling: projected.measurement.sampling,
-            as_measured: measured_on(&acquisition.samples),
+            source_axes: measured_on(&acquisition.samples),
             axes: tensor.axes().iter().map(Axis::describe).collect(),
             shape: tensor.shape(),
             samples: tensor.len() as u64,
@@ -96,8 +96,8 @@ impl Measured {
         let mut sheet = Sheet::default();
         sheet.line("format", labelled(&self.format, &self.dialect));
         sheet.line("quantity", format!("{}, {}", self.quantity, self.unit));
-        if self.as_measured != self.axes {
-            sheet.line("measured on", self.as_measured.join(" x "));
+        if self.source_axes != self.axes {
+            sheet.line("measured on", self.source_axes.join(" x "));
         }
         axes_lines(&mut sheet, &self.axes);
         sheet.line("sampling", self.sampling);

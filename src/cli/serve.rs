@@ -10,6 +10,7 @@ use std::path::PathBuf;
 
 /// Where the data are and where to listen.
 #[derive(Debug, clap::Args)]
+#[group(id = "service")]
 pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) data: DataArgs,
