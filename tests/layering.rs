@@ -1,5 +1,7 @@
 //! Nothing imports upward, and the scientific rooms know no runtime, database, network, clock or global randomness.
 
+#![allow(clippy::unwrap_used, reason = "a test's helper fails by panicking, like the test")]
+
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
