@@ -1,6 +1,27 @@
 //! Measurements → compressed materials to a promised error, measured on the decoded bytes.
+//!
+//! * `rd`: sign and logarithm of every sample, orthonormal Haar on triangles and a wavelet along wavelength, one uniform
+//!   step for all normalised coefficients, adaptive range coding; optionally a second layer that bounds every sample.
+//! * `conventional`: the paper's policy ([CPB06] section 4.2): linear domain, bio-Haar, one threshold on L2-normalised
+//!   coefficients, the kept ones exact.
+//! * `lossless`: every bit of every sample.
 
+mod conventional;
+mod decode;
+mod file;
+mod fill;
+mod header;
+mod lossless;
+mod rd;
+mod rows;
+mod search;
+
+pub use crate::codec::CodecError as DecodeError;
+pub use decode::{Decoded, decode, inspect, payload_digest};
+
+use crate::codec::MAGIC;
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress, Quantity, Sampling, Unit};
+use crate::transform::{AxisTransform, LineBasis};
 use serde::{Deserialize, Serialize};
 
 /// What the user is promised.
@@ -28,8 +49,10 @@ pub enum Policy {
     Rd,
     /// The paper's: one threshold on normalised coefficients, kept ones exact.
     Conventional,
+    /// Every bit; the only policy of [`Target::Lossless`].
+    Lossless,
 }
-crate::domain::named!(Policy, "policy", { Rd = "rd", Conventional = "conventional" });
+crate::domain::named!(Policy, "policy", { Rd = "rd", Conventional = "conventional", Lossless = "lossless" });
 
 /// Everything that decides the bytes, beside the measurement.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,11 +61,11 @@ pub struct Settings {
     pub target: Target,
     /// The policy.
     pub policy: Policy,
-    /// Name of the spectral basis, or `auto`.
+    /// Name of the spectral basis (`haar`, `bior2.2`, `bior4.4`), or `auto`.
     pub basis: String,
     /// Samples below `floor ×` the maximum leave the relative errors and are kept within that absolutely.
     pub floor: Option<f64>,
-    /// Text for the optional metadata chunk: a JSON object.
+    /// Text for the optional metadata chunk: a JSON object. Labels of index axes are added to it.
     pub metadata: Option<String>,
 }
 
@@ -51,7 +74,7 @@ pub struct Settings {
 pub struct Compressed {
     /// The file.
     pub bytes: Vec<u8>,
-    /// What was achieved.
+    /// What was achieved; its errors are those of the decoded bytes, in full precision.
     pub summary: Summary,
 }
 
@@ -68,25 +91,16 @@ pub struct Summary {
     pub axes: Vec<Axis>,
     /// The policy.
     pub policy: Policy,
-    /// The spectral basis.
+    /// The spectral basis; `none` where there is no wavelength axis.
     pub basis: String,
     /// Coefficients that are not zero; `None` for lossless.
     pub kept_coefficients: Option<u64>,
     /// Absolute floor, 0 if none was declared.
     pub floor: f64,
-    /// The errors of the decoded file against its input tensor.
+    /// The errors of the decoded file against its input tensor (each rounded up to f32 when read from a file).
     pub errors: ErrorReport,
     /// The metadata chunk's text, if there is one.
     pub metadata: Option<String>,
-}
-
-/// A decoded material.
-#[derive(Clone, Debug)]
-pub struct Decoded {
-    /// The samples.
-    pub measurement: Measurement,
-    /// The header.
-    pub summary: Summary,
 }
 
 /// Why a measurement was not compressed.
@@ -103,10 +117,10 @@ pub enum CompressError {
     Cancelled(#[from] Cancelled),
 }
 
-/// Why bytes are no material.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("not a material: {0}")]
-pub struct DecodeError(pub String);
+/// Whether `bytes` start as a material does.
+pub fn is_material(bytes: &[u8]) -> bool {
+    bytes.starts_with(&MAGIC)
+}
 
 /// Compresses `measurement` to the promise of `settings`.
 pub fn compress(
@@ -114,24 +128,106 @@ pub fn compress(
     settings: &Settings,
     progress: &dyn Progress,
 ) -> Result<Compressed, CompressError> {
-    let _ = (measurement, settings, progress);
-    unimplemented!()
+    check(settings)?;
+    let policy = if settings.target == Target::Lossless { Policy::Lossless } else { settings.policy };
+    let floor = absolute_floor(measurement, settings);
+    let compressed = match policy {
+        Policy::Rd => rd::compress(measurement, settings, floor, progress)?,
+        Policy::Conventional => conventional::compress(measurement, settings, floor, progress)?,
+        Policy::Lossless => lossless::compress(measurement, settings, floor, progress)?,
+    };
+    progress.report(1.0);
+    keeps_its_promise(settings, floor, &compressed)?;
+    Ok(compressed)
 }
 
-/// Reads the header of a material without decoding its samples; checks every chunk's checksum.
-pub fn inspect(bytes: &[u8]) -> Result<Summary, DecodeError> {
-    let _ = bytes;
-    unimplemented!()
+fn check(settings: &Settings) -> Result<(), CompressError> {
+    let refuse = |message: String| Err(CompressError::Setting(message));
+    match settings.target {
+        Target::ErL2(error) if !(error > 0.0 && error <= 10.0) => {
+            return refuse(format!("er_l2 is {error}, expected more than 0 and at most 10 (0.01 is 1 %)"));
+        }
+        Target::MaxRelativeError(error) if !(error > 0.0 && error <= 10.0) => {
+            return refuse(format!("max_relative_error is {error}, expected more than 0 and at most 10 (0.01 is 1 %)"));
+        }
+        Target::Ratio(ratio) if !(ratio >= 1.0 && ratio.is_finite()) => {
+            return refuse(format!("ratio is {ratio}, expected at least 1 sample per coefficient"));
+        }
+        _ => {}
+    }
+    if settings.policy == Policy::Lossless && settings.target != Target::Lossless {
+        return refuse("policy lossless has no error to aim at: use the target lossless".to_owned());
+    }
+    if let Some(floor) = settings.floor
+        && !(floor > 0.0 && floor < 1.0)
+    {
+        return refuse(format!("floor is {floor}, expected a fraction of the maximum between 0 and 1"));
+    }
+    if settings.basis != "auto" && settings.basis.parse::<LineBasis>().is_err() {
+        let known = LineBasis::ALL.iter().map(|basis| basis.name()).collect::<Vec<_>>().join(", ");
+        return refuse(format!("unknown basis `{}`, expected auto or one of {known}", settings.basis));
+    }
+    if let Some(metadata) = &settings.metadata
+        && !matches!(serde_json::from_str(metadata), Ok(serde_json::Value::Object(_)))
+    {
+        return refuse("metadata is no JSON object".to_owned());
+    }
+    Ok(())
 }
 
-/// Decodes a material.
-pub fn decode(bytes: &[u8]) -> Result<Decoded, DecodeError> {
-    let _ = bytes;
-    unimplemented!()
+/// The floor in the unit of a sample, as it is stored; 0 without a floor.
+fn absolute_floor(measurement: &Measurement, settings: &Settings) -> f32 {
+    let maximum = measurement.tensor.range().map_or(0.0, |(_, high)| f64::from(high.max(0.0)));
+    settings.floor.map_or(0.0, |floor| (floor * maximum) as f32)
 }
 
-/// The digest of the file without its metadata chunk.
-pub fn payload_digest(bytes: &[u8]) -> Result<blake3::Hash, DecodeError> {
-    let _ = bytes;
-    unimplemented!()
+/// The last gate: a file that misses its target is never handed out.
+fn keeps_its_promise(settings: &Settings, floor: f32, compressed: &Compressed) -> Result<(), CompressError> {
+    let errors = &compressed.summary.errors;
+    let missed = |what: &str, found: f64, wanted: f64| {
+        Err(CompressError::Unreachable(format!("{what} {wanted} was not reached: the closest file has {found}")))
+    };
+    if errors.mask_mismatches > 0 {
+        return missed("an exact mask: mismatches", errors.mask_mismatches as f64, 0.0);
+    }
+    match settings.target {
+        Target::ErL2(wanted) if errors.er_l2 > wanted => return missed("er_l2", errors.er_l2, wanted),
+        Target::MaxRelativeError(wanted) if errors.max_relative_error > wanted => {
+            return missed("max_relative_error", errors.max_relative_error, wanted);
+        }
+        Target::Bytes(wanted) if compressed.bytes.len() as u64 > wanted => {
+            return missed("bytes", compressed.bytes.len() as f64, wanted as f64);
+        }
+        Target::Lossless if errors.max_absolute_error > 0.0 => {
+            return missed("lossless: largest error", errors.max_absolute_error, 0.0);
+        }
+        _ => {}
+    }
+    let floored = errors.below_floor_samples > 0 && settings.policy == Policy::Rd;
+    if floored && errors.max_absolute_error_unscored > f64::from(floor) {
+        return missed("floor: largest error", errors.max_absolute_error_unscored, f64::from(floor));
+    }
+    Ok(())
 }
+
+/// The bases to try along wavelength.
+fn candidate_bases(axes: &[Axis], settings: &Settings) -> Vec<LineBasis> {
+    let has_wavelengths = axes.iter().any(|axis| matches!(axis, Axis::Wavelength(grid) if grid.len() > 1));
+    match settings.basis.parse() {
+        Ok(basis) => vec![basis],
+        Err(_) if has_wavelengths => vec![LineBasis::Bior44, LineBasis::Bior22, LineBasis::Haar],
+        Err(_) => vec![LineBasis::Bior44],
+    }
+}
+
+/// The name of the basis on the wavelength axis.
+fn basis_of(axes: &[Axis], transforms: &[AxisTransform]) -> String {
+    let on_wavelength = axes.iter().zip(transforms).find(|(axis, _)| matches!(axis, Axis::Wavelength(_)));
+    match on_wavelength {
+        Some((_, AxisTransform::Line(basis))) => basis.name().to_owned(),
+        _ => "none".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests;

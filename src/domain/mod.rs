@@ -24,6 +24,7 @@ pub(crate) mod vector;
 mod views;
 mod wavelengths;
 
+pub(crate) use axis::check_axes;
 pub use axis::{Axis, AxisError, Layout};
 pub use direction::Direction;
 pub use errors::ErrorReport;

@@ -10,7 +10,7 @@ use serde::Serialize;
 pub enum LineBasis {
     /// Haar; at odd lengths unbalanced, so that it stays orthonormal and a constant has no detail.
     Haar,
-    /// Cohen–Daubechies–Feauveau 5/3 (LeGall), by lifting with whole-sample symmetric extension.
+    /// Cohen–Daubechies–Feauveau 5/3 (of Le Gall and Tabatabai), by lifting with whole-sample symmetric extension.
     Bior22,
     /// Cohen–Daubechies–Feauveau 9/7 (Antonini, Brislawn), by lifting with whole-sample symmetric extension.
     Bior44,

@@ -24,6 +24,9 @@ pub(super) fn transform(rows: &mut [&mut [f32]], basis: LineBasis, pass: Pass) {
     }
 }
 
+/// Unit vectors that are synthesised together.
+const UNITS: usize = 16;
+
 /// How many levels a line of `n` samples has until one smooth coefficient is left.
 pub(super) fn levels(n: usize) -> u32 {
     n.next_power_of_two().trailing_zeros()
@@ -56,7 +59,6 @@ pub(super) fn norms(n: usize, basis: LineBasis) -> Vec<f64> {
             }
         }
     }
-    const UNITS: usize = 16;
     let mut scratch = vec![0.0_f32; n * UNITS];
     for places in measured.chunks(UNITS) {
         scratch.fill(0.0);

@@ -220,10 +220,10 @@ mod tests {
         let w = [0.11, 0.12, 0.13, 0.2];
         for &basis in SphereBasis::ALL {
             let (forward, inverse) = node(basis, w);
-            for r in 0..4 {
-                for c in 0..4 {
-                    let product: f64 = (0..4).map(|k| inverse[r][k] * forward[k][c]).sum();
-                    assert!((product - if r == c { 1.0 } else { 0.0 }).abs() < 1e-14, "{basis:?}");
+            let product: Exact = fill(|r, c| (0..4).map(|k| inverse[r][k] * forward[k][c]).sum());
+            for (r, row) in product.iter().enumerate() {
+                for (c, &entry) in row.iter().enumerate() {
+                    assert!((entry - if r == c { 1.0 } else { 0.0 }).abs() < 1e-14, "{basis:?}");
                 }
             }
         }

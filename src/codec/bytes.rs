@@ -1,0 +1,179 @@
+//! Little-endian fields and variable-length integers, written to and read from bytes with checks.
+
+use super::error::CodecError;
+
+/// Appends fields to a byte vector.
+#[derive(Debug, Default)]
+pub struct Writer {
+    bytes: Vec<u8>,
+}
+
+impl Writer {
+    /// The bytes written so far.
+    pub fn into_bytes(self) -> Vec<u8> {
+        self.bytes
+    }
+
+    /// One byte.
+    pub fn u8(&mut self, value: u8) {
+        self.bytes.push(value);
+    }
+
+    /// Bytes as they are.
+    pub fn raw(&mut self, bytes: &[u8]) {
+        self.bytes.extend_from_slice(bytes);
+    }
+
+    /// Seven bits a byte, least significant first, the high bit set on all but the last (LEB128).
+    pub fn varint(&mut self, mut value: u64) {
+        while value >= 0x80 {
+            self.bytes.push(value as u8 | 0x80);
+            value >>= 7;
+        }
+        self.bytes.push(value as u8);
+    }
+
+    /// IEEE 754 single precision.
+    pub fn f32(&mut self, value: f32) {
+        self.raw(&value.to_le_bytes());
+    }
+
+    /// IEEE 754 double precision.
+    pub fn f64(&mut self, value: f64) {
+        self.raw(&value.to_le_bytes());
+    }
+}
+
+/// Reads fields from bytes; `base` is the offset of the first byte in the file, for messages.
+#[derive(Clone, Debug)]
+pub struct Reader<'a> {
+    bytes: &'a [u8],
+    position: usize,
+    base: usize,
+}
+
+impl<'a> Reader<'a> {
+    /// Reads `bytes`, which lie at `base` in the file.
+    pub fn new(bytes: &'a [u8], base: usize) -> Self {
+        Self { bytes, position: 0, base }
+    }
+
+    /// The offset in the file of the next byte.
+    pub fn offset(&self) -> usize {
+        self.base + self.position
+    }
+
+    /// How many bytes are left.
+    pub fn remaining(&self) -> usize {
+        self.bytes.len() - self.position
+    }
+
+    /// The bytes from `start` (an offset in the file) to here.
+    pub(crate) fn since(&self, start: usize) -> &'a [u8] {
+        &self.bytes[start - self.base..self.position]
+    }
+
+    /// An error about the field that was just read.
+    pub fn malformed(&self, reason: impl Into<String>) -> CodecError {
+        CodecError::Malformed { at: self.offset(), reason: reason.into() }
+    }
+
+    /// The next `count` bytes.
+    pub fn take(&mut self, count: usize, expected: &'static str) -> Result<&'a [u8], CodecError> {
+        let end = self.position.checked_add(count).filter(|&end| end <= self.bytes.len());
+        let end = end.ok_or(CodecError::Truncated { at: self.offset(), expected })?;
+        let bytes = &self.bytes[self.position..end];
+        self.position = end;
+        Ok(bytes)
+    }
+
+    fn array<const N: usize>(&mut self, expected: &'static str) -> Result<[u8; N], CodecError> {
+        let mut array = [0; N];
+        array.copy_from_slice(self.take(N, expected)?);
+        Ok(array)
+    }
+
+    /// One byte.
+    pub fn u8(&mut self, expected: &'static str) -> Result<u8, CodecError> {
+        Ok(self.array::<1>(expected)?[0])
+    }
+
+    /// IEEE 754 single precision, finite.
+    pub fn f32(&mut self, expected: &'static str) -> Result<f32, CodecError> {
+        let value = f32::from_le_bytes(self.array(expected)?);
+        if value.is_finite() { Ok(value) } else { Err(self.malformed(format!("{expected} is {value}"))) }
+    }
+
+    /// IEEE 754 double precision, finite.
+    pub fn f64(&mut self, expected: &'static str) -> Result<f64, CodecError> {
+        let value = f64::from_le_bytes(self.array(expected)?);
+        if value.is_finite() { Ok(value) } else { Err(self.malformed(format!("{expected} is {value}"))) }
+    }
+
+    /// A variable-length integer in its shortest form.
+    pub fn varint(&mut self, expected: &'static str) -> Result<u64, CodecError> {
+        let mut value = 0_u64;
+        for shift in (0..64).step_by(7) {
+            let byte = self.u8(expected)?;
+            let bits = u64::from(byte & 0x7F);
+            if shift == 63 && bits > 1 || (byte == 0 && shift > 0) {
+                break;
+            }
+            value |= bits << shift;
+            if byte & 0x80 == 0 {
+                return Ok(value);
+            }
+        }
+        Err(self.malformed(format!("{expected} is no variable-length integer")))
+    }
+
+    /// A variable-length integer of at most `limit`.
+    pub fn size(&mut self, limit: usize, expected: &'static str) -> Result<usize, CodecError> {
+        let value = self.varint(expected)?;
+        usize::try_from(value)
+            .ok()
+            .filter(|&size| size <= limit)
+            .ok_or_else(|| self.malformed(format!("{expected} is {value}, expected at most {limit}")))
+    }
+
+    /// Fails unless every byte was read.
+    pub fn end(&self, what: &'static str) -> Result<(), CodecError> {
+        match self.remaining() {
+            0 => Ok(()),
+            n => Err(self.malformed(format!("{n} bytes after the end of the {what}"))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_round_trip() {
+        let mut w = Writer::default();
+        let values = [0, 1, 127, 128, 300, u64::from(u32::MAX), u64::MAX];
+        for value in values {
+            w.varint(value);
+        }
+        w.f32(-1.5);
+        w.f64(1e300);
+        let bytes = w.into_bytes();
+        let mut r = Reader::new(&bytes, 10);
+        for value in values {
+            assert_eq!(r.varint("value"), Ok(value));
+        }
+        assert_eq!((r.f32("f"), r.f64("d")), (Ok(-1.5), Ok(1e300)));
+        assert_eq!(r.end("test"), Ok(()));
+        assert_eq!(r.u8("more"), Err(CodecError::Truncated { at: 10 + bytes.len(), expected: "more" }));
+    }
+
+    #[test]
+    fn overlong_and_overlarge_integers_are_refused() {
+        for bytes in [&[0x80, 0x00][..], &[0xFF; 10], &[0x80; 20]] {
+            assert!(matches!(Reader::new(bytes, 0).varint("x"), Err(CodecError::Malformed { .. })), "{bytes:?}");
+        }
+        assert!(matches!(Reader::new(&[200, 1], 0).size(10, "x"), Err(CodecError::Malformed { .. })));
+        assert!(matches!(Reader::new(&f32::NAN.to_le_bytes(), 0).f32("x"), Err(CodecError::Malformed { .. })));
+    }
+}

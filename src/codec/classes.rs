@@ -1,0 +1,123 @@
+//! Which samples are positive, negative, zero or masked: one symbol a sample, nothing where whole rows repeat.
+
+use super::model::Model;
+use super::range::BitCoder;
+
+/// What a sample is, before its magnitude.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Class {
+    /// Above 0.
+    #[default]
+    Positive = 0,
+    /// Below 0.
+    Negative = 1,
+    /// Exactly 0 (or below a declared floor).
+    Zero = 2,
+    /// Not measured.
+    Masked = 3,
+}
+
+const CLASSES: usize = 4;
+const REPEATS: usize = 0;
+const NEAR: usize = 4;
+const FAR: usize = NEAR + 3 * CLASSES * CLASSES * CLASSES;
+const LEFT: usize = FAR + 3 * CLASSES * CLASSES * CLASSES;
+const SLOTS: usize = LEFT + 3 * CLASSES * CLASSES;
+
+impl Class {
+    fn of(code: u8) -> Self {
+        match code {
+            0 => Self::Positive,
+            1 => Self::Negative,
+            2 => Self::Zero,
+            _ => Self::Masked,
+        }
+    }
+}
+
+/// Codes the classes of rows of `lanes` in natural order; a decoder fills them.
+///
+/// # Panics
+/// If the number of classes is not a multiple of `lanes`.
+pub fn code_classes<C: BitCoder>(coder: &mut C, lanes: usize, classes: &mut [Class]) {
+    assert_eq!(classes.len() % lanes, 0, "classes come in rows");
+    let mut model = Model::new(SLOTS, 3);
+    let mut above = vec![Class::Positive; lanes];
+    let mut further = above.clone();
+    let mut repeats = 0_usize;
+    for row in classes.chunks_exact_mut(lanes) {
+        let repeat = model.code_one(coder, !C::DECODES && *row == above, REPEATS + repeats);
+        repeats = (repeats << 1 | usize::from(repeat)) & 3;
+        if repeat {
+            row.copy_from_slice(&above);
+        } else {
+            code_row(coder, &mut model, &above, &further, row);
+        }
+        std::mem::swap(&mut further, &mut above);
+        above.copy_from_slice(row);
+    }
+}
+
+fn code_row<C: BitCoder>(coder: &mut C, model: &mut Model, above: &[Class], further: &[Class], row: &mut [Class]) {
+    for j in 0..row.len() {
+        let back = |k: usize| if j >= k { row[j - k] } else { Class::Positive } as usize;
+        let next = above.get(j + 1).copied().unwrap_or_default() as usize;
+        let (left, left2) = (back(1), back(2));
+        let (up, up2) = (above[j] as usize, further[j] as usize);
+        let near = (left * CLASSES + up) * CLASSES + next;
+        let far = (up * CLASSES + up2) * CLASSES + left;
+        let beside = left * CLASSES + left2;
+        let mut decide = |kind: usize, bit: bool| {
+            let cubes = CLASSES * CLASSES * CLASSES;
+            let slots =
+                [NEAR + kind * cubes + near, FAR + kind * cubes + far, LEFT + kind * CLASSES * CLASSES + beside];
+            model.code(coder, bit, slots, kind)
+        };
+        // Is it positive; if not, is it negative; if not, is it masked.
+        let class = row[j] as u8;
+        let code = if !decide(0, class != 0) {
+            0
+        } else if !decide(1, class != 1) {
+            1
+        } else {
+            2 + u8::from(decide(2, class == 3))
+        };
+        row[j] = Class::of(code);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::range::{Decoder, Encoder};
+    use proptest::prelude::*;
+
+    fn round_trip(lanes: usize, classes: &[Class]) -> usize {
+        let mut encoder = Encoder::default();
+        code_classes(&mut encoder, lanes, &mut classes.to_vec());
+        let bytes = encoder.finish();
+        let mut decoded = vec![Class::Positive; classes.len()];
+        code_classes(&mut Decoder::new(&bytes), lanes, &mut decoded);
+        assert_eq!(decoded, classes);
+        bytes.len()
+    }
+
+    proptest! {
+        #[test]
+        fn classes_round_trip(codes in prop::collection::vec(0..4_u8, 60)) {
+            let classes: Vec<_> = codes.into_iter().map(Class::of).collect();
+            for lanes in [1, 5, 60] {
+                round_trip(lanes, &classes);
+            }
+        }
+    }
+
+    #[test]
+    fn structure_costs_little() {
+        // The lower half of a luminaire at 1,300 wavelengths, the rest zero.
+        let classes: Vec<_> =
+            (0..2048 * 1300).map(|i| if i / 1300 % 2048 < 1024 { Class::Positive } else { Class::Zero }).collect();
+        assert!(round_trip(1300, &classes) < 100);
+    }
+}

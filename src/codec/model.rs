@@ -1,0 +1,151 @@
+//! Adaptive probabilities mixed in the logistic domain, in integers (Mahoney 2005, *Adaptive weighing of context models*).
+//!
+//! A decision is predicted in up to [`INPUTS`] contexts at once; the predictions are stretched to log-odds, weighted, added and
+//! squashed back. The two tables are made from the pure Rust `libm`, so that they are the same everywhere.
+
+use super::range::BitCoder;
+use std::sync::LazyLock;
+
+/// Contexts that predict one decision together.
+pub(crate) const INPUTS: usize = 3;
+
+/// Probabilities are stored in 22 bits, coded in 16.
+const PROBABILITY_BITS: u32 = 22;
+const ONE: u32 = 1 << PROBABILITY_BITS;
+/// Log-odds have 8 fractional bits and end at ±12 (probability 6e-6).
+const STRETCH_SCALE: f64 = 256.0;
+const STRETCH_LIMIT: i32 = 3072;
+/// Counts stop here: the slowest adaptation is 1 / 255.
+const COUNT_LIMIT: u8 = 254;
+
+struct Tables {
+    /// Log-odds of a probability's 12 high bits.
+    stretch: Vec<i16>,
+    /// 16-bit probability of log-odds, from −STRETCH_LIMIT.
+    squash: Vec<u16>,
+    /// 65536 / (count + 1.6).
+    rate: Vec<u32>,
+}
+
+static TABLES: LazyLock<Tables> = LazyLock::new(|| Tables {
+    stretch: (0..4096)
+        .map(|i| {
+            let p = (f64::from(i) + 0.5) / 4096.0;
+            libm::round(STRETCH_SCALE * libm::log(p / (1.0 - p))) as i16
+        })
+        .collect(),
+    squash: (-STRETCH_LIMIT..=STRETCH_LIMIT)
+        .map(|x| {
+            let p = 65536.0 / (1.0 + libm::exp(-f64::from(x) / STRETCH_SCALE));
+            libm::round(p).clamp(1.0, 65535.0) as u16
+        })
+        .collect(),
+    rate: (0..=u32::from(COUNT_LIMIT)).map(|n| libm::round(65536.0 / (f64::from(n) + 1.6)) as u32).collect(),
+});
+
+/// One adaptive probability and how often it was updated.
+#[derive(Clone, Copy, Debug)]
+struct Slot {
+    p: u32,
+    count: u8,
+}
+
+/// A set of adaptive probabilities and of mixing weights.
+pub(crate) struct Model {
+    slots: Vec<Slot>,
+    /// 16.16 fixed point.
+    weights: Vec<[i32; INPUTS]>,
+    tables: &'static Tables,
+}
+
+impl Model {
+    /// `slots` probabilities at one half, `sets` sets of weights.
+    pub(crate) fn new(slots: usize, sets: usize) -> Self {
+        Self {
+            slots: vec![Slot { p: ONE / 2, count: 0 }; slots],
+            weights: vec![[26_214; INPUTS]; sets],
+            tables: &TABLES,
+        }
+    }
+
+    /// Sets the probability that slot `slot` starts from, of 65536.
+    pub(crate) fn prior(&mut self, slot: usize, p1: u32) {
+        self.slots[slot].p = p1.clamp(64, 65536 - 64) << (PROBABILITY_BITS - 16);
+    }
+
+    /// Codes one decision predicted by one slot.
+    pub(crate) fn code_one<C: BitCoder>(&mut self, coder: &mut C, bit: bool, slot: usize) -> bool {
+        let p1 = (self.slots[slot].p >> (PROBABILITY_BITS - 16)).clamp(1, 65535);
+        let bit = coder.bit(bit, p1);
+        self.update(slot, bit);
+        bit
+    }
+
+    /// Codes one decision predicted by three slots, mixed with weight set `set`.
+    #[inline]
+    pub(crate) fn code<C: BitCoder>(&mut self, coder: &mut C, bit: bool, slots: [usize; INPUTS], set: usize) -> bool {
+        let stretched = slots.map(|slot| i32::from(self.tables.stretch[(self.slots[slot].p >> 10) as usize]));
+        let weights = &mut self.weights[set];
+        let sum: i64 = stretched.iter().zip(weights.iter()).map(|(&s, &w)| i64::from(s) * i64::from(w)).sum();
+        let odds = (sum >> 16).clamp(-i64::from(STRETCH_LIMIT), i64::from(STRETCH_LIMIT)) as i32;
+        let p1 = u32::from(self.tables.squash[(odds + STRETCH_LIMIT) as usize]);
+        let bit = coder.bit(bit, p1);
+        let error = (i32::from(bit) << 16) - p1 as i32;
+        for (weight, &s) in weights.iter_mut().zip(&stretched) {
+            // A learning rate of 0.02 in real units; |error · s · 5| < 2^30.
+            let step = (error * s / 16 * 5) >> 12;
+            *weight = weight.saturating_add(step).clamp(-(1 << 20), 1 << 20);
+        }
+        for slot in slots {
+            self.update(slot, bit);
+        }
+        bit
+    }
+
+    #[inline]
+    fn update(&mut self, slot: usize, bit: bool) {
+        let slot = &mut self.slots[slot];
+        let rate = u64::from(self.tables.rate[usize::from(slot.count)]);
+        let target = if bit { ONE - 1 } else { 0 };
+        if target > slot.p {
+            slot.p += ((u64::from(target - slot.p) * rate) >> 16) as u32;
+        } else {
+            slot.p -= ((u64::from(slot.p - target) * rate) >> 16) as u32;
+        }
+        slot.count = slot.count.saturating_add(1).min(COUNT_LIMIT);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::range::{Decoder, Encoder};
+
+    #[test]
+    fn a_skewed_source_costs_its_entropy() {
+        let bits: Vec<bool> = (0..40_000_u32).map(|i| i.wrapping_mul(2_654_435_761) >> 27 == 0).collect();
+        let mut model = Model::new(3, 1);
+        let mut encoder = Encoder::default();
+        for &bit in &bits {
+            model.code(&mut encoder, bit, [0, 1, 2], 0);
+        }
+        let bytes = encoder.finish();
+        // 1 in 32 is 0.2 bits each, 1003 bytes; adapting to it costs less than a tenth.
+        assert!(bytes.len() < 1100, "{}", bytes.len());
+        let mut model = Model::new(3, 1);
+        let mut decoder = Decoder::new(&bytes);
+        for &bit in &bits {
+            assert_eq!(model.code(&mut decoder, false, [0, 1, 2], 0), bit);
+        }
+    }
+
+    #[test]
+    fn a_sure_source_costs_almost_nothing() {
+        let mut model = Model::new(3, 1);
+        let mut encoder = Encoder::default();
+        for _ in 0..1_000_000 {
+            model.code(&mut encoder, false, [0, 1, 2], 0);
+        }
+        assert!(encoder.finish().len() < 32);
+    }
+}

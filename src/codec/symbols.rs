@@ -1,0 +1,163 @@
+//! Integers as binary decisions: zero flag, sign, magnitude; and magnitudes as classes that contexts are made of.
+
+use super::model::Model;
+use super::range::BitCoder;
+
+/// Classes of a magnitude in sixteenths.
+pub(crate) const FINE: usize = 12;
+/// Classes of an integer magnitude.
+pub(crate) const COARSE: usize = 6;
+/// Magnitudes below this are coded in unary, the rest escape to an Exp-Golomb code.
+const UNARY: u32 = 14;
+/// Doublings of an Exp-Golomb code: values below 2^31 − 1.
+const DOUBLINGS: u32 = 30;
+
+/// The fine class of a magnitude given in sixteenths: 0 is "surely zero", 11 is 12 and more.
+pub(crate) fn fine(sixteenths: u32) -> usize {
+    match sixteenths {
+        0 => 0,
+        1 => 1,
+        2 => 2,
+        3..=4 => 3,
+        5..=8 => 4,
+        9..=13 => 5,
+        14..=19 => 6,
+        20..=32 => 7,
+        33..=56 => 8,
+        57..=96 => 9,
+        97..=192 => 10,
+        _ => 11,
+    }
+}
+
+/// The coarse class of an integer magnitude.
+pub(crate) fn coarse(magnitude: u32) -> usize {
+    match magnitude {
+        0 => 0,
+        1 => 1,
+        2 => 2,
+        3..=4 => 3,
+        5..=9 => 4,
+        _ => 5,
+    }
+}
+
+/// Where the slots of one kind of magnitude lie in a model.
+#[derive(Clone, Copy)]
+pub(crate) struct MagnitudeSlots {
+    first: usize,
+}
+
+impl MagnitudeSlots {
+    const BY_FIRST: usize = UNARY as usize * FINE;
+    const BY_SECOND: usize = UNARY as usize * FINE;
+    const BY_LEVEL: usize = UNARY as usize * LEVELS;
+    const ESCAPE: usize = (DOUBLINGS as usize + 1) * 2;
+    /// Slots needed.
+    pub(crate) const COUNT: usize = Self::BY_FIRST + Self::BY_SECOND + Self::BY_LEVEL + Self::ESCAPE;
+    /// Weight sets needed.
+    pub(crate) const SETS: usize = UNARY as usize;
+
+    pub(crate) fn at(first: usize) -> Self {
+        Self { first }
+    }
+
+    /// Starts every "is it larger" decision from a Laplacian whose scale the fine class tells.
+    pub(crate) fn set_priors(self, model: &mut Model) {
+        for step in 0..UNARY as usize {
+            for (class, &larger) in LARGER.iter().enumerate() {
+                model.prior(self.first + step * FINE + class, larger);
+                model.prior(self.first + Self::BY_FIRST + step * FINE + class, larger);
+            }
+        }
+    }
+}
+
+/// Levels that contexts tell apart.
+pub(crate) const LEVELS: usize = 8;
+
+/// P(|q| > i | |q| ≥ i) · 65536 by the fine class of the expected magnitude.
+const LARGER: [u32; FINE] = [5_243, 5_243, 5_243, 6_554, 9_830, 16_384, 23_593, 32_768, 42_598, 51_118, 57_672, 62_259];
+/// P(q ≠ 0) · 65536 by the fine class of the expected magnitude.
+pub(crate) const NONZERO: [u32; FINE] =
+    [1_311, 3_277, 6_554, 13_107, 22_938, 32_768, 42_598, 52_429, 58_982, 62_259, 63_570, 64_225];
+
+/// Codes a magnitude ≥ 1 whose expected size has fine classes `first` and `second`, at level class `level`.
+pub(crate) fn code_magnitude<C: BitCoder>(
+    coder: &mut C,
+    model: &mut Model,
+    slots: MagnitudeSlots,
+    set: usize,
+    magnitude: u32,
+    (first, second, level): (usize, usize, usize),
+) -> u32 {
+    let by_second = slots.first + MagnitudeSlots::BY_FIRST;
+    let by_level = by_second + MagnitudeSlots::BY_SECOND;
+    for step in 0..UNARY - 1 {
+        let s = step as usize;
+        let contexts = [slots.first + s * FINE + first, by_second + s * FINE + second, by_level + s * LEVELS + level];
+        if !model.code(coder, magnitude > step + 1, contexts, set + s) {
+            return step + 1;
+        }
+    }
+    let escape = by_level + MagnitudeSlots::BY_LEVEL;
+    (UNARY + code_golomb(coder, model, escape, magnitude.wrapping_sub(UNARY))).min(i32::MAX as u32)
+}
+
+/// Slots that [`code_golomb`] needs.
+pub(crate) const GOLOMB_SLOTS: usize = (DOUBLINGS as usize + 1) * 2;
+
+/// Codes `value` < 2^31 − 1 by an adaptive Exp-Golomb code: the number of doublings, the bit below the first, the rest.
+pub(crate) fn code_golomb<C: BitCoder>(coder: &mut C, model: &mut Model, first: usize, value: u32) -> u32 {
+    let target = if C::DECODES { 0 } else { (value + 1).ilog2() };
+    let mut doublings = 0;
+    while doublings < DOUBLINGS && model.code_one(coder, target > doublings, first + doublings as usize) {
+        doublings += 1;
+    }
+    if doublings == 0 {
+        return 0;
+    }
+    let shown = value.wrapping_add(1);
+    let next = first + DOUBLINGS as usize + 1 + doublings as usize;
+    let top = model.code_one(coder, shown >> (doublings - 1) & 1 == 1, next);
+    let rest = coder.bits(shown, doublings - 1);
+    ((2 | u32::from(top)) << (doublings - 1) | rest & ((1 << (doublings - 1)) - 1)).wrapping_sub(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::range::{Decoder, Encoder};
+
+    #[test]
+    fn magnitudes_of_any_size_round_trip() {
+        let values: Vec<u32> = (1..40).chain([100, 1000, 65_535, 1 << 20, 1 << 30]).collect();
+        let model = || {
+            let mut model = Model::new(MagnitudeSlots::COUNT, MagnitudeSlots::SETS);
+            MagnitudeSlots::at(0).set_priors(&mut model);
+            model
+        };
+        let (mut m, mut encoder) = (model(), Encoder::default());
+        for &value in &values {
+            code_magnitude(&mut encoder, &mut m, MagnitudeSlots::at(0), 0, value, (value as usize % FINE, 3, 2));
+        }
+        let bytes = encoder.finish();
+        let (mut m, mut decoder) = (model(), Decoder::new(&bytes));
+        for &value in &values {
+            let contexts = (value as usize % FINE, 3, 2);
+            assert_eq!(code_magnitude(&mut decoder, &mut m, MagnitudeSlots::at(0), 0, 0, contexts), value);
+        }
+    }
+
+    #[test]
+    fn garbage_decodes_to_some_magnitude() {
+        for byte in 0..=255_u8 {
+            let bytes = [byte; 64];
+            let mut model = Model::new(MagnitudeSlots::COUNT, MagnitudeSlots::SETS);
+            let mut decoder = Decoder::new(&bytes);
+            for _ in 0..200 {
+                code_magnitude(&mut decoder, &mut model, MagnitudeSlots::at(0), 0, 0, (0, 0, 0));
+            }
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! The paper's conventional policy: linear domain, bio-Haar on triangles, one threshold on L2-normalised coefficients.
+//!
+//! [CPB06] section 4.2; coefficients are ranked by |c|·‖synthesis function‖ in the counting measure of er(L2). The kept
+//! coefficients are stored exactly (float32), so the only error is that of what was dropped.
+
+use super::file::{Parts, assemble, classes_chunk, finish, metadata_with_labels};
+use super::fill::fill;
+use super::header::Header;
+use super::rd::Scales;
+use super::rows::coding_order;
+use super::search::largest;
+use super::{CompressError, Compressed, Policy, Settings, Target, candidate_bases};
+use crate::codec::{ChunkKind, Class, Encoder, Payload, Rows, code_coefficients};
+use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress};
+use crate::transform::{AxisTransform, LineBasis, Plan, SphereBasis};
+
+/// Bisections of the threshold.
+const REFINEMENTS: u32 = 12;
+
+/// Compresses with every candidate basis and keeps the best: the smallest file, or the least error at a given ratio.
+pub(crate) fn compress(
+    measurement: &Measurement,
+    settings: &Settings,
+    floor: f32,
+    progress: &dyn Progress,
+) -> Result<Compressed, CompressError> {
+    let axes = measurement.tensor.axes();
+    let mut samples = measurement.tensor.samples().to_vec();
+    let mut classes: Vec<Class> =
+        samples.iter().map(|s| if s.is_nan() { Class::Masked } else { Class::Positive }).collect();
+    let classes_coded = classes_chunk(axes, &mut classes);
+    drop(classes);
+    fill(axes, &mut samples);
+    let bases = candidate_bases(axes, settings);
+    let mut best: Option<Compressed> = None;
+    for (i, &basis) in bases.iter().enumerate() {
+        progress.step(0.05 + 0.9 * i as f64 / bases.len() as f64)?;
+        let work = Work::new(measurement, &samples, basis, settings, floor, classes_coded.clone())?;
+        let threshold = work.find_threshold(progress)?;
+        let parts = work.parts(threshold);
+        drop(work);
+        let candidate = finish(parts, measurement, settings.metadata.as_deref())?;
+        let better = |other: &Compressed| match settings.target {
+            Target::Ratio(_) | Target::Bytes(_) => candidate.summary.errors.er_l2 < other.summary.errors.er_l2,
+            _ => candidate.bytes.len() < other.bytes.len(),
+        };
+        if best.as_ref().is_none_or(better) {
+            best = Some(candidate);
+        }
+    }
+    best.ok_or_else(|| CompressError::Setting("no basis to try".to_owned()))
+}
+
+struct Work<'a> {
+    measurement: &'a Measurement,
+    settings: &'a Settings,
+    plan: Plan,
+    transforms: Vec<AxisTransform>,
+    scales: Scales,
+    rows: Rows,
+    coefficients: Vec<f32>,
+    classes: Option<(ChunkKind, Vec<u8>)>,
+    floor: f32,
+}
+
+impl<'a> Work<'a> {
+    fn new(
+        measurement: &'a Measurement,
+        samples: &[f32],
+        basis: LineBasis,
+        settings: &'a Settings,
+        floor: f32,
+        classes: Option<(ChunkKind, Vec<u8>)>,
+    ) -> Result<Self, CompressError> {
+        let axes = measurement.tensor.axes();
+        let transforms: Vec<_> = axes.iter().map(|axis| transform_of(axis, basis)).collect();
+        let plan = Plan::new(axes, &transforms).map_err(|e| CompressError::Setting(e.to_string()))?;
+        let mut coefficients = samples.to_vec();
+        plan.forward(&mut coefficients);
+        let (scales, rows) = (Scales::new(axes, &plan), coding_order(axes, &plan));
+        Ok(Self { measurement, settings, plan, transforms, scales, rows, coefficients, classes, floor })
+    }
+
+    fn find_threshold(&self, progress: &dyn Progress) -> Result<f32, CompressError> {
+        let n = self.coefficients.len() as f64;
+        match self.settings.target {
+            Target::ErL2(error) => self.largest_threshold(progress, |errors| errors.er_l2 <= error),
+            Target::MaxRelativeError(error) => {
+                self.largest_threshold(progress, |errors| errors.max_relative_error <= error)
+            }
+            Target::Ratio(ratio) => self.least_threshold(progress, |t| self.kept(t) as f64 <= n / ratio),
+            Target::Bytes(bytes) => self.least_threshold(progress, |t| self.file_size(t) as u64 <= bytes),
+            Target::Lossless => Err(CompressError::Setting("the conventional policy is not lossless".to_owned())),
+        }
+    }
+
+    /// The largest threshold whose decoded errors are accepted; 0 keeps everything.
+    fn largest_threshold(
+        &self,
+        progress: &dyn Progress,
+        accepts: impl Fn(&ErrorReport) -> bool,
+    ) -> Result<f32, CompressError> {
+        let mut decoded = vec![0.0; self.coefficients.len()];
+        let keeps = |threshold: f64| {
+            if progress.is_cancelled() {
+                return Err(CompressError::from(Cancelled));
+            }
+            self.scales.threshold(threshold as f32, &self.coefficients, &mut decoded);
+            self.plan.inverse(&mut decoded);
+            for (value, &s) in decoded.iter_mut().zip(self.measurement.tensor.samples()) {
+                if s.is_nan() {
+                    *value = f32::NAN;
+                }
+            }
+            let errors = ErrorReport::measure(self.measurement.tensor.samples(), &decoded, f64::from(self.floor));
+            Ok(accepts(&errors))
+        };
+        Ok(largest(self.scale(), REFINEMENTS, keeps)?.map_or(0.0, |threshold| threshold as f32))
+    }
+
+    /// The least threshold, hence the least error, that `fits`.
+    fn least_threshold(&self, progress: &dyn Progress, fits: impl Fn(f32) -> bool) -> Result<f32, CompressError> {
+        // Over the bit patterns of positive floats, which are in the order of the floats.
+        let (mut low, mut high) = (0_u32, f32::MAX.to_bits());
+        if !fits(f32::MAX) {
+            let smallest = self.file_size(f32::MAX);
+            let text = format!("no file is that small: without any coefficient it has {smallest} bytes");
+            return Err(CompressError::Unreachable(text));
+        }
+        while low < high {
+            if progress.is_cancelled() {
+                return Err(Cancelled.into());
+            }
+            let middle = low + (high - low) / 2;
+            if fits(f32::from_bits(middle)) {
+                high = middle;
+            } else {
+                low = middle + 1;
+            }
+        }
+        Ok(f32::from_bits(low))
+    }
+
+    /// A threshold to start from: 1 % of the mean magnitude of a sample.
+    fn scale(&self) -> f64 {
+        let samples = self.measurement.tensor.samples();
+        let sum: f64 = samples.iter().filter(|s| !s.is_nan()).map(|s| f64::from(s.abs())).sum();
+        (0.01 * sum / samples.len() as f64).max(1e-30)
+    }
+
+    fn kept(&self, threshold: f32) -> u64 {
+        self.scales.count_above(threshold, &self.coefficients)
+    }
+
+    fn file_size(&self, threshold: f32) -> usize {
+        let metadata = metadata_with_labels(self.measurement.tensor.axes(), self.settings.metadata.as_deref());
+        assemble(&self.parts(threshold), metadata.as_deref()).len()
+    }
+
+    fn parts(&self, threshold: f32) -> Parts {
+        let mut kept = vec![0.0_f32; self.coefficients.len()];
+        self.scales.threshold(threshold, &self.coefficients, &mut kept);
+        let count = kept.iter().filter(|&&c| c != 0.0).count() as u64;
+        let mut bits: Vec<i32> = kept.into_iter().map(|c| if c == 0.0 { 0 } else { c.to_bits() as i32 }).collect();
+        let mut encoder = Encoder::default();
+        code_coefficients(&mut encoder, &self.rows, Payload::Float, &mut bits);
+        let measurement = self.measurement;
+        let samples = measurement.tensor.samples();
+        let header = Header {
+            quantity: measurement.quantity,
+            unit: measurement.unit,
+            sampling: measurement.sampling,
+            axes: measurement.tensor.axes().to_vec(),
+            policy: Policy::Conventional,
+            transforms: self.transforms.clone(),
+            step: 0.0,
+            correction_step: 0.0,
+            has_classes: self.classes.is_some(),
+            floor: self.floor,
+            kept: count,
+            errors: ErrorReport::measure(samples, samples, f64::from(self.floor)),
+        };
+        let chunks = self.classes.iter().cloned().chain([(ChunkKind::Coefficients, encoder.finish())]).collect();
+        Parts { header, chunks }
+    }
+}
+
+fn transform_of(axis: &Axis, basis: LineBasis) -> AxisTransform {
+    match axis {
+        Axis::Triangles(_) => AxisTransform::Sphere(SphereBasis::BioHaar),
+        Axis::Elevation(_) => AxisTransform::Line(LineBasis::Bior44),
+        Axis::Wavelength(_) => AxisTransform::Line(basis),
+        Axis::Rgb => AxisTransform::Line(LineBasis::Haar),
+        Axis::Index { .. } => AxisTransform::Identity,
+    }
+}

@@ -1,0 +1,178 @@
+//! Files → samples: the one place that says what a decoder computes for each sample.
+//!
+//! Every operation is specified, so that a reader in another language can be bit-exact: f32 additions and multiplications
+//! in the order written here and in `transform`, `exp` of the pure Rust `libm` in f64, rounded once to f32.
+
+use super::file::lanes;
+use super::header::Header;
+use super::rd::Scales;
+use super::rows::coding_order;
+use super::{Policy, Summary};
+use crate::codec::{
+    ChunkKind, Class, CodecError, Container, Decoder, Payload, code_classes, code_coefficients, code_corrections,
+    code_exact,
+};
+use crate::domain::{Axis, Measurement, Tensor};
+use crate::transform::Plan;
+use rayon::prelude::*;
+
+/// The metadata chunk's largest size.
+const MAX_METADATA: usize = 1 << 24;
+
+/// A decoded material.
+#[derive(Clone, Debug)]
+pub struct Decoded {
+    /// The samples.
+    pub measurement: Measurement,
+    /// The header.
+    pub summary: Summary,
+}
+
+/// Reads the header of a material without decoding its samples; checks every chunk's checksum.
+pub fn inspect(bytes: &[u8]) -> Result<Summary, CodecError> {
+    let (header, container) = open(bytes)?;
+    let (metadata, axes) = metadata_of(&header, &container)?;
+    Ok(Summary { axes, ..header.summary(metadata) })
+}
+
+/// Decodes a material.
+pub fn decode(bytes: &[u8]) -> Result<Decoded, CodecError> {
+    let (header, container) = open(bytes)?;
+    let (metadata, axes) = metadata_of(&header, &container)?;
+    let samples = samples_of(&header, |kind| container.get(kind).map(|chunk| chunk.payload))?;
+    let malformed = |reason: String| CodecError::Malformed { at: bytes.len(), reason };
+    let tensor = Tensor::new(axes.clone(), samples).map_err(|e| malformed(e.to_string()))?;
+    let measurement = Measurement::new(header.quantity, header.unit, header.sampling, tensor)
+        .map_err(|e| malformed(e.to_string()))?;
+    Ok(Decoded { measurement, summary: Summary { axes, ..header.summary(metadata) } })
+}
+
+/// The BLAKE3 digest of the file without its metadata chunk.
+pub fn payload_digest(bytes: &[u8]) -> Result<blake3::Hash, CodecError> {
+    Ok(Container::read(bytes)?.payload_digest())
+}
+
+fn open(bytes: &[u8]) -> Result<(Header, Container<'_>), CodecError> {
+    let container = Container::read(bytes)?;
+    let header = Header::read(&mut container.require(ChunkKind::Header)?.reader())?;
+    let expected = [
+        (ChunkKind::Classes, header.has_classes),
+        (ChunkKind::Coefficients, header.policy != Policy::Lossless),
+        (ChunkKind::Corrections, header.correction_step != 0.0),
+        (ChunkKind::Exact, header.policy == Policy::Lossless),
+    ];
+    for (kind, needed) in expected {
+        if needed {
+            container.require(kind)?;
+        } else if let Some(chunk) = container.get(kind) {
+            let reason = format!("a {kind:?} chunk that the header does not announce");
+            return Err(CodecError::Malformed { at: chunk.offset, reason });
+        }
+    }
+    Ok((header, container))
+}
+
+/// The metadata chunk's text, and the axes with the labels it holds.
+fn metadata_of(header: &Header, container: &Container<'_>) -> Result<(Option<String>, Vec<Axis>), CodecError> {
+    let mut axes = header.axes.clone();
+    let Some(chunk) = container.get(ChunkKind::Metadata) else { return Ok((None, axes)) };
+    let malformed = |reason: &str| CodecError::Malformed { at: chunk.offset, reason: reason.to_owned() };
+    if chunk.payload.len() > MAX_METADATA {
+        return Err(malformed("metadata is larger than 16 MiB"));
+    }
+    let text = std::str::from_utf8(chunk.payload).map_err(|_| malformed("metadata is no UTF-8 text"))?;
+    let json: serde_json::Value = serde_json::from_str(text).map_err(|_| malformed("metadata is no JSON"))?;
+    for (i, axis) in axes.iter_mut().enumerate() {
+        if let Axis::Index { count, labels } = axis {
+            let stored = json["labels"][i.to_string()].as_array().filter(|stored| stored.len() == *count);
+            *labels = stored.into_iter().flatten().map(|label| label.as_str().unwrap_or("").to_owned()).collect();
+        }
+    }
+    Ok((Some(text.to_owned()), axes))
+}
+
+/// The samples that `header` and its chunks stand for; NaN = masked.
+pub(crate) fn samples_of<'a>(
+    header: &Header,
+    chunk: impl Fn(ChunkKind) -> Option<&'a [u8]>,
+) -> Result<Vec<f32>, CodecError> {
+    let count = header.axes.iter().map(Axis::len).product();
+    let payload = |kind| chunk(kind).unwrap_or_default();
+    let mut samples = match header.policy {
+        Policy::Rd => rd_samples(header, count, payload(ChunkKind::Coefficients), payload(ChunkKind::Corrections))?,
+        Policy::Conventional => conventional_samples(header, count, payload(ChunkKind::Coefficients))?,
+        Policy::Lossless => {
+            let mut samples = vec![0.0; count];
+            code_exact(&mut Decoder::new(payload(ChunkKind::Exact)), lanes(&header.axes), &mut samples);
+            samples
+        }
+    };
+    if header.has_classes {
+        let mut classes = vec![Class::Positive; count];
+        code_classes(&mut Decoder::new(payload(ChunkKind::Classes)), lanes(&header.axes), &mut classes);
+        apply_classes(&classes, &mut samples);
+    } else if samples.iter().any(|s| s.is_nan()) {
+        return Err(CodecError::Malformed { at: 0, reason: "a coefficient is not a number".to_owned() });
+    }
+    Ok(samples)
+}
+
+fn apply_classes(classes: &[Class], samples: &mut [f32]) {
+    for (sample, class) in samples.iter_mut().zip(classes) {
+        match class {
+            Class::Positive => {}
+            Class::Negative => *sample = -*sample,
+            Class::Zero => *sample = 0.0,
+            Class::Masked => *sample = f32::NAN,
+        }
+    }
+}
+
+fn plan_of(header: &Header) -> Result<Plan, CodecError> {
+    Plan::new(&header.axes, &header.transforms).map_err(|e| CodecError::Malformed { at: 0, reason: e.to_string() })
+}
+
+fn rd_samples(header: &Header, count: usize, coded: &[u8], corrections: &[u8]) -> Result<Vec<f32>, CodecError> {
+    let plan = plan_of(header)?;
+    let mut quantised = vec![0_i32; count];
+    let rows = coding_order(&header.axes, &plan);
+    code_coefficients(&mut Decoder::new(coded), &rows, Payload::Integer, &mut quantised);
+    drop(rows);
+    let mut logs = vec![0.0_f32; count];
+    Scales::new(&header.axes, &plan).dequantise(header.step, &quantised, &mut logs);
+    plan.inverse(&mut logs);
+    if header.correction_step != 0.0 {
+        quantised.fill(0);
+        code_corrections(&mut Decoder::new(corrections), lanes(&header.axes), &mut quantised);
+        add_corrections(header.correction_step, &quantised, &mut logs);
+    }
+    exponentiate(&mut logs);
+    Ok(logs)
+}
+
+/// Adds `steps[i] · step` to each logarithm.
+pub(crate) fn add_corrections(step: f32, steps: &[i32], logs: &mut [f32]) {
+    logs.par_chunks_mut(1 << 14).zip(steps.par_chunks(1 << 14)).for_each(|(logs, steps)| {
+        for (log, &k) in logs.iter_mut().zip(steps) {
+            *log += k as f32 * step;
+        }
+    });
+}
+
+/// Replaces logarithms by magnitudes.
+pub(crate) fn exponentiate(logs: &mut [f32]) {
+    logs.par_chunks_mut(1 << 14).for_each(|chunk| {
+        for value in chunk {
+            *value = libm::exp(f64::from(*value)) as f32;
+        }
+    });
+}
+
+fn conventional_samples(header: &Header, count: usize, coded: &[u8]) -> Result<Vec<f32>, CodecError> {
+    let plan = plan_of(header)?;
+    let mut bits = vec![0_i32; count];
+    code_coefficients(&mut Decoder::new(coded), &coding_order(&header.axes, &plan), Payload::Float, &mut bits);
+    let mut samples: Vec<f32> = bits.into_iter().map(|bits| f32::from_bits(bits as u32)).collect();
+    plan.inverse(&mut samples);
+    Ok(samples)
+}

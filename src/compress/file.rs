@@ -1,0 +1,74 @@
+//! Puts a material's file together, decodes it again, and writes the errors of what was decoded into its header.
+
+use super::decode::samples_of;
+use super::header::Header;
+use super::{CompressError, Compressed};
+use crate::codec::{ChunkKind, Class, Encoder, code_classes, write_container};
+use crate::domain::{Axis, ErrorReport, Measurement};
+
+/// The chunks between header and metadata, and what the header says about them.
+pub(crate) struct Parts {
+    pub(crate) header: Header,
+    pub(crate) chunks: Vec<(ChunkKind, Vec<u8>)>,
+}
+
+/// Length of the last axis: the lanes of a row.
+pub(crate) fn lanes(axes: &[Axis]) -> usize {
+    axes.last().map_or(1, Axis::len)
+}
+
+/// The classes chunk; `None` where every sample has the default class.
+pub(crate) fn classes_chunk(axes: &[Axis], classes: &mut [Class]) -> Option<(ChunkKind, Vec<u8>)> {
+    if classes.iter().all(|&class| class == Class::Positive) {
+        return None;
+    }
+    let mut encoder = Encoder::default();
+    code_classes(&mut encoder, lanes(axes), classes);
+    Some((ChunkKind::Classes, encoder.finish()))
+}
+
+/// The file of `parts` with the errors its header holds now.
+pub(crate) fn assemble(parts: &Parts, metadata: Option<&str>) -> Vec<u8> {
+    let mut chunks = vec![(ChunkKind::Header, parts.header.write())];
+    chunks.extend(parts.chunks.iter().cloned());
+    if let Some(text) = metadata {
+        chunks.push((ChunkKind::Metadata, text.as_bytes().to_vec()));
+    }
+    write_container(&chunks)
+}
+
+/// Metadata with the labels of index axes, which have no other place: `"labels": {"0": [...]}`.
+pub(crate) fn metadata_with_labels(axes: &[Axis], metadata: Option<&str>) -> Option<String> {
+    let mut object: serde_json::Map<String, serde_json::Value> = serde_json::from_str(metadata?).ok()?;
+    let labels: serde_json::Map<_, _> = axes
+        .iter()
+        .enumerate()
+        .filter_map(|(i, axis)| match axis {
+            Axis::Index { labels, .. } if !labels.is_empty() => Some((i.to_string(), labels.clone().into())),
+            _ => None,
+        })
+        .collect();
+    if !labels.is_empty() {
+        object.insert("labels".to_owned(), labels.into());
+    }
+    Some(serde_json::Value::Object(object).to_string())
+}
+
+/// Decodes `parts`, measures the errors, and writes the file that carries them.
+pub(crate) fn finish(
+    mut parts: Parts,
+    measurement: &Measurement,
+    metadata: Option<&str>,
+) -> Result<Compressed, CompressError> {
+    let chunk = |kind| parts.chunks.iter().find(|(k, _)| *k == kind).map(|(_, payload)| payload.as_slice());
+    let decoded = samples_of(&parts.header, chunk)
+        .map_err(|e| CompressError::Unreachable(format!("the file just written does not decode: {e}")))?;
+    let floor = f64::from(parts.header.floor);
+    parts.header.errors = ErrorReport::measure(measurement.tensor.samples(), &decoded, floor);
+    drop(decoded);
+    let metadata = metadata_with_labels(&parts.header.axes, metadata);
+    let bytes = assemble(&parts, metadata.as_deref());
+    let mut summary = parts.header.summary(metadata);
+    summary.axes = measurement.tensor.axes().to_vec();
+    Ok(Compressed { bytes, summary })
+}

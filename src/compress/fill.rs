@@ -1,0 +1,128 @@
+//! Smooth values where there is nothing to code: NaN entries become the mean of their live siblings, then of their neighbours.
+//!
+//! What is filled is never scored: the classes say which samples are zero or masked. A good filling only makes the
+//! coefficients around it small.
+
+use crate::domain::Axis;
+
+/// Replaces every NaN in `values` (row-major on `axes`).
+pub(crate) fn fill(axes: &[Axis], values: &mut [f32]) {
+    if !values.iter().any(|v| v.is_nan()) {
+        return;
+    }
+    if let Some(axis) = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_))) {
+        let inner: usize = axes[axis + 1..].iter().map(Axis::len).product();
+        for block in values.chunks_exact_mut(axes[axis].len() * inner) {
+            fill_tree(block, inner);
+        }
+    }
+    let lanes = axes.last().map_or(1, Axis::len);
+    for row in values.chunks_exact_mut(lanes) {
+        fill_line(row);
+    }
+    let (sum, count) =
+        values.iter().filter(|v| !v.is_nan()).fold((0.0, 0_u64), |(sum, n), &v| (sum + f64::from(v), n + 1));
+    let mean = if count == 0 { 0.0 } else { (sum / count as f64) as f32 };
+    for value in values.iter_mut().filter(|v| v.is_nan()) {
+        *value = mean;
+    }
+}
+
+/// Means of live children upward, parents' means into dead children downward; `block` is `[4^k · bases, inner]`.
+fn fill_tree(block: &mut [f32], inner: usize) {
+    let mut levels: Vec<Vec<f32>> = Vec::new();
+    let mut rows = block.len() / inner;
+    while rows.is_multiple_of(4) && rows > 4 {
+        let children = levels.last().map_or(&*block, Vec::as_slice);
+        let parents =
+            children.chunks_exact(4 * inner).flat_map(|four| (0..inner).map(move |j| live_mean(four, inner, j)));
+        let parents = parents.collect();
+        levels.push(parents);
+        rows /= 4;
+    }
+    for level in (0..levels.len()).rev() {
+        let (below, here) = levels.split_at_mut(level);
+        let children = below.last_mut().map_or(&mut *block, Vec::as_mut_slice);
+        let Some(parents) = here.first() else { continue };
+        for (four, parent) in children.chunks_exact_mut(4 * inner).zip(parents.chunks_exact(inner)) {
+            for child in four.chunks_exact_mut(inner) {
+                for (value, &mean) in child.iter_mut().zip(parent) {
+                    if value.is_nan() {
+                        *value = mean;
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn live_mean(four: &[f32], inner: usize, j: usize) -> f32 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for k in 0..4 {
+        let value = four[k * inner + j];
+        if !value.is_nan() {
+            sum += value;
+            count += 1.0;
+        }
+    }
+    // 0 / 0: a parent without live children is dead itself.
+    sum / count
+}
+
+/// Linear between live neighbours, constant beyond the first and last.
+fn fill_line(row: &mut [f32]) {
+    let mut last: Option<usize> = None;
+    for i in 0..row.len() {
+        if row[i].is_nan() {
+            continue;
+        }
+        let first_dead = last.map_or(0, |l| l + 1);
+        let start = last.map_or(row[i], |l| row[l]);
+        let span = (i + 1 - first_dead) as f32;
+        let end = row[i];
+        for (step, value) in row[first_dead..i].iter_mut().enumerate() {
+            *value = start + (end - start) * ((step + 1) as f32 / span);
+        }
+        last = Some(i);
+    }
+    if let Some(l) = last {
+        let end = row[l];
+        row[l + 1..].fill(end);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::{Domain, TriangleMesh};
+
+    const N: f32 = f32::NAN;
+
+    #[test]
+    fn lines_interpolate_and_hold_their_ends() {
+        let mut row = [N, 1.0, N, N, 4.0, N];
+        fill_line(&mut row);
+        assert_eq!(row, [1.0, 1.0, 2.0, 3.0, 4.0, 4.0]);
+    }
+
+    #[test]
+    fn dead_triangles_take_the_mean_of_live_siblings() {
+        let mesh = Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, 1).unwrap());
+        let axes = [mesh, Axis::Index { count: 2, labels: vec![] }];
+        let mut values = vec![1.0; 32];
+        (values[0], values[2], values[4]) = (N, 3.0, 5.0);
+        fill(&axes, &mut values);
+        assert_eq!(values[0], 3.0);
+        let mut dead = vec![N; 32];
+        fill(&axes, &mut dead);
+        assert_eq!(dead, vec![0.0; 32]);
+    }
+
+    #[test]
+    fn nothing_live_changes() {
+        let axes = [Axis::Rgb];
+        let mut values = [1.0, 2.0, 3.0];
+        fill(&axes, &mut values);
+        assert_eq!(values, [1.0, 2.0, 3.0]);
+    }
+}

@@ -1,0 +1,189 @@
+//! The header chunk: what a material is, how it was made, and the errors of its decoded bytes.
+//!
+//! ```text
+//! u8      quantity, unit, sampling (codes in the order of their lists in `domain`)
+//! axes    as in `codec`'s axes
+//! u8      policy: 0 rate–distortion, 1 conventional, 2 lossless
+//! policy 0, 1:  u8 a transform for each axis: 0 identity, 1 haar, 2 bior2.2, 3 bior4.4,
+//!               16 bio-Haar, 17 orthonormal by area, 18 orthonormal by count
+//! policy 0:     f32 step; f32 correction step, 0 if there is no corrections chunk
+//! u8      1 if there is a classes chunk, else 0 (every sample is positive or, in policies 1 and 2, measured)
+//! f32     absolute floor, 0 if none was declared
+//! varint  coefficients that are not zero (absent in policy 2)
+//! f32     er(L1), er(L2), largest relative error, relative RMSE, largest absolute error, the same of unscored samples;
+//!         each rounded up
+//! varint  scored, zero, negative, below-floor and masked samples
+//! ```
+
+use super::{Policy, Summary, basis_of};
+use crate::codec::{CodecError, Reader, Writer, read_axes, write_axes};
+use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
+use crate::transform::{AxisTransform, LineBasis, SphereBasis, Weights};
+
+/// Everything in the header chunk.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Header {
+    pub(crate) quantity: Quantity,
+    pub(crate) unit: Unit,
+    pub(crate) sampling: Sampling,
+    pub(crate) axes: Vec<Axis>,
+    pub(crate) policy: Policy,
+    /// One for each axis; empty for lossless.
+    pub(crate) transforms: Vec<AxisTransform>,
+    pub(crate) step: f32,
+    pub(crate) correction_step: f32,
+    pub(crate) has_classes: bool,
+    pub(crate) floor: f32,
+    pub(crate) kept: u64,
+    pub(crate) errors: ErrorReport,
+}
+
+const TRANSFORMS: [(u8, AxisTransform); 7] = [
+    (0, AxisTransform::Identity),
+    (1, AxisTransform::Line(LineBasis::Haar)),
+    (2, AxisTransform::Line(LineBasis::Bior22)),
+    (3, AxisTransform::Line(LineBasis::Bior44)),
+    (16, AxisTransform::Sphere(SphereBasis::BioHaar)),
+    (17, AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Area))),
+    (18, AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count))),
+];
+
+impl Header {
+    pub(crate) fn write(&self) -> Vec<u8> {
+        let mut w = Writer::default();
+        w.u8(self.quantity.code());
+        w.u8(self.unit.code());
+        w.u8(self.sampling.code());
+        write_axes(&mut w, &self.axes);
+        w.u8(self.policy.code());
+        for transform in &self.transforms {
+            let code = TRANSFORMS.iter().find(|(_, known)| known == transform).map_or(0, |(code, _)| *code);
+            w.u8(code);
+        }
+        if self.policy == Policy::Rd {
+            w.f32(self.step);
+            w.f32(self.correction_step);
+        }
+        w.u8(u8::from(self.has_classes));
+        w.f32(self.floor);
+        if self.policy != Policy::Lossless {
+            w.varint(self.kept);
+        }
+        let e = &self.errors;
+        for error in [
+            e.er_l1,
+            e.er_l2,
+            e.max_relative_error,
+            e.relative_rmse,
+            e.max_absolute_error,
+            e.max_absolute_error_unscored,
+        ] {
+            w.f32(rounded_up(error));
+        }
+        for count in [e.scored_samples, e.zero_samples, e.negative_samples, e.below_floor_samples, e.masked_samples] {
+            w.varint(count);
+        }
+        w.into_bytes()
+    }
+
+    pub(crate) fn read(r: &mut Reader<'_>) -> Result<Self, CodecError> {
+        fn coded<T>(r: &mut Reader<'_>, what: &'static str, known: fn(u8) -> Option<T>) -> Result<T, CodecError> {
+            let code = r.u8(what)?;
+            known(code).ok_or_else(|| r.malformed(format!("{what} {code} is unknown")))
+        }
+        let quantity = coded(r, "quantity", Quantity::from_code)?;
+        let unit = coded(r, "unit", Unit::from_code)?;
+        let sampling = coded(r, "sampling", Sampling::from_code)?;
+        let axes = read_axes(r)?;
+        let policy = coded(r, "policy", Policy::from_code)?;
+        let transform = |code: u8| TRANSFORMS.iter().find(|(known, _)| *known == code).map(|(_, transform)| *transform);
+        let transforms = match policy {
+            Policy::Lossless => Vec::new(),
+            _ => (0..axes.len()).map(|_| coded(r, "transform", transform)).collect::<Result<_, _>>()?,
+        };
+        let (step, correction_step) = match policy {
+            Policy::Rd => (r.f32("step")?, r.f32("correction step")?),
+            _ => (0.0, 0.0),
+        };
+        let has_classes = coded(r, "classes flag", |flag| (flag < 2).then_some(flag == 1))?;
+        let floor = r.f32("floor")?;
+        let kept = if policy == Policy::Lossless { 0 } else { r.varint("kept coefficients")? };
+        let mut error = |what| r.f32(what).map(f64::from);
+        let mut errors = ErrorReport {
+            er_l1: error("er(L1)")?,
+            er_l2: error("er(L2)")?,
+            max_relative_error: error("largest relative error")?,
+            relative_rmse: error("relative RMSE")?,
+            max_absolute_error: error("largest absolute error")?,
+            max_absolute_error_unscored: error("largest absolute error of unscored samples")?,
+            ..ErrorReport::default()
+        };
+        errors.scored_samples = r.varint("scored samples")?;
+        errors.zero_samples = r.varint("zero samples")?;
+        errors.negative_samples = r.varint("negative samples")?;
+        errors.below_floor_samples = r.varint("samples below the floor")?;
+        errors.masked_samples = r.varint("masked samples")?;
+        r.end("header")?;
+        // The limit on the product of the axes holds before anything is decoded.
+        errors.samples = crate::domain::check_axes(&axes).map_err(|e| r.malformed(e.to_string()))? as u64;
+        crate::domain::Layout::of(quantity, &axes).map_err(|e| r.malformed(e.to_string()))?;
+        Ok(Self {
+            quantity,
+            unit,
+            sampling,
+            axes,
+            policy,
+            transforms,
+            step,
+            correction_step,
+            has_classes,
+            floor,
+            kept,
+            errors,
+        })
+    }
+
+    /// The header as its users see it.
+    pub(crate) fn summary(&self, metadata: Option<String>) -> Summary {
+        Summary {
+            quantity: self.quantity,
+            unit: self.unit,
+            sampling: self.sampling,
+            axes: self.axes.clone(),
+            policy: self.policy,
+            basis: basis_of(&self.axes, &self.transforms),
+            kept_coefficients: (self.policy != Policy::Lossless).then_some(self.kept),
+            floor: f64::from(self.floor),
+            errors: self.errors,
+            metadata,
+        }
+    }
+}
+
+/// The smallest f32 that is not below `error`.
+fn rounded_up(error: f64) -> f32 {
+    let nearest = error.min(f64::from(f32::MAX)) as f32;
+    if f64::from(nearest) < error { nearest.next_up().min(f32::MAX) } else { nearest }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn errors_are_never_rounded_down() {
+        for error in [0.0, 1e-3, 0.01, 1.0 / 3.0, 1e-30, 12345.678_9] {
+            let up = f64::from(rounded_up(error));
+            assert!(up >= error && up <= error * (1.0 + 2e-7) + 1e-44);
+        }
+        assert_eq!(rounded_up(f64::MAX), f32::MAX);
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_are_a_header_or_an_error(bytes in prop::collection::vec(any::<u8>(), 0..120)) {
+            let _ = Header::read(&mut Reader::new(&bytes, 0));
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! Every bit of every sample: no transform, the masked samples filled so that they cost little.
+
+use super::file::{Parts, classes_chunk, finish, lanes};
+use super::fill::fill;
+use super::header::Header;
+use super::{CompressError, Compressed, Policy, Settings};
+use crate::codec::{ChunkKind, Class, Encoder, code_exact};
+use crate::domain::{ErrorReport, Measurement, Progress};
+
+pub(crate) fn compress(
+    measurement: &Measurement,
+    settings: &Settings,
+    floor: f32,
+    progress: &dyn Progress,
+) -> Result<Compressed, CompressError> {
+    let axes = measurement.tensor.axes();
+    let mut samples = measurement.tensor.samples().to_vec();
+    let mut classes: Vec<Class> =
+        samples.iter().map(|s| if s.is_nan() { Class::Masked } else { Class::Positive }).collect();
+    let classes = classes_chunk(axes, &mut classes);
+    fill(axes, &mut samples);
+    progress.step(0.1)?;
+    let mut encoder = Encoder::default();
+    code_exact(&mut encoder, lanes(axes), &mut samples);
+    drop(samples);
+    progress.step(0.6)?;
+    let header = Header {
+        quantity: measurement.quantity,
+        unit: measurement.unit,
+        sampling: measurement.sampling,
+        axes: axes.to_vec(),
+        policy: Policy::Lossless,
+        transforms: Vec::new(),
+        step: 0.0,
+        correction_step: 0.0,
+        has_classes: classes.is_some(),
+        floor,
+        kept: 0,
+        errors: ErrorReport::default(),
+    };
+    let chunks = classes.into_iter().chain([(ChunkKind::Exact, encoder.finish())]).collect();
+    finish(Parts { header, chunks }, measurement, settings.metadata.as_deref())
+}

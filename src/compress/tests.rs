@@ -1,0 +1,268 @@
+//! Promises are kept on synthetic measurements of every shape, by every policy, on the decoded bytes.
+
+use super::*;
+use crate::domain::{Domain, Silent, Tensor, TriangleMesh, WavelengthGrid};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+fn mesh(domain: Domain, level: u8) -> Axis {
+    Axis::Triangles(TriangleMesh::new(domain, level).unwrap())
+}
+
+fn wavelengths(count: usize) -> Axis {
+    Axis::Wavelength(WavelengthGrid::even(380.0, 5.0, count).unwrap())
+}
+
+fn index(count: usize) -> Axis {
+    Axis::Index { count, labels: (0..count).map(|i| format!("patch {i}")).collect() }
+}
+
+/// A smooth positive function of every axis with a little noise, seeded.
+fn measurement(quantity: Quantity, axes: Vec<Axis>, noise: f64) -> Measurement {
+    let mut rng = Pcg64::seed_from_u64(7);
+    let shape: Vec<usize> = axes.iter().map(Axis::len).collect();
+    let count: usize = shape.iter().product();
+    let samples = (0..count)
+        .map(|flat| {
+            let mut rest = flat;
+            let mut value: f64 = 0.3;
+            for (axis, n) in axes.iter().zip(&shape).rev() {
+                let i = rest % n;
+                rest /= n;
+                value *= match axis {
+                    Axis::Triangles(mesh) => 1.2 + mesh.centroid(i).xyz()[0] * 0.7,
+                    _ => 1.0 + 0.5 * (i as f64 / *n as f64 * 3.0).sin(),
+                };
+            }
+            (value * (1.0 + noise * (rng.random::<f64>() - 0.5))) as f32
+        })
+        .collect();
+    let tensor = Tensor::new(axes, samples).unwrap();
+    Measurement::new(quantity, quantity.default_unit(), Sampling::Average, tensor).unwrap()
+}
+
+fn shapes() -> Vec<Measurement> {
+    let elevations = Axis::Elevation((0..9).map(|i| f64::from(i) * 10.0).collect());
+    vec![
+        measurement(Quantity::Spectrum, vec![wavelengths(1)], 0.0),
+        measurement(Quantity::Spectrum, vec![wavelengths(71)], 0.02),
+        measurement(Quantity::Reflectance, vec![index(5), wavelengths(80)], 0.01),
+        measurement(Quantity::Edf, vec![mesh(Domain::Sphere, 3)], 0.01),
+        measurement(Quantity::Edf, vec![mesh(Domain::Sphere, 2), wavelengths(91)], 0.01),
+        measurement(
+            Quantity::Brdf,
+            vec![mesh(Domain::Hemisphere, 1), mesh(Domain::Hemisphere, 2), wavelengths(13)],
+            0.01,
+        ),
+        measurement(Quantity::Brdf, vec![elevations, mesh(Domain::Hemisphere, 2), Axis::Rgb], 0.05),
+        measurement(Quantity::Btdf, vec![mesh(Domain::Hemisphere, 0), mesh(Domain::Lower, 2)], 0.01),
+        measurement(Quantity::Phase, vec![mesh(Domain::Sphere, 1), mesh(Domain::Sphere, 2)], 0.0),
+        measurement(Quantity::Brdf, vec![index(3), index(7), wavelengths(11)], 0.01),
+    ]
+}
+
+/// Puts negative, zero and masked samples into a measurement.
+fn hurt(mut m: Measurement) -> Measurement {
+    let axes = m.tensor.axes().to_vec();
+    let mut samples = m.tensor.clone().into_samples();
+    for (i, s) in samples.iter_mut().enumerate() {
+        match i % 17 {
+            3 => *s = -*s * 0.1,
+            5 | 6 => *s = 0.0,
+            11 => *s = f32::NAN,
+            _ => {}
+        }
+    }
+    m.tensor = Tensor::new(axes, samples).unwrap();
+    m
+}
+
+fn settings(target: Target, policy: Policy) -> Settings {
+    Settings { target, policy, basis: "auto".to_owned(), floor: None, metadata: Some("{}".to_owned()) }
+}
+
+/// Compresses, decodes, checks what the report says against an independent measurement, and returns it.
+fn check_file(m: &Measurement, settings: &Settings) -> Compressed {
+    let compressed = compress(m, settings, &Silent).unwrap();
+    let decoded = decode(&compressed.bytes).unwrap();
+    assert_eq!((decoded.measurement.quantity, decoded.measurement.unit), (m.quantity, m.unit));
+    assert_eq!(decoded.measurement.tensor.axes(), m.tensor.axes());
+    let floor = compressed.summary.floor;
+    let errors = ErrorReport::measure(m.tensor.samples(), decoded.measurement.tensor.samples(), floor);
+    assert_eq!(errors, compressed.summary.errors);
+    assert_eq!(errors.mask_mismatches, 0);
+    let inspected = inspect(&compressed.bytes).unwrap();
+    assert_eq!(inspected.kept_coefficients, compressed.summary.kept_coefficients);
+    assert!(inspected.errors.er_l2 >= errors.er_l2 && inspected.errors.er_l2 <= errors.er_l2 * 1.000_001 + 1e-30);
+    compressed
+}
+
+#[test]
+fn er_l2_is_kept_by_every_policy_on_every_shape() {
+    for m in shapes().into_iter().flat_map(|m| [m.clone(), hurt(m)]) {
+        for policy in [Policy::Rd, Policy::Conventional] {
+            for target in [0.001, 0.01, 0.05] {
+                let compressed = check_file(&m, &settings(Target::ErL2(target), policy));
+                let errors = compressed.summary.errors;
+                assert!(errors.er_l2 <= target, "{:?} {policy} {target}: {}", m.tensor.shape(), errors.er_l2);
+            }
+        }
+    }
+}
+
+#[test]
+fn zeros_decode_to_zero_and_signs_are_kept() {
+    for m in shapes().into_iter().map(hurt) {
+        for target in [Target::ErL2(0.02), Target::MaxRelativeError(0.02), Target::Lossless] {
+            let compressed = check_file(&m, &settings(target, Policy::Rd));
+            let decoded = decode(&compressed.bytes).unwrap();
+            for (s, d) in m.tensor.samples().iter().zip(decoded.measurement.tensor.samples()) {
+                assert!(s.is_nan() && d.is_nan() || s.partial_cmp(&0.0) == d.partial_cmp(&0.0), "{s} {d}");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_sample_keeps_a_pointwise_bound() {
+    for m in shapes().into_iter().flat_map(|m| [m.clone(), hurt(m)]) {
+        for bound in [1e-4, 0.01, 0.1] {
+            let compressed = check_file(&m, &settings(Target::MaxRelativeError(bound), Policy::Rd));
+            assert!(compressed.summary.errors.max_relative_error <= bound);
+        }
+        check_file(&m, &settings(Target::MaxRelativeError(0.05), Policy::Conventional));
+    }
+}
+
+#[test]
+fn ratios_count_coefficients_and_bytes_are_kept() {
+    for m in shapes() {
+        for policy in [Policy::Rd, Policy::Conventional] {
+            let n = m.tensor.len() as f64;
+            let compressed = check_file(&m, &settings(Target::Ratio(8.0), policy));
+            assert!(compressed.summary.kept_coefficients.unwrap() as f64 <= n / 8.0);
+            let bytes = 400 + m.tensor.len() as u64 / 8;
+            let compressed = check_file(&m, &settings(Target::Bytes(bytes), policy));
+            assert!(compressed.bytes.len() as u64 <= bytes, "{} of {bytes}", compressed.bytes.len());
+        }
+    }
+}
+
+#[test]
+fn lossless_keeps_every_bit() {
+    for m in shapes().into_iter().flat_map(|m| [m.clone(), hurt(m)]) {
+        let compressed = check_file(&m, &settings(Target::Lossless, Policy::Rd));
+        let decoded = decode(&compressed.bytes).unwrap();
+        for (s, d) in m.tensor.samples().iter().zip(decoded.measurement.tensor.samples()) {
+            assert!(s.is_nan() && d.is_nan() || s.to_bits() == d.to_bits());
+        }
+        assert_eq!(compressed.summary.policy, Policy::Lossless);
+    }
+}
+
+#[test]
+fn the_floor_bounds_what_it_leaves_out() {
+    let m = hurt(measurement(Quantity::Edf, vec![mesh(Domain::Sphere, 3), wavelengths(21)], 0.01));
+    let floored = Settings { floor: Some(0.2), ..settings(Target::ErL2(0.01), Policy::Rd) };
+    let compressed = check_file(&m, &floored);
+    let errors = compressed.summary.errors;
+    assert!(errors.below_floor_samples > 0 && errors.er_l2 <= 0.01);
+    assert!(errors.max_absolute_error_unscored <= compressed.summary.floor);
+    let plain = check_file(&m, &settings(Target::ErL2(0.01), Policy::Rd));
+    assert!(compressed.bytes.len() < plain.bytes.len());
+}
+
+#[test]
+fn signed_data_without_a_positive_sample_keep_their_error_too() {
+    let positive = measurement(Quantity::Spectrum, vec![wavelengths(80)], 0.05);
+    let samples = positive.tensor.samples().iter().map(|s| -s).collect();
+    let tensor = Tensor::new(positive.tensor.axes().to_vec(), samples).unwrap();
+    let m = Measurement { tensor, ..positive };
+    let compressed = check_file(&m, &settings(Target::ErL2(0.01), Policy::Rd));
+    assert!(compressed.summary.errors.relative_rmse <= 0.02);
+}
+
+#[test]
+fn threads_and_metadata_do_not_change_the_payload() {
+    let m = hurt(measurement(
+        Quantity::Brdf,
+        vec![mesh(Domain::Hemisphere, 1), mesh(Domain::Hemisphere, 3), wavelengths(31)],
+        0.01,
+    ));
+    let with = settings(Target::ErL2(0.01), Policy::Rd);
+    let without = Settings { metadata: None, ..with.clone() };
+    let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let one = pool(1).install(|| compress(&m, &with, &Silent).unwrap().bytes);
+    let two = pool(2).install(|| compress(&m, &with, &Silent).unwrap().bytes);
+    assert_eq!(one, two);
+    let bare = compress(&m, &without, &Silent).unwrap().bytes;
+    assert_eq!(payload_digest(&one).unwrap(), blake3::hash(&bare));
+}
+
+#[test]
+fn labels_travel_in_the_metadata() {
+    let m = measurement(Quantity::Reflectance, vec![index(5), wavelengths(80)], 0.01);
+    let compressed = check_file(&m, &settings(Target::ErL2(0.01), Policy::Rd));
+    let axes = inspect(&compressed.bytes).unwrap().axes;
+    assert!(matches!(&axes[0], Axis::Index { labels, .. } if labels[4] == "patch 4"));
+}
+
+#[test]
+fn settings_out_of_range_are_refused() {
+    let m = &shapes()[1];
+    let good = settings(Target::ErL2(0.01), Policy::Rd);
+    for bad in [
+        Settings { target: Target::ErL2(0.0), ..good.clone() },
+        Settings { target: Target::ErL2(f64::NAN), ..good.clone() },
+        Settings { target: Target::MaxRelativeError(-1.0), ..good.clone() },
+        Settings { target: Target::Ratio(0.5), ..good.clone() },
+        Settings { basis: "db99".to_owned(), ..good.clone() },
+        Settings { floor: Some(1.0), ..good.clone() },
+        Settings { metadata: Some("[]".to_owned()), ..good.clone() },
+        Settings { policy: Policy::Lossless, ..good.clone() },
+    ] {
+        assert!(matches!(compress(m, &bad, &Silent), Err(CompressError::Setting(_))), "{bad:?}");
+    }
+}
+
+#[test]
+fn unreachable_targets_say_so() {
+    let m = &shapes()[4];
+    for target in [Target::Bytes(10), Target::ErL2(1e-12), Target::MaxRelativeError(1e-9)] {
+        let result = compress(m, &settings(target, Policy::Rd), &Silent);
+        assert!(matches!(result, Err(CompressError::Unreachable(_))), "{target:?}: {result:?}");
+    }
+}
+
+struct Impatient;
+
+impl Progress for Impatient {
+    fn report(&self, _fraction: f64) {}
+    fn is_cancelled(&self) -> bool {
+        true
+    }
+}
+
+#[test]
+fn work_stops_when_asked() {
+    for policy in [Policy::Rd, Policy::Conventional] {
+        let result = compress(&shapes()[4], &settings(Target::ErL2(0.01), policy), &Impatient);
+        assert!(matches!(result, Err(CompressError::Cancelled(_))));
+    }
+}
+
+#[test]
+fn every_truncation_and_every_flipped_byte_is_an_error() {
+    let m = hurt(measurement(Quantity::Edf, vec![mesh(Domain::Sphere, 1), wavelengths(9)], 0.01));
+    for target in [Target::ErL2(0.01), Target::MaxRelativeError(0.01), Target::Lossless] {
+        let bytes = compress(&m, &settings(target, Policy::Rd), &Silent).unwrap().bytes;
+        for end in 0..bytes.len() {
+            assert!(decode(&bytes[..end]).is_err());
+        }
+        for i in 0..bytes.len() {
+            let mut flipped = bytes.clone();
+            flipped[i] ^= 0x55;
+            assert!(decode(&flipped).is_err(), "byte {i}");
+        }
+    }
+}
