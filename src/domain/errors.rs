@@ -38,7 +38,7 @@ pub struct ErrorReport {
 }
 
 /// Sums over one block; blocks are added in order, so that the result does not depend on threads.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     relative: f64,
     relative_squared: f64,
@@ -55,13 +55,35 @@ impl ErrorReport {
     /// # Panics
     /// If the lengths differ.
     pub fn measure(original: &[f32], decoded: &[f32], floor: f64) -> Self {
+        let mut accumulator = ErrorAccumulator::default();
+        accumulator.add(original, decoded, floor);
+        accumulator.finish()
+    }
+}
+
+/// An [`ErrorReport`] in the making, for samples that come in pieces.
+///
+/// Sums are added in the order of the pieces: the same pieces give the same bits on any number of threads.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ErrorAccumulator(Sums);
+
+impl ErrorAccumulator {
+    /// Adds the errors of `decoded` against `original`; the arguments are those of [`ErrorReport::measure`].
+    ///
+    /// # Panics
+    /// If the lengths differ.
+    pub fn add(&mut self, original: &[f32], decoded: &[f32], floor: f64) {
         assert_eq!(original.len(), decoded.len(), "tensors to compare have the same length");
         let blocks: Vec<Sums> =
             original.par_chunks(BLOCK).zip(decoded.par_chunks(BLOCK)).map(|(s, d)| sums(s, d, floor)).collect();
-        let mut total = Sums::default();
         for block in &blocks {
-            total.add(block);
+            self.0.add(block);
         }
+    }
+
+    /// The report over everything added.
+    pub fn finish(self) -> ErrorReport {
+        let total = self.0;
         let mut report = total.report;
         if report.scored_samples > 0 {
             let n = report.scored_samples as f64;
@@ -152,6 +174,17 @@ mod tests {
         let r = ErrorReport::measure(&original, &decoded, 0.0);
         assert!((r.er_l1 - 0.01).abs() < 1e-5, "{}", r.er_l1);
         assert_eq!(r.scored_samples, original.len() as u64);
+    }
+
+    #[test]
+    fn pieces_add_up_to_the_whole() {
+        let original: Vec<f32> = (0..2 * BLOCK).map(|i| (i % 7) as f32 - 1.0).collect();
+        let decoded: Vec<f32> = original.iter().map(|s| s * 1.01 + 0.001).collect();
+        let mut pieces = ErrorAccumulator::default();
+        pieces.add(&original[..BLOCK], &decoded[..BLOCK], 0.5);
+        pieces.add(&original[BLOCK..], &decoded[BLOCK..], 0.5);
+        assert_eq!(pieces.finish(), ErrorReport::measure(&original, &decoded, 0.5));
+        assert_eq!(ErrorAccumulator::default().finish(), ErrorReport::default());
     }
 
     #[test]

@@ -167,7 +167,8 @@ fn midpoint(a: Vector, b: Vector) -> Vector {
     unit(add(a, b))
 }
 
-fn child([v0, v1, v2]: Vertices, which: usize) -> Vertices {
+/// Child `which` (0..4) of a triangle, as the module says.
+pub(crate) fn child([v0, v1, v2]: Vertices, which: usize) -> Vertices {
     let (m01, m12, m02) = (midpoint(v0, v1), midpoint(v1, v2), midpoint(v0, v2));
     match which {
         0 => [v0, m01, m02],

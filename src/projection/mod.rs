@@ -1,7 +1,21 @@
 //! Samples as the instrument took them → a tensor of cell averages on chosen axes, with a coverage report.
 
-use crate::domain::{AxisError, ErrorReport, Measurement, TensorError, WavelengthGrid};
-use crate::formats::Acquisition;
+mod angles;
+mod averages;
+mod bands;
+mod grid;
+mod levels;
+mod on_axes;
+mod resampling;
+mod samples;
+mod spectral;
+#[cfg(test)]
+mod tests;
+
+pub use samples::error_at_samples;
+
+use crate::domain::{AxisError, Measurement, TensorError, WavelengthGrid};
+use crate::formats::{Acquisition, Samples};
 use serde::Serialize;
 
 /// The axes the user asks for; what is not given is chosen from the data's own density.
@@ -54,14 +68,13 @@ pub enum ProjectionError {
 }
 
 /// Projects `acquisition` onto the axes of `request`.
+///
+/// Samples on angles become averages of their bilinear interpolant over triangles (isotropic incoming elevations stay
+/// as they are); samples on final axes stay, or become averages over coarser triangles; wavelengths asked for become
+/// averages over their bands. The result is `[index…, incoming, outgoing, spectral]`, NaN where nothing was measured.
 pub fn project(acquisition: &Acquisition, request: &AxesRequest) -> Result<Projected, ProjectionError> {
-    let _ = (acquisition, request);
-    unimplemented!()
-}
-
-/// The errors of `measurement` (projected, or decoded) at the original samples of the file, looked up piecewise constant;
-/// `None` where the file's samples are the tensor's own.
-pub fn error_at_samples(acquisition: &Acquisition, measurement: &Measurement) -> Option<ErrorReport> {
-    let _ = (acquisition, measurement);
-    unimplemented!()
+    match &acquisition.samples {
+        Samples::OnAxes { tensor, sampling } => on_axes::project(acquisition, tensor, *sampling, request),
+        Samples::Grid(grid) => grid::project(acquisition, grid, request),
+    }
 }

@@ -1,0 +1,306 @@
+//! Samples on a grid of angles → averages over triangles.
+
+use super::angles::{self, check, check_area, sampled_cells};
+use super::averages::{Averages, divisions};
+use super::levels::{self, Choice, rounded};
+use super::resampling::{Directions, Resampling};
+use super::{AxesRequest, Coverage, Projected, ProjectionError, on_axes, spectral};
+use crate::domain::limits::MAX_SAMPLES;
+use crate::domain::{Axis, Domain, Layout, Measurement, Quantity, Sampling, Tensor, TensorError, check_axes};
+use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Outside};
+
+/// How the directions of one side come onto an axis.
+enum Side<'a> {
+    /// There are none.
+    Absent,
+    /// Elevations of isotropic data.
+    Elevations(&'a Angles),
+    /// Triangles.
+    Triangles(&'a Angles, Choice),
+}
+
+/// Projects `grid`, the samples of `acquisition`.
+pub(super) fn project(
+    acquisition: &Acquisition,
+    grid: &AngleGrid,
+    request: &AxesRequest,
+) -> Result<Projected, ProjectionError> {
+    let missing = check_values(grid)?;
+    let mut incoming = incoming_side(grid.incoming.as_ref(), request.incoming_level)?;
+    let mut outgoing = outgoing_side(acquisition.quantity, grid.outgoing.as_ref(), request.outgoing_level)?;
+    let spectral =
+        spectral::plan(grid.spectral.as_ref(), acquisition.spectral_factor.as_ref(), request.wavelengths.as_ref())?;
+    let outer: usize = grid.index.iter().map(Axis::len).product();
+    lower_to_fit(&mut incoming, &mut outgoing, outer.saturating_mul(spectral.channels.to()));
+    let mut axes = grid.index.clone();
+    axes.extend([incoming.axis(), outgoing.axis(), spectral.axis].into_iter().flatten());
+    Layout::of(acquisition.quantity, &axes)?;
+    check_axes(&axes)?;
+
+    let mut notes = Vec::new();
+    incoming.describe("incoming", grid.outside, &mut notes);
+    outgoing.describe("outgoing", grid.outside, &mut notes);
+    notes.extend(spectral.notes);
+    if missing > 0 {
+        notes.push(format!(
+            "{missing} of {} samples are missing: cells are averages of what is there, masked where nothing is",
+            grid.values.len()
+        ));
+    }
+
+    let resampling = Resampling {
+        outer,
+        incoming: incoming.directions(grid.outside),
+        outgoing: outgoing.directions(grid.outside),
+        channels: spectral.channels,
+    };
+    let samples = resampling.apply(&grid.values, missing > 0);
+    let coverage = Coverage { notes, ..cover(grid, &resampling, &incoming, &outgoing, &samples, missing > 0) };
+    let tensor = Tensor::new(axes, samples)?;
+    let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Average, tensor)?;
+    Ok(Projected { measurement, coverage })
+}
+
+/// Checks count and finiteness; how many samples are missing.
+fn check_values(grid: &AngleGrid) -> Result<usize, ProjectionError> {
+    check_axes(&grid.index)?;
+    let mut shape: Vec<usize> = grid.index.iter().map(Axis::len).collect();
+    for (what, side) in [("incoming", &grid.incoming), ("outgoing", &grid.outgoing)] {
+        if let Some(angles) = side {
+            check(what, angles)?;
+            shape.push(angles::count(angles));
+        }
+    }
+    shape.extend(grid.spectral.as_ref().map(Axis::len));
+    let expected = shape.iter().fold(1_usize, |product, &n| product.saturating_mul(n));
+    if grid.values.len() != expected {
+        return Err(TensorError::Count { found: grid.values.len(), expected, shape }.into());
+    }
+    if let Some(index) = grid.values.iter().position(|v| v.is_infinite()) {
+        return Err(TensorError::Infinite { index }.into());
+    }
+    Ok(grid.values.iter().filter(|v| v.is_nan()).count())
+}
+
+fn incoming_side(angles: Option<&Angles>, level: Option<u8>) -> Result<Side<'_>, ProjectionError> {
+    let unfit = |reason: String| Err(ProjectionError::Unfit(format!("incoming_level: {reason}")));
+    match (angles, level) {
+        (None, None) => Ok(Side::Absent),
+        (None, Some(_)) => unfit("the data have no incoming directions to choose a level for".to_owned()),
+        (Some(angles), level) if angles.phi.is_none() => match level {
+            None => Ok(Side::Elevations(angles)),
+            Some(_) => unfit(on_axes::isotropic(angles.theta.len(), "incoming")),
+        },
+        (Some(angles), level) => {
+            check_area("incoming", angles)?;
+            let domain = match angles.covers {
+                (_, high) if high <= 90.0 => Domain::Hemisphere,
+                (low, _) if low >= 90.0 => Domain::Lower,
+                _ => Domain::Sphere,
+            };
+            Ok(Side::Triangles(angles, levels::choose("incoming", domain, angles, level)?))
+        }
+    }
+}
+
+fn outgoing_side(quantity: Quantity, angles: Option<&Angles>, level: Option<u8>) -> Result<Side<'_>, ProjectionError> {
+    let Some(angles) = angles else {
+        return match level {
+            None => Ok(Side::Absent),
+            Some(_) => Err(ProjectionError::Unfit(
+                "outgoing_level: the data have no outgoing directions to choose a level for".to_owned(),
+            )),
+        };
+    };
+    check_area("outgoing", angles)?;
+    let domain = match quantity {
+        Quantity::Brdf => Domain::Hemisphere,
+        Quantity::Btdf => Domain::Lower,
+        _ => Domain::Sphere,
+    };
+    let (low, high) = angles.covers;
+    let beside = match domain {
+        Domain::Hemisphere => low >= 90.0,
+        Domain::Lower => high <= 90.0,
+        Domain::Sphere => false,
+    };
+    if beside {
+        return Err(ProjectionError::Unfit(format!(
+            "outgoing angles: theta {low} to {high} does not reach into the {domain} of a {quantity}"
+        )));
+    }
+    Ok(Side::Triangles(angles, levels::choose("outgoing", domain, angles, level)?))
+}
+
+/// Lowers chosen levels, the finer one first, until the tensor is within its limit; what the user named stays.
+fn lower_to_fit<'a>(incoming: &mut Side<'a>, outgoing: &mut Side<'a>, others: usize) {
+    while incoming.len().saturating_mul(outgoing.len()).saturating_mul(others) > MAX_SAMPLES {
+        let incoming_first = incoming.len() > outgoing.len();
+        let (first, second) =
+            if incoming_first { (&mut *incoming, &mut *outgoing) } else { (&mut *outgoing, &mut *incoming) };
+        if !first.lower() && !second.lower() {
+            return;
+        }
+    }
+}
+
+impl Side<'_> {
+    fn lower(&mut self) -> bool {
+        match self {
+            Self::Triangles(_, choice) => choice.lower(),
+            _ => false,
+        }
+    }
+
+    fn axis(&self) -> Option<Axis> {
+        match self {
+            Self::Absent => None,
+            Self::Elevations(angles) => Some(Axis::Elevation(angles.theta.clone())),
+            Self::Triangles(_, choice) => Some(Axis::Triangles(choice.mesh)),
+        }
+    }
+
+    fn len(&self) -> usize {
+        match self {
+            Self::Absent => 1,
+            Self::Elevations(angles) => angles.theta.len(),
+            Self::Triangles(_, choice) => choice.mesh.len(),
+        }
+    }
+
+    fn directions(&self, outside: Outside) -> Directions {
+        match self {
+            Self::Absent => Directions::Kept(1),
+            Self::Elevations(angles) => Directions::Kept(angles.theta.len()),
+            Self::Triangles(angles, choice) => Directions::Averaged {
+                from: angles::count(angles),
+                averages: Averages::over_triangles(choice.mesh, angles, outside),
+            },
+        }
+    }
+
+    /// Which samples lie in which entries of the axis.
+    fn sampled(&self) -> Vec<(usize, usize)> {
+        match self {
+            Self::Absent => vec![(0, 0)],
+            Self::Elevations(angles) => (0..angles.theta.len()).map(|i| (i, i)).collect(),
+            Self::Triangles(angles, choice) => sampled_cells(angles, choice.mesh),
+        }
+    }
+
+    /// Everything chosen and assumed, for the user.
+    fn describe(&self, what: &str, outside: Outside, notes: &mut Vec<String>) {
+        let (angles, choice) = match self {
+            Self::Absent => return,
+            Self::Elevations(angles) => {
+                notes.push(format!("{what}: the {} elevations of the file (isotropic)", angles.theta.len()));
+                return;
+            }
+            Self::Triangles(angles, choice) => (angles, choice),
+        };
+        let domain = choice.mesh.domain();
+        notes.push(choice.note(what));
+        notes.push(format!(
+            "{what} cells are averages of the bilinear interpolant over {} parts each",
+            1_u64 << (2 * divisions(choice.mesh, angles))
+        ));
+        let rest = match outside {
+            Outside::Zero => "0, as the format's standard says",
+            Outside::Masked => "masked",
+        };
+        let (top, bottom) = match domain {
+            Domain::Hemisphere => (0.0, 90.0),
+            Domain::Lower => (90.0, 180.0),
+            Domain::Sphere => (0.0, 180.0),
+        };
+        let (low, high) = angles.covers;
+        if low > top || high < bottom {
+            notes.push(format!("{what} directions outside theta {}° to {}° are {rest}", rounded(low), rounded(high)));
+        }
+        if low < top || high > bottom {
+            notes.push(format!("{what} samples beyond the {domain} were left out"));
+        }
+        let Some(azimuths) = &angles.phi else {
+            notes.push(format!("{what} samples have no azimuth: taken as rotationally symmetric about z"));
+            return;
+        };
+        if let (AzimuthExtent::Sector, [first, .., last]) = (azimuths.extent, azimuths.phi.as_slice())
+            && last - first < 360.0
+        {
+            notes.push(format!("{what} directions outside phi {}° to {}° are {rest}", rounded(*first), rounded(*last)));
+        }
+    }
+}
+
+/// Counts cells with a sample inside, between samples, and without any.
+fn cover(
+    grid: &AngleGrid,
+    resampling: &Resampling,
+    incoming: &Side<'_>,
+    outgoing: &Side<'_>,
+    samples: &[f32],
+    missing: bool,
+) -> Coverage {
+    let (n_in, n_out) = (resampling.incoming.to(), resampling.outgoing.to());
+    let (from_in, from_out, width) =
+        (resampling.incoming.from(), resampling.outgoing.from(), resampling.channels.from());
+    let (pairs_in, pairs_out) = (incoming.sampled(), outgoing.sampled());
+    let mut coverage = Coverage { cells: (resampling.outer * n_in * n_out) as u64, ..Coverage::default() };
+    let mut sampled = vec![false; n_in * n_out];
+    let spectra = samples.chunks(n_in * n_out * resampling.channels.to());
+    for (values, spectra) in grid.values.chunks(from_in * from_out * width).zip(spectra) {
+        sampled.fill(false);
+        for &(i, cell_in) in &pairs_in {
+            for &(o, cell_out) in &pairs_out {
+                let there = !missing || {
+                    let at = (i * from_out + o) * width;
+                    values[at..at + width].iter().any(|v| !v.is_nan())
+                };
+                sampled[cell_in * n_out + cell_out] |= there;
+            }
+        }
+        for (cell, spectrum) in spectra.chunks(resampling.channels.to()).enumerate() {
+            let unreached = resampling.incoming.is_empty(cell / n_out) || resampling.outgoing.is_empty(cell % n_out);
+            if unreached || spectrum.iter().all(|s| s.is_nan()) {
+                coverage.empty += 1;
+            } else if sampled[cell] {
+                coverage.measured += 1;
+            } else {
+                coverage.interpolated += 1;
+            }
+        }
+    }
+    coverage
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chosen_levels_give_way_to_the_size_limit_and_named_ones_do_not() {
+        let angles = Angles { theta: (0..=90).map(f64::from).collect(), covers: (0.0, 90.0), phi: None };
+        let side = |level| {
+            let choice = levels::choose("outgoing", Domain::Hemisphere, &angles, level).unwrap();
+            Side::Triangles(&angles, choice)
+        };
+        let level = |side: &Side<'_>| match side.axis() {
+            Some(Axis::Triangles(mesh)) => mesh.level(),
+            other => panic!("{other:?}"),
+        };
+        let (mut a, mut b) = (side(None), side(None));
+        lower_to_fit(&mut a, &mut b, 1);
+        assert_eq!((level(&a), level(&b)), (6, 6));
+        lower_to_fit(&mut a, &mut b, 3);
+        assert_eq!((level(&a), level(&b)), (6, 5));
+        let (mut a, mut b) = (side(None), side(Some(7)));
+        lower_to_fit(&mut a, &mut b, 16);
+        assert_eq!((level(&a), level(&b)), (3, 7));
+        let (mut a, mut b) = (side(Some(7)), side(Some(7)));
+        lower_to_fit(&mut a, &mut b, 1);
+        assert_eq!((level(&a), level(&b)), (7, 7));
+        let mut elevations = Side::Elevations(&angles);
+        lower_to_fit(&mut elevations, &mut a, usize::MAX);
+        assert_eq!((level(&a), elevations.len()), (7, 91));
+    }
+}

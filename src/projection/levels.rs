@@ -1,0 +1,132 @@
+//! The level of triangles that fits the density of the samples.
+
+use super::ProjectionError;
+use super::angles::mean_spacing;
+use super::averages::OCTANT_DEGREES;
+use crate::domain::limits::MAX_LEVEL;
+use crate::domain::{Domain, TriangleMesh};
+use crate::formats::Angles;
+
+/// The finest level that is chosen without being asked for.
+const MAX_CHOSEN_LEVEL: u8 = 6;
+/// A cell is chosen at most this many times larger than the finer of the two spacings.
+const MAX_COARSENING: f64 = 2.0;
+
+/// A mesh and why it is this one.
+#[derive(Clone, Debug)]
+pub(super) struct Choice {
+    pub(super) mesh: TriangleMesh,
+    /// Whether the user named the level.
+    pub(super) requested: bool,
+    /// The level before it was lowered for size.
+    wanted: u8,
+    spacing: String,
+}
+
+/// The mesh of `domain` for samples on `angles`: at the `requested` level, or at the level whose mean cell size (the
+/// square root of its solid angle) is nearest in ratio to the geometric mean of the two spacings, or to twice the finer
+/// one where that is less.
+pub(super) fn choose(
+    what: &str,
+    domain: Domain,
+    angles: &Angles,
+    requested: Option<u8>,
+) -> Result<Choice, ProjectionError> {
+    let (theta, phi) = mean_spacing(angles);
+    let level = requested.unwrap_or_else(|| natural_level(theta, phi));
+    let mesh = TriangleMesh::new(domain, level)
+        .ok_or_else(|| ProjectionError::Unfit(format!("{what}_level: {level} is above the limit of {MAX_LEVEL}")))?;
+    let spacing = match phi {
+        Some(phi) => format!("{}° × {}°", rounded(theta), rounded(phi)),
+        None => format!("{}° of theta", rounded(theta)),
+    };
+    Ok(Choice { mesh, requested: requested.is_some(), wanted: level, spacing })
+}
+
+impl Choice {
+    /// Lowers a chosen level by one; `false` where the user named it or there is nothing coarser.
+    pub(super) fn lower(&mut self) -> bool {
+        match self.mesh.coarser() {
+            Some(coarser) if !self.requested => {
+                self.mesh = coarser;
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// One sentence for the user.
+    pub(super) fn note(&self, what: &str) -> String {
+        let level = self.mesh.level();
+        let size = OCTANT_DEGREES / f64::from(1_u32 << level);
+        let why = if self.requested {
+            "as requested".to_owned()
+        } else if level < self.wanted {
+            format!("level {} would fit the samples, but makes the tensor too large", self.wanted)
+        } else {
+            "the level whose mean cell size is nearest to the geometric mean of the spacings or to twice the finer one"
+                .to_owned()
+        };
+        format!(
+            "{what} level {level} on the {}: cells of {size:.1}° for samples every {} ({why})",
+            self.mesh.domain(),
+            self.spacing
+        )
+    }
+}
+
+fn natural_level(theta: f64, phi: Option<f64>) -> u8 {
+    let spacing = match phi {
+        Some(phi) => libm::sqrt(theta * phi).min(MAX_COARSENING * theta.min(phi)),
+        None => theta,
+    };
+    libm::round(libm::log2(OCTANT_DEGREES / spacing)).clamp(0.0, f64::from(MAX_CHOSEN_LEVEL)) as u8
+}
+
+/// At most two decimals, without trailing zeros.
+pub(super) fn rounded(degrees: f64) -> f64 {
+    libm::round(degrees * 100.0) / 100.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formats::{AzimuthExtent, Azimuths};
+
+    #[test]
+    fn levels_follow_the_spacings() {
+        for (theta, phi, expected) in [
+            (2.5, Some(11.25), 4),
+            (2.0, Some(2.0), 5),
+            (15.0, Some(30.0), 2),
+            (2.5, Some(90.0), 4),
+            (5.0, Some(15.0), 3),
+            (5.0, None, 4),
+            (0.1, Some(0.1), 6),
+            (90.0, Some(180.0), 0),
+        ] {
+            assert_eq!(natural_level(theta, phi), expected, "{theta} {phi:?}");
+        }
+    }
+
+    #[test]
+    fn notes_name_sizes_and_spacings() {
+        let angles = Angles {
+            theta: (0..=36).map(|i| 90.0 + 2.5 * f64::from(i)).collect(),
+            covers: (90.0, 180.0),
+            phi: Some(Azimuths { phi: (0..32).map(|i| 11.25 * f64::from(i)).collect(), extent: AzimuthExtent::Circle }),
+        };
+        let mut choice = choose("outgoing", Domain::Sphere, &angles, None).unwrap();
+        let note = choice.note("outgoing");
+        assert!(
+            note.starts_with("outgoing level 4 on the sphere: cells of 4.5° for samples every 2.5° × 11.25° ("),
+            "{note}"
+        );
+        assert!(choice.lower());
+        assert!(choice.note("outgoing").contains("level 4 would fit"));
+        let mut fixed = choose("outgoing", Domain::Sphere, &angles, Some(7)).unwrap();
+        assert!(!fixed.lower() && fixed.note("outgoing").contains("as requested"));
+        let error = choose("outgoing", Domain::Sphere, &angles, Some(9)).unwrap_err();
+        assert_eq!(error.to_string(), "outgoing_level: 9 is above the limit of 8");
+    }
+}

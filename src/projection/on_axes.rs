@@ -1,0 +1,85 @@
+//! Samples that lie on final axes already: kept, made coarser, or put on other wavelengths.
+
+use super::averages::Averages;
+use super::resampling::{Directions, Resampling};
+use super::{AxesRequest, Coverage, Projected, ProjectionError, spectral};
+use crate::domain::{Axis, Layout, Measurement, Sampling, Tensor, check_axes};
+use crate::formats::Acquisition;
+
+/// Projects `tensor`, the samples of `acquisition`.
+pub(super) fn project(
+    acquisition: &Acquisition,
+    tensor: &Tensor,
+    sampling: Sampling,
+    request: &AxesRequest,
+) -> Result<Projected, ProjectionError> {
+    let layout = Layout::of(acquisition.quantity, tensor.axes())?;
+    let role = |axis: Option<usize>| axis.map(|i| &tensor.axes()[i]);
+    let mut notes = Vec::new();
+    let (incoming_axis, incoming) = coarsen("incoming", role(layout.incoming), request.incoming_level, &mut notes)?;
+    let (outgoing_axis, outgoing) = coarsen("outgoing", role(layout.outgoing), request.outgoing_level, &mut notes)?;
+    let spectral =
+        spectral::plan(role(layout.spectral), acquisition.spectral_factor.as_ref(), request.wavelengths.as_ref())?;
+    notes.extend(spectral.notes);
+
+    let mut axes = tensor.axes()[..layout.indices].to_vec();
+    let outer = axes.iter().map(Axis::len).product();
+    axes.extend([incoming_axis, outgoing_axis, spectral.axis].into_iter().flatten());
+    check_axes(&axes)?;
+    let averaged = [&incoming, &outgoing].iter().any(|d| matches!(d, Directions::Averaged { .. }));
+    let resampling = Resampling { outer, incoming, outgoing, channels: spectral.channels };
+    let samples = if resampling.is_identity() {
+        notes.push("the axes and samples of the file".to_owned());
+        tensor.samples().to_vec()
+    } else {
+        resampling.apply(tensor.samples(), tensor.masked() > 0)
+    };
+
+    let width = resampling.channels.to();
+    let cells = samples.len() / width;
+    let empty = samples.chunks(width).filter(|spectrum| spectrum.iter().all(|s| s.is_nan())).count();
+    let coverage =
+        Coverage { cells: cells as u64, measured: (cells - empty) as u64, interpolated: 0, empty: empty as u64, notes };
+    let tensor = Tensor::new(axes, samples)?;
+    let sampling = if averaged { Sampling::Average } else { sampling };
+    let measurement = Measurement::new(acquisition.quantity, acquisition.unit, sampling, tensor)?;
+    Ok(Projected { measurement, coverage })
+}
+
+/// The axis at `level`, and how it comes from `axis`.
+fn coarsen(
+    what: &str,
+    axis: Option<&Axis>,
+    level: Option<u8>,
+    notes: &mut Vec<String>,
+) -> Result<(Option<Axis>, Directions), ProjectionError> {
+    let unfit = |reason: String| Err(ProjectionError::Unfit(format!("{what}_level: {reason}")));
+    let kept = || (axis.cloned(), Directions::Kept(axis.map_or(1, Axis::len)));
+    let Some(level) = level else { return Ok(kept()) };
+    let mesh = match axis {
+        Some(Axis::Triangles(mesh)) => *mesh,
+        None => return unfit(format!("the data have no {what} directions to choose a level for")),
+        Some(Axis::Elevation(values)) => return unfit(isotropic(values.len(), what)),
+        Some(other) => return unfit(format!("the {what} axis is {}, no triangles", other.describe())),
+    };
+    let Some(depth) = mesh.level().checked_sub(level) else {
+        let found = Axis::Triangles(mesh).describe();
+        return unfit(format!("{level} requested, the data are at level {} ({found})", mesh.level()));
+    };
+    if depth == 0 {
+        return Ok(kept());
+    }
+    let coarse = (0..depth).try_fold(mesh, |mesh, _| mesh.coarser());
+    notes.push(format!(
+        "{what} level {level} as requested: means of {} triangles of level {}, by solid angle",
+        1_u32 << (2 * u32::from(depth)),
+        mesh.level()
+    ));
+    let averages = Averages::over_children(mesh, depth);
+    Ok((coarse.map(Axis::Triangles), Directions::Averaged { from: mesh.len(), averages }))
+}
+
+/// Why a level means nothing for elevations.
+pub(super) fn isotropic(elevations: usize, what: &str) -> String {
+    format!("the data are isotropic ({elevations} elevations), no {what} triangles to choose a level for")
+}

@@ -1,0 +1,181 @@
+//! The errors of a tensor at the samples that the file held.
+
+use super::angles::sample_directions;
+use super::spectral::same;
+use crate::domain::{Axis, Direction, ErrorAccumulator, ErrorReport, Layout, Measurement};
+use crate::formats::{Acquisition, Angles, Samples, SpectralFactor};
+use rayon::prelude::*;
+
+/// Samples compared at a time: two arrays of this length are all the memory it takes.
+const PIECE: usize = 1 << 20;
+
+/// A sample and the entry of the tensor's axis that holds it.
+type Pair = (usize, usize);
+
+/// One original channel and where it lies on the tensor's spectral axis.
+#[derive(Clone, Copy, Debug)]
+struct Channel {
+    sample: usize,
+    factor: f64,
+    entry: usize,
+    /// The weight of the next entry.
+    t: f64,
+}
+
+/// Everything that leads from samples `[index, incoming, outgoing, spectral]` to entries of the tensor.
+struct Pairing<'a> {
+    values: &'a [f32],
+    /// How many samples there are in the file on the side of wi, of wo, and channels.
+    shape: (usize, usize, usize),
+    outer: usize,
+    incoming: Vec<Pair>,
+    outgoing: Vec<Pair>,
+    channels: Vec<Channel>,
+}
+
+/// The errors of `measurement` (projected, or decoded) at the original samples of the file, looked up piecewise constant
+/// in direction and linearly in wavelength; `None` where the file's samples are the tensor's own, or the tensor is not
+/// one of this file.
+///
+/// A sample on the rim of what was measured is looked up a millionth of a degree inside; one without azimuth stands for
+/// its ring and is compared at 16 azimuths; samples outside the tensor's directions or wavelengths are left out.
+pub fn error_at_samples(acquisition: &Acquisition, measurement: &Measurement) -> Option<ErrorReport> {
+    let pairing = pair(acquisition, measurement)?;
+    let tensor = measurement.tensor.samples();
+    let layout = measurement.layout().ok()?;
+    let length = |axis: Option<usize>| axis.map_or(1, |i| measurement.tensor.axes()[i].len());
+    let shape = (length(layout.incoming), length(layout.outgoing), length(layout.spectral));
+    let (n_in, n_out, width) = (pairing.incoming.len(), pairing.outgoing.len(), pairing.channels.len());
+    let directions = pairing.outer * n_in * n_out;
+    if directions == 0 || width == 0 {
+        return Some(ErrorReport::default());
+    }
+
+    let rows = (PIECE / width).clamp(1, directions);
+    let (mut original, mut found) = (vec![0.0_f32; rows * width], vec![0.0_f32; rows * width]);
+    let mut errors = ErrorAccumulator::default();
+    for first in (0..directions).step_by(rows) {
+        let length = rows.min(directions - first) * width;
+        let (original, found) = (&mut original[..length], &mut found[..length]);
+        original.par_chunks_mut(width).zip(found.par_chunks_mut(width)).enumerate().for_each(|(row, (s, d))| {
+            let direction = first + row;
+            let (outer, i, o) = (direction / (n_in * n_out), direction / n_out % n_in, direction % n_out);
+            let ((sample_in, cell_in), (sample_out, cell_out)) = (pairing.incoming[i], pairing.outgoing[o]);
+            let from = pairing.shape;
+            let source = &pairing.values[((outer * from.0 + sample_in) * from.1 + sample_out) * from.2..][..from.2];
+            let target = &tensor[((outer * shape.0 + cell_in) * shape.1 + cell_out) * shape.2..][..shape.2];
+            for ((s, d), channel) in s.iter_mut().zip(d).zip(&pairing.channels) {
+                *s = (f64::from(source[channel.sample]) * channel.factor) as f32;
+                *d = if channel.t == 0.0 {
+                    target[channel.entry]
+                } else {
+                    let (a, b) = (f64::from(target[channel.entry]), f64::from(target[channel.entry + 1]));
+                    (a + channel.t * (b - a)) as f32
+                };
+            }
+        });
+        errors.add(original, found, 0.0);
+    }
+    Some(errors.finish())
+}
+
+fn pair<'a>(acquisition: &'a Acquisition, measurement: &Measurement) -> Option<Pairing<'a>> {
+    let layout = measurement.layout().ok()?;
+    let axes = measurement.tensor.axes();
+    let role = |axis: Option<usize>| axis.map(|i| &axes[i]);
+    let factor = acquisition.spectral_factor.as_ref();
+    let outer: usize = axes[..layout.indices].iter().map(Axis::len).product();
+    match &acquisition.samples {
+        Samples::Grid(grid) => {
+            let same_indices = grid.index.iter().map(Axis::len).eq(axes[..layout.indices].iter().map(Axis::len));
+            let incoming = angle_pairs(grid.incoming.as_ref(), role(layout.incoming))?;
+            let outgoing = angle_pairs(grid.outgoing.as_ref(), role(layout.outgoing))?;
+            let (width, channels) = channels(grid.spectral.as_ref(), factor, role(layout.spectral))?;
+            let count = |angles: Option<&Angles>| angles.map_or(1, super::angles::count);
+            let shape = (count(grid.incoming.as_ref()), count(grid.outgoing.as_ref()), width);
+            let whole = outer * shape.0 * shape.1 * shape.2 == grid.values.len();
+            (same_indices && whole).then_some(Pairing {
+                values: &grid.values,
+                shape,
+                outer,
+                incoming,
+                outgoing,
+                channels,
+            })
+        }
+        Samples::OnAxes { tensor, .. } => {
+            let own = Layout::of(acquisition.quantity, tensor.axes()).ok()?;
+            let own_role = |axis: Option<usize>| axis.map(|i| &tensor.axes()[i]);
+            let same_indices = tensor.axes()[..own.indices] == axes[..layout.indices];
+            let directions_kept =
+                own_role(own.incoming) == role(layout.incoming) && own_role(own.outgoing) == role(layout.outgoing);
+            let channels_kept = match (own_role(own.spectral), factor, role(layout.spectral)) {
+                (None, Some(factor), Some(Axis::Wavelength(grid))) => same(&factor.grid, grid),
+                (Some(Axis::Wavelength(a)), None, Some(Axis::Wavelength(b))) => same(a, b),
+                (a, None, b) => a == b,
+                _ => false,
+            };
+            if !same_indices || directions_kept && channels_kept {
+                return None;
+            }
+            let incoming = axis_pairs(own_role(own.incoming), role(layout.incoming))?;
+            let outgoing = axis_pairs(own_role(own.outgoing), role(layout.outgoing))?;
+            let (width, channels) = channels(own_role(own.spectral), factor, role(layout.spectral))?;
+            let length = |axis: Option<usize>| axis.map_or(1, |i| tensor.axes()[i].len());
+            let shape = (length(own.incoming), length(own.outgoing), width);
+            Some(Pairing { values: tensor.samples(), shape, outer, incoming, outgoing, channels })
+        }
+    }
+}
+
+fn angle_pairs(angles: Option<&Angles>, axis: Option<&Axis>) -> Option<Vec<Pair>> {
+    match (angles, axis) {
+        (None, None) => Some(vec![(0, 0)]),
+        (Some(angles), Some(Axis::Elevation(values))) if angles.theta == *values => {
+            Some((0..values.len()).map(|i| (i, i)).collect())
+        }
+        (Some(angles), Some(Axis::Triangles(mesh))) => {
+            super::angles::check("", angles).ok()?;
+            let cell = |(sample, direction): (usize, Direction)| Some((sample, mesh.locate(direction)?));
+            Some(sample_directions(angles).into_iter().filter_map(cell).collect())
+        }
+        _ => None,
+    }
+}
+
+fn axis_pairs(own: Option<&Axis>, axis: Option<&Axis>) -> Option<Vec<Pair>> {
+    match (own, axis) {
+        (None, None) => Some(vec![(0, 0)]),
+        (Some(Axis::Triangles(fine)), Some(Axis::Triangles(coarse))) if fine.domain() == coarse.domain() => {
+            let depth = fine.level().checked_sub(coarse.level())?;
+            Some((0..fine.len()).map(|i| (i, i >> (2 * u32::from(depth)))).collect())
+        }
+        (Some(own), Some(axis)) if own == axis => Some((0..own.len()).map(|i| (i, i)).collect()),
+        _ => None,
+    }
+}
+
+/// How many channels a sample of the file has, and which of them (times the factor) lie on the tensor's axis.
+fn channels(own: Option<&Axis>, factor: Option<&SpectralFactor>, axis: Option<&Axis>) -> Option<(usize, Vec<Channel>)> {
+    match (own, factor, axis) {
+        (None, Some(joined), Some(Axis::Wavelength(to))) => {
+            let found = joined.factors.iter().enumerate().filter_map(|(i, &factor)| {
+                let (entry, t) = to.locate(joined.grid.at(i))?;
+                Some(Channel { sample: 0, factor, entry, t })
+            });
+            (joined.factors.len() == joined.grid.len()).then(|| (1, found.collect()))
+        }
+        (Some(Axis::Wavelength(from)), None, Some(Axis::Wavelength(to))) => {
+            let found = (0..from.len()).filter_map(|sample| {
+                let (entry, t) = to.locate(from.at(sample))?;
+                Some(Channel { sample, factor: 1.0, entry, t })
+            });
+            Some((from.len(), found.collect()))
+        }
+        (own, None, axis) if own == axis => {
+            let width = own.map_or(1, Axis::len);
+            Some((width, (0..width).map(|i| Channel { sample: i, factor: 1.0, entry: i, t: 0.0 }).collect()))
+        }
+        _ => None,
+    }
+}

@@ -1,0 +1,146 @@
+//! The spectral axis of a projection: kept, resampled to the wavelengths asked for, or made by a joined spectrum.
+
+use super::ProjectionError;
+use super::bands::Bands;
+use super::resampling::Channels;
+use crate::domain::{Axis, WavelengthGrid};
+use crate::formats::SpectralFactor;
+
+/// The spectral axis of the tensor, how it comes about, and what the user should know of it.
+pub(super) struct Spectral {
+    pub(super) axis: Option<Axis>,
+    pub(super) channels: Channels,
+    pub(super) notes: Vec<String>,
+}
+
+/// `own` is the spectral axis of the samples, `factor` a spectrum joined with them, `wanted` what the user asks for.
+pub(super) fn plan(
+    own: Option<&Axis>,
+    factor: Option<&SpectralFactor>,
+    wanted: Option<&WavelengthGrid>,
+) -> Result<Spectral, ProjectionError> {
+    let unfit = |reason: String| Err(ProjectionError::Unfit(reason));
+    match (own, factor) {
+        (Some(own), Some(_)) => {
+            unfit(format!("spectrum: the samples have a spectral axis of their own, {}", own.describe()))
+        }
+        (None, Some(factor)) => {
+            if factor.factors.len() != factor.grid.len() {
+                return unfit(format!(
+                    "spectrum: {} factors for {} wavelengths",
+                    factor.factors.len(),
+                    factor.grid.len()
+                ));
+            }
+            match wanted.filter(|wanted| !same(wanted, &factor.grid)) {
+                None => Ok(Spectral {
+                    axis: Some(Axis::Wavelength(factor.grid.clone())),
+                    channels: Channels::Multiplied(factor.factors.clone()),
+                    notes: Vec::new(),
+                }),
+                Some(wanted) => {
+                    let (bands, notes) = resample(&factor.grid, wanted)?;
+                    let factors = (0..bands.len()).map(|i| bands.average(&factor.factors, i)).collect();
+                    let channels = Channels::Multiplied(factors);
+                    Ok(Spectral { axis: Some(Axis::Wavelength(wanted.clone())), channels, notes })
+                }
+            }
+        }
+        (Some(Axis::Wavelength(own)), None) => match wanted.filter(|wanted| !same(wanted, own)) {
+            None => Ok(kept(Some(Axis::Wavelength(own.clone())))),
+            Some(wanted) => {
+                let (bands, notes) = resample(own, wanted)?;
+                let channels = Channels::Banded { from: own.len(), bands };
+                Ok(Spectral { axis: Some(Axis::Wavelength(wanted.clone())), channels, notes })
+            }
+        },
+        (own, None) => match (wanted, own) {
+            (None, own) => Ok(kept(own.cloned())),
+            (Some(_), Some(own)) => {
+                unfit(format!("wavelengths: the data have colour channels ({}), no wavelengths", own.describe()))
+            }
+            (Some(_), None) => {
+                unfit("wavelengths: the data have no wavelengths to resample; join a spectrum with them".to_owned())
+            }
+        },
+    }
+}
+
+/// Whether two grids have the same wavelengths, however they are kept.
+pub(super) fn same(a: &WavelengthGrid, b: &WavelengthGrid) -> bool {
+    a.len() == b.len() && (0..a.len()).all(|i| a.at(i) == b.at(i))
+}
+
+fn kept(axis: Option<Axis>) -> Spectral {
+    let channels = Channels::Kept(axis.as_ref().map_or(1, Axis::len));
+    Spectral { axis, channels, notes: Vec::new() }
+}
+
+fn resample(from: &WavelengthGrid, to: &WavelengthGrid) -> Result<(Bands, Vec<String>), ProjectionError> {
+    let bands = Bands::new(from, to);
+    let ((first, last), (low, high)) = (from.range(), to.range());
+    if bands.outside() == bands.len() {
+        return Err(ProjectionError::Unfit(format!(
+            "wavelengths: {low} to {high} nm requested, measured {first} to {last} nm"
+        )));
+    }
+    let mut notes = vec![format!(
+        "{} wavelengths from {low} to {high} nm as requested: averages over their bands of the piecewise linear \
+         spectrum through {} samples from {first} to {last} nm",
+        to.len(),
+        from.len()
+    )];
+    if bands.outside() > 0 {
+        notes.push(format!("{} requested wavelengths are outside the measured range and masked", bands.outside()));
+    }
+    Ok((bands, notes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid(range: &str) -> WavelengthGrid {
+        WavelengthGrid::parse_range(range).unwrap()
+    }
+
+    fn refusal(own: Option<&Axis>, factor: Option<&SpectralFactor>, wanted: &str) -> String {
+        match plan(own, factor, Some(&grid(wanted))) {
+            Err(ProjectionError::Unfit(reason)) => reason,
+            other => panic!("{:?}", other.map(|spectral| spectral.axis)),
+        }
+    }
+
+    #[test]
+    fn the_same_wavelengths_stay_as_they_are() {
+        let own = Axis::Wavelength(WavelengthGrid::Uneven(vec![400.0, 410.0, 420.0]));
+        let spectral = plan(Some(&own), None, Some(&grid("400:420:10"))).unwrap();
+        assert!(matches!(spectral.channels, Channels::Kept(3)));
+    }
+
+    #[test]
+    fn a_spectrum_makes_an_axis_and_is_resampled_conservatively() {
+        let factor = SpectralFactor { grid: grid("400:402:1"), factors: vec![1.0, 3.0, 1.0] };
+        let spectral = plan(None, Some(&factor), None).unwrap();
+        assert!(matches!(&spectral.channels, Channels::Multiplied(f) if *f == [1.0, 3.0, 1.0]));
+        let spectral = plan(None, Some(&factor), Some(&grid("400:404:2"))).unwrap();
+        let Channels::Multiplied(factors) = spectral.channels else { panic!() };
+        assert!((factors[0] - 2.0).abs() < 1e-12 && (factors[1] - 2.0).abs() < 1e-12 && factors[2].is_nan());
+        assert_eq!((spectral.axis.unwrap().len(), spectral.notes.len()), (3, 2));
+    }
+
+    #[test]
+    fn wavelengths_that_cannot_be_made_are_refused() {
+        let lambda = Axis::Wavelength(grid("400:700:10"));
+        let factor = SpectralFactor { grid: grid("400:402:1"), factors: vec![1.0; 3] };
+        assert!(refusal(Some(&Axis::Rgb), None, "400:700:10").contains("colour channels"));
+        assert!(refusal(None, None, "400:700:10").contains("no wavelengths to resample"));
+        assert_eq!(
+            refusal(Some(&lambda), None, "800:900:10"),
+            "wavelengths: 800 to 900 nm requested, measured 400 to 700 nm"
+        );
+        assert!(refusal(Some(&lambda), Some(&factor), "400:700:10").contains("of their own"));
+        let short = SpectralFactor { grid: grid("400:402:1"), factors: vec![1.0; 2] };
+        assert_eq!(refusal(None, Some(&short), "400:700:10"), "spectrum: 2 factors for 3 wavelengths");
+    }
+}
