@@ -36,8 +36,8 @@ struct Answer<'a> {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let loaded = args.measurement.load()?;
     let request = args.request.request();
+    let loaded = args.measurement.load(request.wavelengths.clone())?;
     let start = Instant::now();
     let bar = Bar::new();
     let outcome = args.threads.run(|| pipeline::compress(&loaded.input(), &request, &bar))?;

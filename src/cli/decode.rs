@@ -7,7 +7,7 @@ use super::report::{axes_lines, coverage_lines};
 use super::request::ThreadsArgs;
 use crate::compress;
 use crate::domain::{Axis, Measurement};
-use crate::formats::{manifest, npy};
+use crate::formats;
 use crate::projection::Coverage;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -46,13 +46,13 @@ pub(crate) fn write_array(
     coverage: Option<&Coverage>,
     json: bool,
 ) -> Result<(), Failure> {
-    let manifest = manifest::manifest_of(&measurement);
+    let manifest = formats::manifest_of(&measurement);
     let shape = measurement.tensor.shape();
     let axes: Vec<String> = measurement.tensor.axes().iter().map(Axis::describe).collect();
     let (quantity, unit, masked) = (measurement.quantity, measurement.unit, measurement.tensor.masked());
     let (samples, range) = (measurement.tensor.len(), measurement.tensor.range());
     // The array's bytes are a second copy of the samples; the first goes before they are written.
-    let bytes = npy::write_npy(&shape, measurement.tensor.samples());
+    let bytes = formats::write_npy(&shape, measurement.tensor.samples());
     drop(measurement);
     write_file(path, &bytes)?;
     let beside = path.with_extension("axes.json");

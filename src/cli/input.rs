@@ -47,14 +47,14 @@ pub(crate) struct Loaded {
 }
 
 impl MeasurementArgs {
-    /// Reads the files named.
-    pub(crate) fn load(&self) -> Result<Loaded, Failure> {
+    /// Reads the files named. `wavelengths` are those of an array whose manifest says only `"lambda"`.
+    pub(crate) fn load(&self, wavelengths: Option<String>) -> Result<Loaded, Failure> {
         let bytes = read_file(&self.input)?;
         let spectrum = self.spectrum.as_deref().map(read_file).transpose()?;
-        Ok(Loaded { bytes, spectrum, interpretation: self.interpretation()? })
+        Ok(Loaded { bytes, spectrum, interpretation: self.interpretation(wavelengths)? })
     }
 
-    fn interpretation(&self) -> Result<Interpretation, Failure> {
+    fn interpretation(&self, wavelengths: Option<String>) -> Result<Interpretation, Failure> {
         let manifest = match &self.axes {
             Some(path) => Some(path.clone()),
             None => side_car(&self.input).filter(|path| path.exists()),
@@ -65,6 +65,7 @@ impl MeasurementArgs {
             wavelength_unit: self.wavelength_unit.clone(),
             column: self.column.clone(),
             axes: manifest.as_deref().map(read_manifest).transpose()?,
+            wavelengths,
         })
     }
 }

@@ -9,7 +9,7 @@ use crate::codec;
 use crate::compress::{self, Summary};
 use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
 use crate::formats::{Angles, AzimuthExtent, Note, Samples};
-use crate::pipeline;
+use crate::pipeline::{self, Request};
 use crate::projection::Coverage;
 use serde::Serialize;
 
@@ -25,14 +25,15 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let loaded = args.measurement.load()?;
+    let request = args.axes.request();
+    let loaded = args.measurement.load(request.wavelengths.clone())?;
     let about = |failure: Failure| failure.about(&args.measurement.input);
     let name = args.measurement.input.display().to_string();
     if loaded.bytes().starts_with(&codec::MAGIC) {
         let material = Material::read(loaded.bytes()).map_err(about)?;
         return if args.json { print_json(&material) } else { print(&material.sheet().render(&name)) };
     }
-    let measurement = Measured::read(&loaded, &args.axes).map_err(about)?;
+    let measurement = Measured::read(&loaded, &request).map_err(about)?;
     if args.json { print_json(&measurement) } else { print(&measurement.sheet().render(&name)) }
 }
 
@@ -64,9 +65,9 @@ struct Measured {
 }
 
 impl Measured {
-    fn read(loaded: &Loaded, axes: &AxesArgs) -> Result<Self, Failure> {
+    fn read(loaded: &Loaded, request: &Request) -> Result<Self, Failure> {
         let acquisition = pipeline::read(&loaded.input())?;
-        let projected = pipeline::project(&acquisition, &axes.request())?;
+        let projected = pipeline::project(&acquisition, request)?;
         let tensor = &projected.measurement.tensor;
         let number = |wanted: fn(&f32) -> bool| tensor.samples().iter().filter(|s| wanted(s)).count() as u64;
         Ok(Self {

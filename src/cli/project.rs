@@ -27,7 +27,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let request = args.request.request();
     let about = |error| Failure::from(error).about(&args.measurement.input);
-    let loaded = args.measurement.load()?;
+    let loaded = args.measurement.load(request.wavelengths.clone())?;
     let projected = args.threads.run(|| {
         let acquisition = pipeline::read(&loaded.input())?;
         // The file's bytes are not needed any more, and may be as large as the tensor.
