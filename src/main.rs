@@ -6,11 +6,19 @@ use tracing_subscriber::EnvFilter;
 use wavelume::cli::{Cli, Failure, LogFormat, Parsed};
 
 fn main() -> ExitCode {
-    match run() {
+    // A bug is one line too, unless whoever looks for it asks for more.
+    if std::env::var_os("RUST_BACKTRACE").is_none() {
+        std::panic::set_hook(Box::new(|bug| {
+            let place = bug.location().map_or_else(String::new, |at| format!(" at {}:{}", at.file(), at.line()));
+            let message = bug.payload_as_str().unwrap_or("no message").replace('\n', " ");
+            let _ = writeln!(std::io::stderr(), "wavelume: internal error{place}: {message}");
+        }));
+    }
+    match std::panic::catch_unwind(run).unwrap_or(Err(Failure::Bug)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            if failure != Failure::Closed {
-                // A closed stderr has nobody to tell.
+            // A bug has been told by the hook above; a closed stderr has nobody to tell.
+            if !matches!(failure, Failure::Closed | Failure::Bug) {
                 let _ = writeln!(std::io::stderr(), "wavelume: {failure}");
             }
             ExitCode::from(failure.exit_code())

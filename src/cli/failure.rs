@@ -16,6 +16,8 @@ pub enum Failure {
     Failed(String),
     /// Whoever read stdout has closed it; nothing is left to say.
     Closed,
+    /// The program broke one of its own rules, and has said where.
+    Bug,
 }
 
 impl Failure {
@@ -33,7 +35,7 @@ impl Failure {
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Usage(_) => 2,
-            Self::Failed(_) => 1,
+            Self::Failed(_) | Self::Bug => 1,
             Self::Closed => 0,
         }
     }
@@ -44,7 +46,7 @@ impl Failure {
         match self {
             Self::Usage(message) => Self::Usage(format!("{}: {message}", path.display())),
             Self::Failed(message) => Self::Failed(format!("{}: {message}", path.display())),
-            Self::Closed => Self::Closed,
+            Self::Closed | Self::Bug => self,
         }
     }
 }
@@ -55,6 +57,7 @@ impl fmt::Display for Failure {
         match self {
             Self::Usage(message) | Self::Failed(message) => f.write_str(&one_line(message)),
             Self::Closed => f.write_str("output closed"),
+            Self::Bug => f.write_str("internal error"),
         }
     }
 }

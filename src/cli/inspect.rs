@@ -98,7 +98,7 @@ impl Measured {
         sheet.line("format", labelled(&self.format, &self.dialect));
         sheet.line("quantity", format!("{}, {}", self.quantity, self.unit));
         if self.source_axes != self.axes {
-            sheet.line("measured on", self.source_axes.join(" x "));
+            sheet.line("measured on", self.source_axes.join(" × "));
         }
         axes_lines(&mut sheet, &self.axes);
         sheet.line("sampling", self.sampling);

@@ -41,7 +41,7 @@ pub(crate) fn labelled(name: &str, detail: &str) -> String {
 
 /// One line with the axes, outermost first.
 pub(crate) fn axes_lines(sheet: &mut Sheet, axes: &[String]) {
-    let axes = if axes.is_empty() { "none: one value".to_owned() } else { axes.join(" x ") };
+    let axes = if axes.is_empty() { "none: one value".to_owned() } else { axes.join(" × ") };
     sheet.line("axes", axes);
 }
 

@@ -60,15 +60,28 @@ class Done:
         self.code, self.out, self.err, self.peak = code, out, err, peak
 
 
-def run(binary, *args):
-    """Runs the program in the project's directory, with its own peak of resident memory in bytes."""
-    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
-        child = subprocess.Popen([binary, *args], cwd=ROOT, stdin=subprocess.DEVNULL, stdout=out, stderr=err)
-        _, status, usage = os.wait4(child.pid, 0)
-        child.returncode = os.waitstatus_to_exitcode(status)
-        out.seek(0), err.seek(0)
-        scale = 1 if sys.platform == "darwin" else 1024
-        return Done(child.returncode, out.read().decode(), err.read().decode(), usage.ru_maxrss * scale)
+# A child's peak starts at that of the process that forked it, so a small process stands between.
+MEASURE = """
+import os, resource, subprocess, sys
+child = subprocess.Popen(sys.argv[2:])
+_, status, usage = os.wait4(child.pid, 0)
+open(sys.argv[1], "w").write(str(usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)))
+code = os.waitstatus_to_exitcode(status)
+sys.exit(code if code >= 0 else 128 - code)
+"""
+
+
+def run(binary, *args, measure=None):
+    """Runs the program in the project's directory; with a file to `measure` into, also its peak of resident memory."""
+    command = [binary, *args]
+    if measure:
+        command = [sys.executable, "-S", "-c", MEASURE, measure, *command]
+    done = subprocess.run(command, cwd=ROOT, stdin=subprocess.DEVNULL, capture_output=True)
+    peak = None
+    if measure:
+        with open(measure) as file:
+            peak = int(file.read())
+    return Done(done.returncode, done.stdout.decode(), done.stderr.decode(), peak)
 
 
 def errors(original, decoded):
@@ -93,9 +106,11 @@ def promise(binary, scratch, path, options, own_tensor=None):
     """Compresses, projects and decodes one measurement, and scores what came back."""
     name = " ".join([os.path.basename(path), *(os.path.basename(o) for o in options)])
     material, tensor, decoded = (os.path.join(scratch, f) for f in ("m.wlm", "t.npy", "d.npy"))
-    compressed = run(binary, "compress", path, "-o", material, "--er-l2", str(TARGET), "--json", *options)
-    projected = run(binary, "project", path, "-o", tensor, *options)
-    back = run(binary, "decode", material, "-o", decoded)
+    peak = os.path.join(scratch, "peak")
+    to = ["-o", material, "--er-l2", str(TARGET), "--json"]
+    compressed = run(binary, "compress", path, *to, *options, measure=peak)
+    projected = run(binary, "project", path, "-o", tensor, *options, measure=peak)
+    back = run(binary, "decode", material, "-o", decoded, measure=peak)
     for what, done in (("compress", compressed), ("project", projected), ("decode", back)):
         if done.code != 0:
             check(False, f"{name}: {what}: {done.err.strip()}")
