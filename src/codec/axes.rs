@@ -111,15 +111,12 @@ fn unzigzag(value: u64) -> i64 {
 }
 
 fn write_number(w: &mut Writer, value: f64) {
-    match (0..=MAX_DECIMALS).find_map(|d| Some((d, as_decimal(value, d)?))) {
-        Some((decimals, integer)) => {
-            w.u8(decimals);
-            w.varint(zigzag(integer));
-        }
-        None => {
-            w.u8(FORM_F64);
-            w.f64(value);
-        }
+    if let Some((decimals, integer)) = (0..=MAX_DECIMALS).find_map(|d| Some((d, as_decimal(value, d)?))) {
+        w.u8(decimals);
+        w.varint(zigzag(integer));
+    } else {
+        w.u8(FORM_F64);
+        w.f64(value);
     }
 }
 

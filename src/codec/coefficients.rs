@@ -105,8 +105,8 @@ impl State {
             for level in 0..LEVELS * LEVELS {
                 model.prior(BY_ROWS + level * FINE + class, nonzero);
             }
-            for other in 0..FINE {
-                model.prior(BY_LANES + class * FINE + other, (NONZERO[other] + nonzero) / 2);
+            for (other, &also) in NONZERO.iter().enumerate() {
+                model.prior(BY_LANES + class * FINE + other, also.midpoint(nonzero));
             }
         }
         for each in 0..COARSE * COARSE * COARSE {

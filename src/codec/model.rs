@@ -21,7 +21,7 @@ const COUNT_LIMIT: u8 = 254;
 struct Tables {
     /// Log-odds of a probability's 12 high bits.
     stretch: Vec<i16>,
-    /// 16-bit probability of log-odds, from −STRETCH_LIMIT.
+    /// 16-bit probability of log-odds, from −[`STRETCH_LIMIT`].
     squash: Vec<u16>,
     /// 65536 / (count + 1.6).
     rate: Vec<u32>,

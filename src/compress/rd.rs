@@ -12,7 +12,7 @@ use super::rows::coding_order;
 use super::search::largest;
 use super::{CompressError, Compressed, Policy, Settings, Target, candidate_bases};
 use crate::codec::{ChunkKind, Class, Encoder, Payload, Rows, code_coefficients, code_corrections};
-use crate::domain::{Axis, ErrorReport, Measurement, Progress};
+use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress};
 use crate::transform::{AxisTransform, LineBasis, Plan, SphereBasis, Weights};
 use rayon::prelude::*;
 
@@ -261,11 +261,11 @@ impl<'a> Work<'a> {
             }
             Target::Ratio(ratio) => {
                 let most = self.coefficients.len() as f64 / ratio;
-                self.smallest_step(progress, |step| self.scales.count_kept(step, &self.coefficients) as f64 <= most)
+                smallest_step(progress, |step| self.scales.count_kept(step, &self.coefficients) as f64 <= most)
             }
             Target::Bytes(bytes) => {
                 let fits = |step| self.file_size(step) as u64 <= bytes;
-                self.smallest_step(progress, fits).map_err(|error| match error {
+                smallest_step(progress, fits).map_err(|error| match error {
                     CompressError::Unreachable(_) => CompressError::Unreachable(format!(
                         "bytes {bytes}: the smallest file of this material has {} bytes{}",
                         self.file_size(f32::MAX),
@@ -282,7 +282,7 @@ impl<'a> Work<'a> {
     /// er(L2) of what a decoder has at `step`; negative samples are held to the same error as positive ones.
     fn relative_error(&self, step: f32, decoded: &mut [f32], progress: &dyn Progress) -> Result<f64, CompressError> {
         if progress.is_cancelled() {
-            return Err(crate::domain::Cancelled.into());
+            return Err(Cancelled.into());
         }
         self.scales.requantise(step, &self.coefficients, decoded);
         self.plan.inverse(decoded);
@@ -291,21 +291,6 @@ impl<'a> Work<'a> {
             return Ok(ErrorReport::measure(self.original(), decoded, f64::from(self.floor)).er_l2);
         }
         Ok(magnitude_error(self.original(), decoded, self.classes, self.floor))
-    }
-
-    /// The smallest step, hence the smallest error, for which `fits` answers yes.
-    fn smallest_step(&self, progress: &dyn Progress, fits: impl Fn(f32) -> bool) -> Result<Steps, CompressError> {
-        // In terms of 1/step, the largest.
-        let keeps = |inverse: f64| {
-            if progress.is_cancelled() {
-                return Err(CompressError::from(crate::domain::Cancelled));
-            }
-            Ok(fits((1.0 / inverse) as f32))
-        };
-        match largest(20.0, REFINEMENTS + 4, keeps)? {
-            Some(inverse) => Ok(Steps { step: (1.0 / inverse) as f32, correction: 0.0 }),
-            None => Err(CompressError::Unreachable("no file is that small".to_owned())),
-        }
     }
 
     /// The first layer's step for which both layers together are smallest.
@@ -394,6 +379,21 @@ impl<'a> Work<'a> {
         let corrections = (steps.correction != 0.0).then(|| self.corrections_chunk(steps));
         let chunks = classes.into_iter().chain([self.coefficients_chunk(steps.step)]).chain(corrections).collect();
         Parts { header: self.header(steps), chunks }
+    }
+}
+
+/// The smallest step, hence the smallest error, for which `fits` answers yes.
+fn smallest_step(progress: &dyn Progress, fits: impl Fn(f32) -> bool) -> Result<Steps, CompressError> {
+    // In terms of 1/step, the largest.
+    let keeps = |inverse: f64| {
+        if progress.is_cancelled() {
+            return Err(CompressError::from(Cancelled));
+        }
+        Ok(fits((1.0 / inverse) as f32))
+    };
+    match largest(20.0, REFINEMENTS + 4, keeps)? {
+        Some(inverse) => Ok(Steps { step: (1.0 / inverse) as f32, correction: 0.0 }),
+        None => Err(CompressError::Unreachable("no file is that small".to_owned())),
     }
 }
 
