@@ -6,7 +6,7 @@ use crate::domain::{Axis, Domain, TriangleMesh, WavelengthError, WavelengthGrid}
 use crate::formats::Interpretation;
 use crate::formats::acquisition::AzimuthExtent;
 use crate::formats::error::FormatError;
-use crate::formats::text::snippet;
+use crate::formats::text::{Brief, snippet};
 use serde_json::{Map, Value};
 
 /// One axis of a manifest.
@@ -258,7 +258,11 @@ fn angle(object: &Object<'_>, role: Role) -> Result<Angle, FormatError> {
         return Err(object.unfit("no angles"));
     }
     if let Some(&[a, b]) = values.array_windows().find(|[a, b]| b <= a) {
-        return Err(object.unfit(format!("{b}° after {a}°, expected strictly increasing angles")));
+        return Err(object.unfit(format!(
+            "{b}° after {a}°, expected strictly increasing angles",
+            a = Brief(a),
+            b = Brief(b)
+        )));
     }
     let covers = if object.has("covers") {
         let &[low, high] = object.numbers("covers")?.as_slice() else {

@@ -6,6 +6,7 @@ use crate::domain::{Axis, Quantity};
 use crate::formats::acquisition::{AngleGrid, Angles, AzimuthExtent, Azimuths, NoteKind, Outside, ParseReport};
 use crate::formats::azimuth::{Closing, circle, closing, merge_repeated};
 use crate::formats::error::FormatError;
+use crate::formats::text::Brief;
 
 /// Puts angle axes together; they must come in the order of [`Role`].
 pub(super) fn assemble(
@@ -83,12 +84,17 @@ fn polar(theta: Angle, phi: Option<Azimuths>, (low, high): (f64, f64)) -> Result
     let (first, last) = (values[0], values[values.len() - 1]);
     let covers = theta.covers.unwrap_or((first, last));
     if first < low || last > high {
-        return Err(unfit(format!("axis {axis}: theta from {first}° to {last}°, expected within {low}° to {high}°")));
+        return Err(unfit(format!(
+            "axis {axis}: theta from {first}° to {last}°, expected within {low}° to {high}°",
+            first = Brief(first),
+            last = Brief(last)
+        )));
     }
     if !(low <= covers.0 && covers.0 <= first && last <= covers.1 && covers.1 <= high) {
         return Err(unfit(format!(
             "axis {axis}: covers {}° to {}°, expected a range from {low}° to {high}° around the angles",
-            covers.0, covers.1
+            Brief(covers.0),
+            Brief(covers.1)
         )));
     }
     Ok(Angles { theta: values, covers, phi })
@@ -119,7 +125,11 @@ fn extent(
     let Angle { axis, values: mut angles, extent, .. } = phi;
     let (first, last) = (angles[0], angles[angles.len() - 1]);
     if first < -360.0 || last > 720.0 || last - first > 360.0 {
-        return Err(unfit(format!("axis {axis}: azimuths from {first}° to {last}°, expected at most one turn")));
+        return Err(unfit(format!(
+            "axis {axis}: azimuths from {first}° to {last}°, expected at most one turn",
+            first = Brief(first),
+            last = Brief(last)
+        )));
     }
     match (extent, closing(&angles)) {
         (None | Some(AzimuthExtent::Circle | AzimuthExtent::Sector), Closing::Repeated) => {
@@ -128,15 +138,21 @@ fn extent(
                 let percent = 100.0 * difference;
                 report.note(
                     NoteKind::Warning,
-                    format!("axis {axis}: values at {first}° and {last}° differ by up to {percent:.2} %, averaged"),
+                    format!(
+                        "axis {axis}: values at {first}° and {last}° differ by up to {percent:.2} %, averaged",
+                        first = Brief(first),
+                        last = Brief(last)
+                    ),
                 );
             }
             Ok(circle(angles))
         }
         (Some(AzimuthExtent::Circle), _) | (None, Closing::Open) => Ok(circle(angles)),
-        (Some(AzimuthExtent::Mirrored), _) if first < 0.0 || last > 180.0 => {
-            Err(unfit(format!("axis {axis}: mirrored azimuths from {first}° to {last}°, expected 0° to 180°")))
-        }
+        (Some(AzimuthExtent::Mirrored), _) if first < 0.0 || last > 180.0 => Err(unfit(format!(
+            "axis {axis}: mirrored azimuths from {first}° to {last}°, expected 0° to 180°",
+            first = Brief(first),
+            last = Brief(last)
+        ))),
         (None, Closing::Gap) if mirror && first == 0.0 && last == 180.0 => {
             report.note(
                 NoteKind::Assumed,
@@ -150,7 +166,9 @@ fn extent(
             report.note(
                 NoteKind::Assumed,
                 format!(
-                    "axis {axis}: azimuths {first}° to {last}° taken as all there is, the rest of the circle is masked"
+                    "axis {axis}: azimuths {first}° to {last}° taken as all there is, the rest of the circle is masked",
+                    first = Brief(first),
+                    last = Brief(last)
                 ),
             );
             Ok(Azimuths { phi: angles, extent: AzimuthExtent::Sector })

@@ -10,6 +10,7 @@ use super::{Interpretation, npy};
 use crate::domain::{Axis, Layout, Measurement, Quantity, Sampling, Tensor, Unit, UnknownName, WavelengthGrid};
 use entry::Entry;
 use serde_json::{Map, Value, json};
+use std::str::FromStr;
 
 /// The manifest of a tensor, which reads back as the same axes: `quantity`, `value_unit`, `sampling` and `axes`.
 pub fn manifest_of(measurement: &Measurement) -> Value {
@@ -60,7 +61,7 @@ pub(super) fn interpret(
     let unit = unit(fields, how, quantity, &mut report)?;
     let sampling = match text(fields, "sampling")? {
         None => Sampling::default(),
-        Some(name) => name.parse().map_err(|e: UnknownName| unfit(e.to_string()))?,
+        Some(name) => named(name)?,
     };
     other_fields(fields, &mut report)?;
     let entries: Vec<Entry> = axes
@@ -98,6 +99,12 @@ fn text<'a>(fields: &'a Map<String, Value>, key: &str) -> Result<Option<&'a str>
     }
 }
 
+/// A name of a closed list; the refusal quotes no more than its beginning.
+fn named<T: FromStr<Err = UnknownName>>(name: &str) -> Result<T, FormatError> {
+    name.parse()
+        .map_err(|error: UnknownName| unfit(UnknownName { found: error.found.chars().take(40).collect(), ..error }))
+}
+
 fn quantity(
     fields: &Map<String, Value>,
     how: &Interpretation,
@@ -105,7 +112,7 @@ fn quantity(
 ) -> Result<Quantity, FormatError> {
     let stated = match text(fields, "quantity")? {
         None => None,
-        Some(name) => Some(name.parse::<Quantity>().map_err(|e| unfit(e.to_string()))?),
+        Some(name) => Some(named::<Quantity>(name)?),
     };
     match (how.quantity, stated) {
         (Some(asked), Some(stated)) if asked != stated => {
@@ -128,7 +135,7 @@ fn unit(
 ) -> Result<Unit, FormatError> {
     let stated = match text(fields, "value_unit")?.or(text(fields, "unit")?) {
         None => None,
-        Some(name) => Some(name.parse::<Unit>().map_err(|e| unfit(e.to_string()))?),
+        Some(name) => Some(named::<Unit>(name)?),
     };
     if let (Some(asked), Some(stated)) = (how.unit, stated)
         && asked != stated
