@@ -133,8 +133,7 @@ macro_rules! columns {
 }
 
 impl JobState {
-    const ALL: [Self; 6] =
-        [Self::Queued, Self::Running, Self::Succeeded, Self::Failed, Self::Dead, Self::Cancelled];
+    const ALL: [Self; 6] = [Self::Queued, Self::Running, Self::Succeeded, Self::Failed, Self::Dead, Self::Cancelled];
 
     /// The stable name.
     pub fn name(self) -> &'static str {
@@ -228,9 +227,7 @@ impl Catalog {
     /// How many jobs are in each state, for the metrics.
     pub async fn job_counts(&self) -> Result<Vec<(JobState, u64)>, CatalogError> {
         let rows = sqlx::query("SELECT state, COUNT(*) FROM jobs GROUP BY state").fetch_all(&self.pool).await?;
-        rows.iter()
-            .map(|row| Ok((state("", row.try_get(0)?)?, row.try_get::<i64, _>(1)?.max(0) as u64)))
-            .collect()
+        rows.iter().map(|row| Ok((state("", row.try_get(0)?)?, row.try_get::<i64, _>(1)?.max(0) as u64))).collect()
     }
 
     /// Takes the job that has waited longest and may begin, if there is one.
@@ -384,8 +381,8 @@ impl Catalog {
         for row in rows {
             let worker: Option<String> = row.try_get("worker")?;
             let until: Option<i64> = row.try_get("lease_until")?;
-            let alive = until.is_some_and(|until| until > write.now)
-                && worker.is_some_and(|worker| !gone.contains(&worker));
+            let alive =
+                until.is_some_and(|until| until > write.now) && worker.is_some_and(|worker| !gone.contains(&worker));
             if !alive {
                 reaped.push(row.try_get::<String, _>("id")?);
             }
@@ -418,7 +415,7 @@ async fn one(write: &mut Write, id: String) -> Result<JobRow, CatalogError> {
     read(&row)
 }
 
-fn state(id: &str, name: String) -> Result<JobState, CatalogError> {
+fn state(id: &str, name: &str) -> Result<JobState, CatalogError> {
     JobState::ALL.into_iter().find(|state| state.name() == name).ok_or_else(|| CatalogError::Row {
         table: "jobs",
         id: id.to_owned(),
@@ -451,7 +448,7 @@ mod tests {
     use crate::catalog::{Deleted, MaterialFilter, testing};
     use crate::domain::Quantity;
 
-    const LEASE: Duration = Duration::from_secs(60);
+    const LEASE: Duration = Duration::from_mins(1);
 
     fn job(id: &str) -> NewJob {
         NewJob { id: id.to_owned(), frame: "00".to_owned(), measurement: Digest::of(b"lamp"), idempotency: None }

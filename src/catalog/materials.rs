@@ -114,10 +114,9 @@ impl Catalog {
     pub async fn delete_material(&self, id: Digest) -> Result<Deleted, CatalogError> {
         let mut write = self.write().await?;
         let id = id.to_string();
-        for statement in [
-            "DELETE FROM material_tags WHERE material = $1",
-            "DELETE FROM material_sources WHERE material = $1",
-        ] {
+        for statement in
+            ["DELETE FROM material_tags WHERE material = $1", "DELETE FROM material_sources WHERE material = $1"]
+        {
             sqlx::query(statement).bind(id.clone()).execute(&mut *write.transaction).await?;
         }
         let gone = sqlx::query("DELETE FROM materials WHERE id = $1").bind(id).execute(&mut *write.transaction).await?;
@@ -128,7 +127,11 @@ impl Catalog {
     async fn read_material(&self, row: &AnyRow) -> Result<MaterialRow, CatalogError> {
         let id: String = row.try_get("id")?;
         let digest = |text: &str| {
-            text.parse::<Digest>().map_err(|e| CatalogError::Row { table: "materials", id: id.clone(), reason: e.to_string() })
+            text.parse::<Digest>().map_err(|e| CatalogError::Row {
+                table: "materials",
+                id: id.clone(),
+                reason: e.to_string(),
+            })
         };
         let tags = sqlx::query("SELECT tag FROM material_tags WHERE material = $1 ORDER BY tag")
             .bind(id.clone())

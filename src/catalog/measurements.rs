@@ -201,7 +201,11 @@ impl Catalog {
 fn read(row: &AnyRow) -> Result<MeasurementRow, CatalogError> {
     let id: String = row.try_get("id")?;
     let digest = |text: String| {
-        text.parse::<Digest>().map_err(|e| CatalogError::Row { table: "measurements", id: id.clone(), reason: e.to_string() })
+        text.parse::<Digest>().map_err(|e| CatalogError::Row {
+            table: "measurements",
+            id: id.clone(),
+            reason: e.to_string(),
+        })
     };
     Ok(MeasurementRow {
         id: digest(id.clone())?,

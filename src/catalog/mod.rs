@@ -97,7 +97,12 @@ impl Catalog {
         let mut tries = 0;
         while let Err(error) = MIGRATIONS.run(&catalog.pool).await {
             tries += 1;
-            if tries == 10 || !matches!(error, sqlx::migrate::MigrateError::ExecuteMigration(..) | sqlx::migrate::MigrateError::Execute(_)) {
+            if tries == 10
+                || !matches!(
+                    error,
+                    sqlx::migrate::MigrateError::ExecuteMigration(..) | sqlx::migrate::MigrateError::Execute(_)
+                )
+            {
                 return Err(error.into());
             }
             tokio::time::sleep(Duration::from_millis(50)).await;
@@ -140,9 +145,9 @@ impl Write {
 
 /// A database URL holds a path percent-encoded.
 fn url(file: &Path) -> Result<String, CatalogError> {
-    let path = file.to_str().ok_or_else(|| {
-        CatalogError::Sql(sqlx::Error::Configuration("the path of the catalog is not UTF-8".into()))
-    })?;
+    let path = file
+        .to_str()
+        .ok_or_else(|| CatalogError::Sql(sqlx::Error::Configuration("the path of the catalog is not UTF-8".into())))?;
     let encoded: String = path
         .bytes()
         .map(|b| match b {

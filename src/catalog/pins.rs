@@ -80,8 +80,11 @@ impl Catalog {
         let mut named = BTreeMap::new();
         for row in rows {
             let (text, by): (String, String) = (row.try_get(0)?, row.try_get(1)?);
-            let digest =
-                text.parse().map_err(|e| CatalogError::Row { table: "measurements, materials", id: by.clone(), reason: format!("{e}") })?;
+            let digest = text.parse().map_err(|e| CatalogError::Row {
+                table: "measurements, materials",
+                id: by.clone(),
+                reason: format!("{e}"),
+            })?;
             named.insert(digest, by);
         }
         Ok(named)
@@ -103,7 +106,7 @@ mod tests {
         let (catalog, _directory) = testing::catalog().await;
         let digest = Digest::of(b"about to be named");
         assert_eq!(catalog.unless_named(digest, nothing()).await.unwrap(), Ok(true));
-        catalog.pin(digest, "a", Duration::from_secs(60)).await.unwrap();
+        catalog.pin(digest, "a", Duration::from_mins(1)).await.unwrap();
         catalog.pin(digest, "b", Duration::ZERO).await.unwrap();
         assert_eq!(catalog.unless_named(digest, nothing()).await.unwrap(), Ok(false));
         catalog.unpin(digest, "a").await.unwrap();

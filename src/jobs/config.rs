@@ -69,7 +69,7 @@ impl Default for Limits {
             json_bytes: 64 << 20,
             queries: 64,
             batch: 1_000_000,
-            values: 16_000_000,
+            values: 4_000_000,
             opened_bytes: 512 << 20,
             queued_jobs: 10_000,
             attempts: 5,

@@ -77,7 +77,8 @@ mod tests {
         assert_eq!(text.parse(), Ok(digest));
         assert_eq!(serde_json::from_str::<Digest>(&serde_json::to_string(&digest).unwrap()).unwrap(), digest);
         let hex = &text[3..];
-        for bad in ["", "b3-", hex, &text.to_uppercase(), &format!("{text}0"), &text[..66], &format!("b3-{}é", &hex[2..])]
+        for bad in
+            ["", "b3-", hex, &text.to_uppercase(), &format!("{text}0"), &text[..66], &format!("b3-{}é", &hex[2..])]
         {
             assert!(bad.parse::<Digest>().is_err(), "{bad}");
         }

@@ -173,8 +173,7 @@ pub(crate) mod contract {
             assert_eq!(store.size(digest).await.unwrap(), Some(size));
             assert_eq!(store.get(digest).await.unwrap(), bytes);
             assert_eq!(Arc::clone(&store).verify(digest).await.unwrap(), size);
-            let streamed: Vec<Bytes> =
-                Arc::clone(&store).stream(digest, 0..size, size).try_collect().await.unwrap();
+            let streamed: Vec<Bytes> = Arc::clone(&store).stream(digest, 0..size, size).try_collect().await.unwrap();
             assert_eq!(streamed.concat(), bytes);
             if size > 0 {
                 assert_eq!(store.read(digest, size - 1..size).await.unwrap(), &bytes[bytes.len() - 1..]);
