@@ -38,9 +38,15 @@ struct Answer<'a> {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let request = args.request.request();
     let loaded = args.measurement.load(request.wavelengths.clone())?;
+    let file_bytes = loaded.bytes().len() as u64;
     let start = Instant::now();
     let bar = Bar::new();
-    let outcome = args.threads.run(|| pipeline::compress(&loaded.input(), &request, &bar))?;
+    let outcome = args.threads.run(|| {
+        let source = pipeline::read(&loaded.input())?;
+        // The file's bytes are not needed any more, and may be as large as the tensor.
+        drop(loaded);
+        pipeline::compress(&source, &request, &bar)
+    })?;
     bar.finish();
     let outcome = outcome.map_err(|error| Failure::from(error).about(&args.measurement.input))?;
     let seconds = start.elapsed().as_secs_f64();
@@ -49,7 +55,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         return print_json(&Answer { report: &outcome.report, seconds });
     }
     let heading = format!("{} -> {}", args.measurement.input.display(), args.output.display());
-    let mut sheet = compressed_sheet(&outcome.report, loaded.bytes().len() as u64);
+    let mut sheet = compressed_sheet(&outcome.report, file_bytes);
     sheet.line("seconds", format!("{seconds:.2}"));
     print(&sheet.render(&heading))
 }

@@ -66,13 +66,14 @@ struct Measured {
 
 impl Measured {
     fn read(loaded: &Loaded, request: &Request) -> Result<Self, Failure> {
-        let acquisition = pipeline::read(&loaded.input())?;
+        let source = pipeline::read(&loaded.input())?;
+        let acquisition = source.acquisition;
         let projected = pipeline::project(&acquisition, request)?;
         let tensor = &projected.measurement.tensor;
         let number = |wanted: fn(&f32) -> bool| tensor.samples().iter().filter(|s| wanted(s)).count() as u64;
         Ok(Self {
             kind: "measurement",
-            content_digest: pipeline::digest(loaded.bytes()),
+            content_digest: source.content_digest,
             bytes: loaded.bytes().len() as u64,
             format: acquisition.format.to_owned(),
             quantity: projected.measurement.quantity,

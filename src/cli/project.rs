@@ -29,10 +29,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let about = |error| Failure::from(error).about(&args.measurement.input);
     let loaded = args.measurement.load(request.wavelengths.clone())?;
     let projected = args.threads.run(|| {
-        let acquisition = pipeline::read(&loaded.input())?;
+        let source = pipeline::read(&loaded.input())?;
         // The file's bytes are not needed any more, and may be as large as the tensor.
         drop(loaded);
-        pipeline::project(&acquisition, &request)
+        pipeline::project(&source.acquisition, &request)
     })?;
     let projected = projected.map_err(about)?;
     write_array(&args.output, projected.measurement, Some(&projected.coverage), args.json)
