@@ -113,15 +113,15 @@ fn a_luminaire_and_its_spectrum_become_a_spectral_emission() {
     attach_spectrum(&mut acquired, &bundled("aerolamp.csv")).unwrap();
     let projected = project(&acquired, &AxesRequest::default()).unwrap();
     let chosen = mesh(&projected, 0);
-    assert_eq!((chosen.domain(), chosen.level()), (Domain::Sphere, 4));
-    let note = "outgoing level 4 on the sphere: cells of 4.5° for samples every 2.5° × 11.25°";
+    assert_eq!((chosen.domain(), chosen.level()), (Domain::Sphere, 5));
+    let note = "outgoing level 5 on the sphere: cells of 2.2° for samples every 2.5° × 11.25°";
     assert!(projected.coverage.notes[0].starts_with(note), "{:?}", projected.coverage.notes);
-    assert_eq!((projected.coverage.cells, projected.coverage.empty), (2048, 1024));
+    assert_eq!((projected.coverage.cells, projected.coverage.empty), (8192, 4096));
     let lambdas = acquired.spectral_factor.as_ref().unwrap().grid.len();
-    assert_eq!(projected.measurement.tensor.shape(), [2048, lambdas]);
+    assert_eq!(projected.measurement.tensor.shape(), [8192, lambdas]);
     let coarse = error_at_samples(&acquired, &projected.measurement).unwrap();
     assert_eq!((coarse.samples, coarse.mask_mismatches), (37 * 32 * lambdas as u64, 0));
-    let request = AxesRequest { outgoing_level: Some(5), ..AxesRequest::default() };
+    let request = AxesRequest { outgoing_level: Some(6), ..AxesRequest::default() };
     let fine = error_at_samples(&acquired, &project(&acquired, &request).unwrap().measurement).unwrap();
     assert!(coarse.relative_rmse < 0.06 && fine.relative_rmse < 0.6 * coarse.relative_rmse, "{coarse:?} {fine:?}");
 }

@@ -49,7 +49,8 @@ pub(crate) async fn run(engine: &Arc<Engine>, request: &str, control: &Arc<Contr
         interpretation.quantity = request.quantity.or(interpretation.quantity);
         move || {
             let input = Input { bytes: &bytes, spectrum: spectrum.as_deref(), interpretation: &interpretation };
-            pipeline::compress(&input, &request.pipeline(), &*control)
+            let source = pipeline::read(&input)?;
+            pipeline::compress(&source, &request.pipeline(), &*control)
         }
     };
     let outcome = engine.background.run(work).await??;

@@ -152,7 +152,7 @@ impl Engine {
                 let interpretation = options.interpretation();
                 let input = Input { bytes: &bytes, spectrum: spectrum.as_deref(), interpretation: &interpretation };
                 let mut described = match pipeline::read(&input) {
-                    Ok(acquisition) => describe(&acquisition),
+                    Ok(source) => describe(&source.acquisition),
                     Err(PipelineError::Format(error)) if can_wait(&error, &options) => {
                         describe_needy(error.format, &error.message)
                     }
