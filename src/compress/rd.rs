@@ -8,7 +8,7 @@ use super::decode::{add_corrections, exponentiate};
 use super::file::{Parts, assemble, classes_chunk, finish, lanes, metadata_with_labels};
 use super::fill::fill;
 use super::header::Header;
-use super::rows::coding_order;
+use super::rows::{clear_uncoded, coding_order};
 use super::search::largest;
 use super::{CompressError, Compressed, Policy, Settings, Target, candidate_bases};
 use crate::codec::{ChunkKind, Class, Encoder, Payload, Rows, code_coefficients, code_corrections};
@@ -248,7 +248,9 @@ impl<'a> Work<'a> {
         let plan = Plan::new(axes, &transforms).map_err(|e| CompressError::Setting(e.to_string()))?;
         let mut coefficients = logarithms(measurement, classes, floor);
         plan.forward(&mut coefficients);
-        let (scales, rows) = (Scales::new(axes, &plan), coding_order(axes, &plan));
+        let scales = Scales::new(axes, &plan);
+        let rows = coding_order(axes, &plan, has_classes.then_some(classes));
+        clear_uncoded(&rows, &mut coefficients);
         Ok(Self { measurement, settings, classes, plan, transforms, scales, rows, coefficients, floor, has_classes })
     }
 
