@@ -1,5 +1,12 @@
 //! The service is killed twenty times in the middle of uploads, jobs and publications: what it accepted is there
 //! afterwards, nothing is there in part, and every accepted job ends exactly once.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "a test fails by panicking"
+)]
 
 mod service;
 

@@ -1,4 +1,11 @@
 //! Every call of the HTTP contract against a real server, and every refusal by its problem.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "a test fails by panicking"
+)]
 
 mod service;
 
@@ -225,6 +232,7 @@ async fn job_bodies_are_checked() {
     problem(service.post("/v1/jobs").body("{}"), 415, "unsupported-media-type").await;
     problem(text("{}").header("content-encoding", "gzip"), 415, "unsupported-encoding").await;
     problem(post(json!([1])), 422, "invalid-request").await;
+    problem(post(json!({ "axes": "x".repeat(600_000) })), 413, "too-large").await;
     let unknown =
         problem(post(json!({ "measurement": id, "target": "lossless", "polcy": "rd" })), 422, "invalid-request");
     assert!(unknown.await["detail"].as_str().unwrap().contains("unknown field `polcy`"));
@@ -372,6 +380,9 @@ async fn a_damaged_blob_is_a_problem_until_it_is_uploaded_again() {
     assert_eq!(job["problem"]["type"], "urn:wavelume:problem:corrupt", "{job}");
     service.upload("", D65).await;
     assert_eq!(service.get(&format!("/v1/blobs/{id}")).send().await.unwrap().bytes().await.unwrap(), D65);
+    std::fs::remove_file(data.path().join("blobs").join(&id[3..5]).join(&id)).unwrap();
+    problem(service.get(&format!("/v1/measurements/{id}/content")), 500, "corrupt").await;
+    problem(service.get(&format!("/v1/blobs/{id}")), 404, "not-found").await;
     service.stop().await;
 }
 
@@ -532,6 +543,15 @@ async fn slow_and_broken_clients_are_not_waited_for() {
     let mut stream = tokio::net::TcpStream::connect(&address).await.unwrap();
     stream.write_all(half_a_body).await.unwrap();
     drop(stream);
+
+    let large = npy(&[100, 1024, 75]);
+    let path = service.upload("", large.clone()).await["links"]["content"].as_str().unwrap().to_owned();
+    let mut deaf = tokio::net::TcpStream::connect(&address).await.unwrap();
+    deaf.write_all(format!("GET {path} HTTP/1.1\r\nhost: x\r\n\r\n").as_bytes()).await.unwrap();
+    tokio::time::sleep(Duration::from_secs(2)).await;
+    let mut heard = Vec::new();
+    let _ = deaf.read_to_end(&mut heard).await;
+    assert!(heard.len() < large.len(), "a client that does not read is not waited for");
     service.upload("", D65).await;
     service.stop().await;
     assert_eq!(std::fs::read_dir(data.path().join("staging")).unwrap().count(), 0);
@@ -611,6 +631,12 @@ async fn the_description_and_the_router_have_the_same_routes() {
     let described: Value = service.get("/openapi.json").send().await.unwrap().json().await.unwrap();
     let paths = described["paths"].as_object().unwrap();
     assert!(paths.len() >= 20, "{}", paths.len());
+    let operations = paths.values().flat_map(|operations| operations.as_object().unwrap().values());
+    let mut names: Vec<&str> = operations.map(|operation| operation["operationId"].as_str().unwrap()).collect();
+    let count = names.len();
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.len(), count, "an operation has a name of its own");
     for (path, operations) in paths {
         let path = path.replace("{id}", "b3-0").replace("{digest}", "b3-0");
         for method in ["get", "post", "delete", "put", "patch"] {

@@ -12,6 +12,21 @@ use std::sync::Arc;
 /// The media type of a material.
 pub(crate) const MATERIAL: &str = "application/vnd.wavelume.material";
 
+/// The blob that a row names as `digest`: it must be there.
+pub(crate) async fn respond_named(
+    app: &App,
+    digest: Digest,
+    media_type: &'static str,
+    file_name: Option<&str>,
+    method: &Method,
+    headers: &HeaderMap,
+) -> Result<Response, Problem> {
+    if app.engine.archive.store.size(digest).await?.is_none() {
+        return Err(Problem::missing(digest));
+    }
+    respond(app, digest, media_type, file_name, method, headers).await
+}
+
 /// The blob `digest`, or the part, the headers or the 304 that `headers` ask for.
 pub(crate) async fn respond(
     app: &App,

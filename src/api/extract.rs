@@ -6,7 +6,11 @@ use crate::store::Digest;
 use axum::body::{Body, Bytes};
 use axum::extract::{FromRequest, FromRequestParts, RawPathParams, Request};
 use axum::http::{HeaderMap, header, request::Parts};
+use bytes::BytesMut;
+use futures::StreamExt;
 use serde::de::DeserializeOwned;
+use std::sync::Arc;
+use tokio::sync::OwnedSemaphorePermit;
 
 /// The query string as `T`.
 #[derive(Clone, Debug)]
@@ -21,8 +25,12 @@ pub(crate) struct Id(pub(crate) Digest);
 pub(crate) struct JobId(pub(crate) String);
 
 /// A whole JSON body as bytes, its media type checked; it is parsed where the maths run.
-#[derive(Clone, Debug)]
-pub(crate) struct JsonBytes(pub(crate) Bytes);
+#[derive(Debug)]
+pub(crate) struct JsonBytes {
+    pub(crate) bytes: Bytes,
+    /// Its share of the memory for bodies.
+    _share: OwnedSemaphorePermit,
+}
 
 /// A JSON body as `T`.
 #[derive(Clone, Debug)]
@@ -70,24 +78,14 @@ async fn segment<S: Send + Sync>(parts: &mut Parts, state: &S) -> Result<String,
     Ok(params.iter().next().map(|(_, value)| value.to_owned()).unwrap_or_default())
 }
 
+/// The size of a JSON body that is no batch.
+const SMALL: usize = 512 << 10;
+
 impl FromRequest<App> for JsonBytes {
     type Rejection = Problem;
 
     async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
-        check_json(request.headers())?;
-        let limits = &app.engine.limits;
-        let limit = limits.json_bytes;
-        if declared_length(request.headers()).is_some_and(|length| length > limit as u64) {
-            return Err(too_large(limit));
-        }
-        let whole = axum::body::to_bytes(request.into_body(), limit);
-        match tokio::time::timeout(limits.idle, whole).await {
-            Ok(Ok(bytes)) if bytes.is_empty() => Err(Problem::new(Kind::EmptyBody, "expected a JSON object")),
-            Ok(Ok(bytes)) => Ok(Self(bytes)),
-            Ok(Err(error)) if is_limit(&error) => Err(too_large(limit)),
-            Ok(Err(_)) => Err(Problem::new(Kind::BadBody, "the body ended early")),
-            Err(_) => Err(Problem::new(Kind::TooSlow, format!("expected the whole body within {:?}", limits.idle))),
-        }
+        read_json(request, app, app.engine.limits.json_bytes).await
     }
 }
 
@@ -95,9 +93,52 @@ impl<T: DeserializeOwned> FromRequest<App> for Json<T> {
     type Rejection = Problem;
 
     async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
-        let JsonBytes(bytes) = JsonBytes::from_request(request, app).await?;
-        parse_json(&bytes).map(Self)
+        let body = read_json(request, app, SMALL.min(app.engine.limits.json_bytes)).await?;
+        parse_json(&body.bytes).map(Self)
     }
+}
+
+async fn read_json(request: Request, app: &App, limit: usize) -> Result<JsonBytes, Problem> {
+    let limits = &app.engine.limits;
+    let headers = request.headers();
+    let declared = declared_length(headers);
+    let checked = check_json(headers).and_then(|()| match declared {
+        Some(length) if length > limit as u64 => Err(too_large(limit)),
+        _ => Ok(()),
+    });
+    // Without a declared length the whole limit must be free.
+    let share = (declared.unwrap_or(limit as u64).min(limit as u64) / 1024 + 1) as u32;
+    let share = checked.and_then(|()| {
+        let share = Arc::clone(&app.bodies).try_acquire_many_owned(share);
+        share.map_err(|_| Problem::new(Kind::Overloaded, "too many large bodies are under way"))
+    });
+    let share = match share {
+        Ok(share) => share,
+        Err(problem) => {
+            linger(request).await;
+            return Err(problem);
+        }
+    };
+    let mut stream = request.into_body().into_data_stream();
+    let mut bytes = BytesMut::new();
+    let whole = async {
+        loop {
+            match tokio::time::timeout(limits.idle, stream.next()).await {
+                Ok(None) => return Ok(()),
+                Ok(Some(Ok(piece))) if bytes.len() + piece.len() > limit => return Err(too_large(limit)),
+                Ok(Some(Ok(piece))) => bytes.extend_from_slice(&piece),
+                Ok(Some(Err(_))) => return Err(Problem::new(Kind::BadBody, "the body ended early")),
+                Err(_) => return Err(Problem::new(Kind::TooSlow, format!("nothing came for {:?}", limits.idle))),
+            }
+        }
+    };
+    let received = tokio::time::timeout(limits.upload_time, whole).await;
+    received
+        .unwrap_or_else(|_| Err(Problem::new(Kind::TooSlow, format!("a body may take {:?}", limits.upload_time))))?;
+    if bytes.is_empty() {
+        return Err(Problem::new(Kind::EmptyBody, "expected a JSON object"));
+    }
+    Ok(JsonBytes { bytes: bytes.freeze(), _share: share })
 }
 
 /// A JSON object as `T`: 400 if it is no JSON, 422 if it is not what was expected.
@@ -143,13 +184,17 @@ fn too_large(limit: usize) -> Problem {
     Problem::new(Kind::TooLarge, format!("a JSON body may have {limit} bytes"))
 }
 
-fn is_limit(error: &axum::Error) -> bool {
-    std::error::Error::source(error).is_some_and(|source| source.to_string().contains("length limit"))
+/// Takes what is left of a request that was refused: most clients read the answer only after they have sent a good part
+/// of their body.
+pub(crate) async fn linger(request: Request) {
+    // Who asks before sending hears the answer without.
+    if !request.headers().contains_key(header::EXPECT) {
+        linger_body(request.into_body()).await;
+    }
 }
 
-/// What is left of a body that was refused: most clients read the answer only after they have sent a good part of it.
-pub(crate) async fn linger(body: Body) {
-    use futures::StreamExt;
+/// Takes what is left of a body.
+pub(crate) async fn linger_body(body: Body) {
     let mut left: usize = 32 << 20;
     let mut stream = body.into_data_stream();
     let drain = async {

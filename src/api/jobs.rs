@@ -103,6 +103,7 @@ pub(super) struct Job {
 
 /// Where to go from a job.
 #[derive(Debug, Serialize, ToSchema)]
+#[schema(as = JobLinks)]
 struct Links {
     #[serde(rename = "self")]
     this: String,

@@ -105,7 +105,7 @@ pub(crate) fn panicked(panic: Box<dyn Any + Send>) -> Response {
 /// No route has this path.
 pub(crate) async fn no_route(request: Request) -> Response {
     let path: String = request.uri().path().chars().take(200).collect();
-    super::extract::linger(request.into_body()).await;
+    super::extract::linger(request).await;
     Problem::new(Kind::NotFound, format!("no route is at {path}")).into_response()
 }
 

@@ -117,6 +117,7 @@ struct Manifest {
 
 /// Where to go from a material.
 #[derive(Debug, Serialize, ToSchema)]
+#[schema(as = MaterialLinks)]
 struct Links {
     #[serde(rename = "self")]
     this: String,
@@ -189,7 +190,7 @@ async fn get_material_content(
 ) -> Result<Response, Problem> {
     let row = row(&app, id).await?;
     let name = format!("{}.wlm", row.name.as_deref().unwrap_or(&id.to_string()[..15]));
-    content::respond(&app, id, MATERIAL, Some(&name), &method, &headers).await
+    content::respond_named(&app, id, MATERIAL, Some(&name), &method, &headers).await
 }
 
 /// Bytes by their digest: a material's file or a measurement's content.

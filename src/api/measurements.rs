@@ -10,7 +10,6 @@ use crate::domain::{Quantity, Unit};
 use crate::jobs::{Options, Upload, check_text};
 use crate::store::Digest;
 use axum::Json;
-use axum::body::Body;
 use axum::extract::{FromRequestParts, Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -126,6 +125,7 @@ struct Understood {
 
 /// Where to go from a measurement.
 #[derive(Debug, Serialize, ToSchema)]
+#[schema(as = MeasurementLinks)]
 struct Links {
     #[serde(rename = "self")]
     this: String,
@@ -152,20 +152,18 @@ struct MeasurementPage {
     )
 )]
 async fn post_measurement(State(app): State<App>, request: Request) -> Result<Response, Problem> {
+    let start = std::time::Instant::now();
     let (mut parts, body) = request.into_parts();
-    let upload = match Query::from_request_parts(&mut parts, &app).await.and_then(|Query(query)| said(query)) {
+    let said = Query::from_request_parts(&mut parts, &app).await.and_then(|Query(query)| said(query));
+    let request = Request::from_parts(parts, body);
+    let upload = match said {
         Ok(upload) => upload,
         Err(problem) => {
-            linger(body).await;
+            linger(request).await;
             return Err(problem);
         }
     };
-    post_bytes(&app, &parts.headers, body, upload).await
-}
-
-async fn post_bytes(app: &App, headers: &HeaderMap, body: Body, upload: Upload) -> Result<Response, Problem> {
-    let start = std::time::Instant::now();
-    let staged = upload::receive(app, headers, body).await?;
+    let staged = upload::receive(&app, request).await?;
     let bytes = staged.bytes();
     let (row, new) = app.engine.ingest(staged, upload).await?;
     metrics::counter!("wavelume_uploaded_bytes_total").increment(bytes);
@@ -257,7 +255,7 @@ async fn get_measurement_content(
 ) -> Result<Response, Problem> {
     let row = row(&app, id).await?;
     let name = row.file_name.as_deref();
-    content::respond(&app, row.content, "application/octet-stream", name, &method, &headers).await
+    content::respond_named(&app, row.content, "application/octet-stream", name, &method, &headers).await
 }
 
 async fn row(app: &App, id: Digest) -> Result<MeasurementRow, Problem> {

@@ -9,6 +9,7 @@ mod known;
 mod layers;
 mod materials;
 mod measurements;
+mod patient;
 mod problem;
 mod query;
 mod root;

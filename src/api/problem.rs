@@ -4,7 +4,7 @@ use crate::catalog::CatalogError;
 use crate::evaluate::EvaluateError;
 use crate::formats::FormatErrorKind;
 use crate::jobs::{Code, IngestError, JobProblem, MathsError, OpenError};
-use crate::store::StoreError;
+use crate::store::{Digest, StoreError};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
@@ -111,6 +111,11 @@ impl Problem {
         Self::inside(Kind::Internal, error, "the failure was logged")
     }
 
+    /// A row names bytes that are not there.
+    pub(crate) fn missing(digest: Digest) -> Self {
+        Self::inside(Kind::Corrupt, &format!("blob {digest} is missing"), "the stored bytes are missing")
+    }
+
     pub(crate) fn body(&self) -> ProblemBody {
         ProblemBody {
             kind: format!("urn:wavelume:problem:{}", self.kind.code()),
@@ -182,9 +187,7 @@ impl From<EvaluateError> for Problem {
 impl From<&OpenError> for Problem {
     fn from(error: &OpenError) -> Self {
         match error {
-            OpenError::Store(StoreError::NotFound(digest)) => {
-                Self::inside(Kind::Corrupt, &format!("material {digest} has no blob"), "the stored bytes are missing")
-            }
+            OpenError::Store(StoreError::NotFound(digest)) => Self::missing(*digest),
             OpenError::Store(StoreError::Corrupt { .. } | StoreError::Range { .. }) => {
                 Self::inside(Kind::Corrupt, error, "the stored bytes are not those of their digest")
             }

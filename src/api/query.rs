@@ -49,6 +49,7 @@ struct SpectrumQuery {
 /// How samples become a function of direction.
 #[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
+#[schema(as = Interpolation)]
 enum How {
     Constant,
     #[default]
@@ -212,10 +213,10 @@ async fn get_spectrum(
     params(("id" = String, Path, description = "The material")),
     responses((status = 200, description = "The spectra", body = EvaluateAnswer))
 )]
-async fn evaluate(State(app): State<App>, Id(id): Id, JsonBytes(body): JsonBytes) -> Result<Response, Problem> {
+async fn evaluate(State(app): State<App>, Id(id): Id, body: JsonBytes) -> Result<Response, Problem> {
     let material = open(&app, id).await?;
     compute(&app, move |limits| {
-        let request: EvaluateRequest = parse_json(&body)?;
+        let request: EvaluateRequest = parse_json(&body.bytes)?;
         let pairs = pairs(request.wi.as_deref(), request.wo.as_deref(), limits.batch)?;
         if let Some(values) = &request.wavelengths {
             check_wavelengths(values).map_err(invalid)?;
@@ -245,10 +246,10 @@ async fn evaluate(State(app): State<App>, Id(id): Id, JsonBytes(body): JsonBytes
     params(("id" = String, Path, description = "The material")),
     responses((status = 200, description = "The densities", body = PdfAnswer))
 )]
-async fn pdf(State(app): State<App>, Id(id): Id, JsonBytes(body): JsonBytes) -> Result<Response, Problem> {
+async fn pdf(State(app): State<App>, Id(id): Id, body: JsonBytes) -> Result<Response, Problem> {
     let material = open(&app, id).await?;
     compute(&app, move |limits| {
-        let request: PdfRequest = parse_json(&body)?;
+        let request: PdfRequest = parse_json(&body.bytes)?;
         let pairs = pairs(request.wi.as_deref(), Some(&request.wo), limits.batch)?;
         let density = |&(wi, wo): &(Option<Direction>, Option<Direction>)| {
             let wo = wo.ok_or_else(|| invalid("wo: expected outgoing directions".to_owned()))?;
@@ -265,10 +266,10 @@ async fn pdf(State(app): State<App>, Id(id): Id, JsonBytes(body): JsonBytes) -> 
     params(("id" = String, Path, description = "The material")),
     responses((status = 200, description = "The directions", body = SampleAnswer))
 )]
-async fn sample(State(app): State<App>, Id(id): Id, JsonBytes(body): JsonBytes) -> Result<Response, Problem> {
+async fn sample(State(app): State<App>, Id(id): Id, body: JsonBytes) -> Result<Response, Problem> {
     let material = open(&app, id).await?;
     compute(&app, move |limits| {
-        let request: SampleRequest = parse_json(&body)?;
+        let request: SampleRequest = parse_json(&body.bytes)?;
         if request.count == 0 || request.count > limits.batch {
             return Err(invalid(format!("count: found {}, expected 1 to {}", request.count, limits.batch)));
         }

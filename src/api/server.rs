@@ -1,5 +1,6 @@
 //! Listening, serving, draining.
 
+use super::patient::Patient;
 use super::state::App;
 use crate::jobs::{ArchiveError, Engine, WorkConfig, run_workers};
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
@@ -17,6 +18,9 @@ use tokio_util::sync::CancellationToken;
 
 /// Connections at the same time; more wait in the system's queue.
 const CONNECTIONS: usize = 2048;
+
+/// The largest JSON bodies that are in memory at the same time.
+const BODIES: usize = 8;
 
 /// How to serve; `ServeConfig::new(data, listen)` has a default for everything else.
 #[derive(Clone, Debug)]
@@ -81,6 +85,7 @@ impl Server {
         let json = super::openapi().to_json().unwrap_or_default();
         let app = App {
             uploads: Arc::new(Semaphore::new(engine.limits.uploads)),
+            bodies: Arc::new(Semaphore::new((BODIES * engine.limits.json_bytes) >> 10)),
             engine: Arc::clone(&engine),
             stop: stop.clone(),
             metrics: metrics(),
@@ -127,6 +132,7 @@ async fn accept(
         .max_concurrent_streams(128)
         .keep_alive_interval(app.engine.limits.idle)
         .keep_alive_timeout(app.engine.limits.idle);
+    let patience = app.engine.limits.idle;
     let service = super::router(app);
     let connections = GracefulShutdown::new();
     let places = Arc::new(Semaphore::new(CONNECTIONS));
@@ -151,6 +157,7 @@ async fn accept(
         };
         // Small answers must not wait for more to come; a socket that cannot say so works all the same.
         let _ = stream.set_nodelay(true);
+        let stream = Patient::new(stream, patience);
         let connection =
             builder.serve_connection(TokioIo::new(stream), TowerToHyperService::new(service.clone())).into_owned();
         let connection = connections.watch(connection);

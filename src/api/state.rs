@@ -12,6 +12,8 @@ pub(crate) struct App {
     pub(crate) engine: Arc<Engine>,
     /// Uploads that may run at the same time.
     pub(crate) uploads: Arc<Semaphore>,
+    /// KiB of JSON bodies that may be in memory.
+    pub(crate) bodies: Arc<Semaphore>,
     /// The service is stopping: streams end.
     pub(crate) stop: CancellationToken,
     /// `None` where another recorder of metrics was installed in this process.

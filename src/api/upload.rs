@@ -1,6 +1,6 @@
 //! An uploaded body to a staged file: streamed, decoded and hashed in bounded memory, within size, ratio and time.
 
-use super::extract::{declared_length, linger};
+use super::extract::{declared_length, linger, linger_body};
 use super::problem::{Kind, Problem};
 use super::state::App;
 use crate::jobs::Limits;
@@ -8,6 +8,7 @@ use crate::store::{Staged, StagedWriter, StoreError};
 use async_compression::tokio::bufread::{GzipDecoder, ZstdDecoder};
 use async_compression::zstd::DParameter;
 use axum::body::Body;
+use axum::extract::Request;
 use axum::http::{HeaderMap, header};
 use futures::{Stream, StreamExt};
 use std::io;
@@ -44,29 +45,31 @@ enum Cut {
 }
 
 /// Streams a body into a staged file.
-pub(crate) async fn receive(app: &App, headers: &HeaderMap, body: Body) -> Result<Staged, Problem> {
+pub(crate) async fn receive(app: &App, request: Request) -> Result<Staged, Problem> {
     let limits = &app.engine.limits;
-    let coding = match coding(headers) {
-        Ok(coding) => coding,
+    let admitted = coding(request.headers()).and_then(|coding| {
+        if declared_length(request.headers()).is_some_and(|length| length > limits.upload_bytes) {
+            return Err(too_large(limits));
+        }
+        let place = Arc::clone(&app.uploads).try_acquire_owned();
+        let place =
+            place.map_err(|_| Problem::new(Kind::Overloaded, format!("{} uploads are under way", limits.uploads)))?;
+        Ok((coding, place))
+    });
+    let (coding, _place) = match admitted {
+        Ok(admitted) => admitted,
         Err(problem) => {
-            linger(body).await;
+            linger(request).await;
             return Err(problem);
         }
     };
-    if declared_length(headers).is_some_and(|length| length > limits.upload_bytes) {
-        linger(body).await;
-        return Err(too_large(limits));
-    }
-    let Ok(_place) = Arc::clone(&app.uploads).try_acquire_owned() else {
-        linger(body).await;
-        return Err(Problem::new(Kind::Overloaded, format!("{} uploads are under way", limits.uploads)));
-    };
-    let mut body = Box::pin(body.into_data_stream().map(|piece| piece.map_err(|_| io::Error::other(Cut::Broken))));
+    let stream = request.into_body().into_data_stream();
+    let mut body = Box::pin(stream.map(|piece| piece.map_err(|_| io::Error::other(Cut::Broken))));
     let received = tokio::time::timeout(limits.upload_time, stage(app, coding, body.as_mut())).await;
     let received = received
         .unwrap_or_else(|_| Err(Problem::new(Kind::TooSlow, format!("an upload may take {:?}", limits.upload_time))));
     if received.is_err() {
-        linger(Body::from_stream(body)).await;
+        linger_body(Body::from_stream(body)).await;
     }
     received
 }
