@@ -30,7 +30,7 @@ struct Told {
     get, path = "/v1/jobs/{id}/events", tag = "jobs", params(("id" = String, Path, description = "Its id")),
     responses((status = 200, description = "Server-sent events", body = String, content_type = "text/event-stream"))
 )]
-pub(super) async fn get_events(
+pub(super) async fn get_job_events(
     State(app): State<App>,
     JobId(id): JobId,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Problem> {

@@ -100,12 +100,20 @@ impl<T: DeserializeOwned> FromRequest<App> for Json<T> {
     }
 }
 
-/// JSON as `T`: 400 if it is no JSON, 422 if it is not what was expected.
+/// A JSON object as `T`: 400 if it is no JSON, 422 if it is not what was expected.
 pub(crate) fn parse_json<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Problem> {
-    serde_json::from_slice(bytes).map_err(|error| {
-        let kind = if error.is_data() { Kind::InvalidRequest } else { Kind::BadBody };
-        Problem::new(kind, error.to_string())
-    })
+    // serde would fill a struct from an array by position.
+    let is_object = bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{');
+    let parsed = if is_object { Some(serde_json::from_slice(bytes)) } else { None };
+    if let Some(Ok(value)) = parsed {
+        return Ok(value);
+    }
+    // serde_json's own categories do not tell apart what is no JSON and what is other JSON.
+    match (serde_json::from_slice::<serde::de::IgnoredAny>(bytes), parsed) {
+        (Err(error), _) => Err(Problem::new(Kind::BadBody, error.to_string())),
+        (Ok(_), Some(Err(error))) => Err(Problem::new(Kind::InvalidRequest, error.to_string())),
+        (Ok(_), _) => Err(Problem::new(Kind::InvalidRequest, "expected a JSON object")),
+    }
 }
 
 /// The declared length of a body.

@@ -20,10 +20,10 @@ use utoipa_axum::routes;
 /// The routes of this resource.
 pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
-        .routes(routes!(post))
-        .routes(routes!(get))
-        .routes(routes!(super::events::get_events))
-        .routes(routes!(cancel))
+        .routes(routes!(post_job))
+        .routes(routes!(get_job))
+        .routes(routes!(super::events::get_job_events))
+        .routes(routes!(cancel_job))
 }
 
 /// The longest that a client may wait for a job in one request.
@@ -123,7 +123,7 @@ struct Links {
         (status = 200, description = "It has ended", body = Job, headers(("Location" = String, description = "The job"))),
     )
 )]
-async fn post(
+async fn post_job(
     State(app): State<App>,
     headers: HeaderMap,
     Body(request): Body<CompressRequest>,
@@ -175,7 +175,7 @@ async fn post(
     get, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = String, Path, description = "Its id")),
     responses((status = 200, description = "The job", body = Job))
 )]
-async fn get(State(app): State<App>, JobId(id): JobId) -> Result<Json<Job>, Problem> {
+async fn get_job(State(app): State<App>, JobId(id): JobId) -> Result<Json<Job>, Problem> {
     Ok(Json(Job::of(find(&app, &id).await?)))
 }
 
@@ -188,7 +188,7 @@ async fn get(State(app): State<App>, JobId(id): JobId) -> Result<Json<Job>, Prob
         (status = 409, description = "It has ended otherwise", body = ProblemBody, content_type = "application/problem+json"),
     )
 )]
-async fn cancel(State(app): State<App>, JobId(id): JobId) -> Result<Response, Problem> {
+async fn cancel_job(State(app): State<App>, JobId(id): JobId) -> Result<Response, Problem> {
     let row = app.engine.cancel(&id).await?.ok_or_else(|| absent(&id))?;
     match row.state {
         JobState::Cancelled => Ok(Json(Job::of(row)).into_response()),

@@ -10,7 +10,7 @@ use utoipa_axum::routes;
 
 /// The routes of this resource.
 pub(crate) fn routes() -> OpenApiRouter<App> {
-    OpenApiRouter::new().routes(routes!(formats)).routes(routes!(bases))
+    OpenApiRouter::new().routes(routes!(list_formats)).routes(routes!(list_bases))
 }
 
 /// A format.
@@ -29,7 +29,7 @@ struct Format {
     get, path = "/v1/formats", tag = "known",
     responses((status = 200, description = "The formats", body = Vec<Format>))
 )]
-async fn formats() -> Json<Vec<Format>> {
+async fn list_formats() -> Json<Vec<Format>> {
     let known = crate::formats::formats().into_iter().map(|format| Format {
         name: format.name,
         description: format.description,
@@ -45,6 +45,6 @@ async fn formats() -> Json<Vec<Format>> {
     get, path = "/v1/bases", tag = "known",
     responses((status = 200, description = "The bases", body = Vec<serde_json::Value>))
 )]
-async fn bases() -> Json<Vec<BasisInfo>> {
+async fn list_bases() -> Json<Vec<BasisInfo>> {
     Json(crate::transform::bases())
 }

@@ -21,9 +21,9 @@ use utoipa_axum::routes;
 /// The routes of this resource.
 pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
-        .routes(routes!(list))
-        .routes(routes!(get, delete))
-        .routes(routes!(get_content))
+        .routes(routes!(list_materials))
+        .routes(routes!(get_material, delete_material))
+        .routes(routes!(get_material_content))
         .routes(routes!(get_blob))
 }
 
@@ -143,7 +143,7 @@ struct MaterialPage {
     get, path = "/v1/materials", tag = "materials", params(ListQuery),
     responses((status = 200, description = "A page", body = MaterialPage))
 )]
-async fn list(State(app): State<App>, Query(query): Query<ListQuery>) -> Result<Json<MaterialPage>, Problem> {
+async fn list_materials(State(app): State<App>, Query(query): Query<ListQuery>) -> Result<Json<MaterialPage>, Problem> {
     let (cursor, limit) = page(query.cursor.as_deref(), query.limit)?;
     let filter =
         MaterialFilter { quantity: query.quantity, measurement: query.measurement, tag: query.tag, q: query.q };
@@ -157,7 +157,7 @@ async fn list(State(app): State<App>, Query(query): Query<ListQuery>) -> Result<
     get, path = "/v1/materials/{id}", tag = "materials", params(("id" = String, Path, description = "Its id")),
     responses((status = 200, description = "The manifest", body = Material))
 )]
-async fn get(State(app): State<App>, Id(id): Id) -> Result<Json<Material>, Problem> {
+async fn get_material(State(app): State<App>, Id(id): Id) -> Result<Json<Material>, Problem> {
     Material::of(row(&app, id).await?).map(Json)
 }
 
@@ -166,7 +166,7 @@ async fn get(State(app): State<App>, Id(id): Id) -> Result<Json<Material>, Probl
     delete, path = "/v1/materials/{id}", tag = "materials", params(("id" = String, Path, description = "Its id")),
     responses((status = 204, description = "Gone"))
 )]
-async fn delete(State(app): State<App>, Id(id): Id) -> Result<StatusCode, Problem> {
+async fn delete_material(State(app): State<App>, Id(id): Id) -> Result<StatusCode, Problem> {
     let status = deleted(app.engine.archive.catalog.delete_material(id).await?, &absent(id))?;
     app.engine.close_material(id).await;
     Ok(status)
@@ -181,7 +181,7 @@ async fn delete(State(app): State<App>, Id(id): Id) -> Result<StatusCode, Proble
         (status = 304, description = "Unchanged"),
     )
 )]
-async fn get_content(
+async fn get_material_content(
     State(app): State<App>,
     method: Method,
     headers: HeaderMap,

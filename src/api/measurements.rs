@@ -22,7 +22,10 @@ use utoipa_axum::routes;
 
 /// The routes of this resource.
 pub(crate) fn routes() -> OpenApiRouter<App> {
-    OpenApiRouter::new().routes(routes!(post, list)).routes(routes!(get, delete)).routes(routes!(get_content))
+    OpenApiRouter::new()
+        .routes(routes!(post_measurement, list_measurements))
+        .routes(routes!(get_measurement, delete_measurement))
+        .routes(routes!(get_measurement_content))
 }
 
 /// What the client says about the bytes.
@@ -148,7 +151,7 @@ struct MeasurementPage {
         (status = 200, description = "Known already", body = Measurement),
     )
 )]
-async fn post(State(app): State<App>, request: Request) -> Result<Response, Problem> {
+async fn post_measurement(State(app): State<App>, request: Request) -> Result<Response, Problem> {
     let (mut parts, body) = request.into_parts();
     let upload = match Query::from_request_parts(&mut parts, &app).await.and_then(|Query(query)| said(query)) {
         Ok(upload) => upload,
@@ -206,7 +209,10 @@ fn said(query: PostQuery) -> Result<Upload, Problem> {
     get, path = "/v1/measurements", tag = "measurements", params(ListQuery),
     responses((status = 200, description = "A page", body = MeasurementPage))
 )]
-async fn list(State(app): State<App>, Query(query): Query<ListQuery>) -> Result<Json<MeasurementPage>, Problem> {
+async fn list_measurements(
+    State(app): State<App>,
+    Query(query): Query<ListQuery>,
+) -> Result<Json<MeasurementPage>, Problem> {
     let (cursor, limit) = page(query.cursor.as_deref(), query.limit)?;
     let filter = MeasurementFilter { quantity: query.quantity, format: query.format, q: query.q };
     let page = app.engine.archive.catalog.measurements(&filter, cursor, limit).await?;
@@ -219,7 +225,7 @@ async fn list(State(app): State<App>, Query(query): Query<ListQuery>) -> Result<
     get, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = String, Path, description = "Its id")),
     responses((status = 200, description = "The measurement", body = Measurement))
 )]
-async fn get(State(app): State<App>, Id(id): Id) -> Result<Json<Measurement>, Problem> {
+async fn get_measurement(State(app): State<App>, Id(id): Id) -> Result<Json<Measurement>, Problem> {
     Measurement::of(row(&app, id).await?).map(Json)
 }
 
@@ -229,7 +235,7 @@ async fn get(State(app): State<App>, Id(id): Id) -> Result<Json<Measurement>, Pr
     responses((status = 204, description = "Gone"), (status = 409, description = "Something depends on it",
         body = super::problem::ProblemBody, content_type = "application/problem+json"))
 )]
-async fn delete(State(app): State<App>, Id(id): Id) -> Result<StatusCode, Problem> {
+async fn delete_measurement(State(app): State<App>, Id(id): Id) -> Result<StatusCode, Problem> {
     deleted(app.engine.archive.catalog.delete_measurement(id).await?, &format!("there is no measurement {id}"))
 }
 
@@ -243,7 +249,7 @@ async fn delete(State(app): State<App>, Id(id): Id) -> Result<StatusCode, Proble
         (status = 304, description = "Unchanged"),
     )
 )]
-async fn get_content(
+async fn get_measurement_content(
     State(app): State<App>,
     method: Method,
     headers: HeaderMap,

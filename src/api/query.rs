@@ -23,7 +23,7 @@ use utoipa_axum::routes;
 /// The routes of this resource.
 pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
-        .routes(routes!(spectrum))
+        .routes(routes!(get_spectrum))
         .routes(routes!(evaluate))
         .routes(routes!(pdf))
         .routes(routes!(sample))
@@ -184,7 +184,11 @@ impl Serialize for Rows {
     params(("id" = String, Path, description = "The material"), SpectrumQuery),
     responses((status = 200, description = "The spectrum", body = SpectrumAnswer))
 )]
-async fn spectrum(State(app): State<App>, Id(id): Id, Query(query): Query<SpectrumQuery>) -> Result<Response, Problem> {
+async fn get_spectrum(
+    State(app): State<App>,
+    Id(id): Id,
+    Query(query): Query<SpectrumQuery>,
+) -> Result<Response, Problem> {
     let bad = |detail: String| Problem::new(Kind::BadQuery, detail);
     let wi = query.wi.as_deref().map(|text| angles("wi", text)).transpose().map_err(bad)?;
     let wo = query.wo.as_deref().map(|text| angles("wo", text)).transpose().map_err(bad)?;

@@ -50,6 +50,8 @@ pub(crate) async fn run(engine: &Arc<Engine>, request: &str, control: &Arc<Contr
         move || {
             let input = Input { bytes: &bytes, spectrum: spectrum.as_deref(), interpretation: &interpretation };
             let source = pipeline::read(&input)?;
+            // The file's own bytes are not needed any more, and compression needs the memory.
+            drop((bytes, spectrum));
             pipeline::compress(&source, &request.pipeline(), &*control)
         }
     };
