@@ -150,7 +150,10 @@ async fn exhibit(base: &str) -> Result<(), Failure> {
         ids.push(text(m, "id")?.to_owned());
     }
     print(&table.render())?;
-    print("file, float32 and stored in bytes; ratio of float32 to stored; errors of the decoded file\n")?;
+    print(
+        "file, float32 and stored in bytes; ratio of float32 to stored; errors of the decoded file\n\
+         what is stored holds its provenance, some 600 bytes: more than a single spectrum\n",
+    )?;
     if kept > 0 {
         print(&format!("{kept} of {} materials were in the data directory already and are used again\n", ids.len()))?;
     }

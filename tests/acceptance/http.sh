@@ -13,7 +13,7 @@ finish() {
 trap finish EXIT
 fail() { echo "FAILED: $*" >&2; exit 1; }
 # The first string or number under a name in a JSON text.
-field() { sed -E "s/.*\"$1\" *: *\"?([^\",}]*)\"?.*/\1/;q"; }
+field() { grep -oE "\"$1\" *: *(\"[^\"]*\"|[^,}]*)" | sed -nE '1s/^[^:]*: *"?([^"]*)"?$/\1/p'; }
 is() { [ "$2" = "$3" ] || fail "$1: found $2, expected $3"; }
 
 "$binary" serve --data "$scratch/data" --listen 127.0.0.1:0 >"$scratch/out" 2>"$scratch/log" &
@@ -82,7 +82,7 @@ own=$("$binary" evaluate "$scratch/lamp.wlm" --wo 180,0)
 values() { sed -E 's/.*"values" *: *\[([^]]*)\].*/\1/'; }
 is "spectrum" "$(printf '%s' "$here" | values)" "$(printf '%s' "$own" | values)"
 drawn=$(call -H 'Content-Type: application/json' -d '{"count":5,"seed":1}' "$base/v1/materials/$material/sample")
-pdf=$(printf '%s' "$drawn" | sed -E 's/.*"pdf" *: *\[([^]]*)\].*/\1/' | tr ',' '\n' | wc -l | tr -d ' ')
+pdf=$(printf '%s' "$drawn" | sed -E 's/.*"pdf" *: *\[([^]]*)\].*/\1/' | tr ',' '\n' | grep -c .)
 is "samples" "$pdf" 5
 
 # Refusals are problems, with their type.
