@@ -1,6 +1,6 @@
 //! The paper's conventional policy: linear domain, bio-Haar on triangles, one threshold on L2-normalised coefficients.
 //!
-//! [CPB06] section 4.2; coefficients are ranked by |c|·‖synthesis function‖ in the counting measure of er(L2). The kept
+//! \[CPB06\] section 4.2; coefficients are ranked by |c|·‖synthesis function‖ in the counting measure of er(L2). The kept
 //! coefficients are stored exactly (float32), so the only error is that of what was dropped.
 
 use super::file::{Parts, assemble, classes_chunk, finish, metadata_with_labels};

@@ -2,7 +2,7 @@
 //!
 //! * `rd`: sign and logarithm of every sample, orthonormal Haar on triangles and a wavelet along wavelength, one uniform
 //!   step for all normalised coefficients, adaptive range coding; optionally a second layer that bounds every sample.
-//! * `conventional`: the paper's policy ([CPB06] section 4.2): linear domain, bio-Haar, one threshold on L2-normalised
+//! * `conventional`: the paper's policy (\[CPB06\] section 4.2): linear domain, bio-Haar, one threshold on L2-normalised
 //!   coefficients, the kept ones exact.
 //! * `lossless`: every bit of every sample.
 
