@@ -165,7 +165,7 @@ mod tests {
     #[test]
     fn nothing_is_coded_below_dead_nodes() {
         let mesh = Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, 2).unwrap());
-        let plan = Plan::new(&[mesh.clone()], &[AxisTransform::Sphere(SphereBasis::BioHaar)]).unwrap();
+        let plan = Plan::new(std::slice::from_ref(&mesh), &[AxisTransform::Sphere(SphereBasis::BioHaar)]).unwrap();
         // One live leaf in the first octant, two under different nodes of the second, all of the third, none of the fourth.
         let live = |i: usize| i == 5 || i == 16 || i == 20 || (32..48).contains(&i);
         let classes: Vec<Class> = (0..64).map(|i| if live(i) { Class::Positive } else { Class::Masked }).collect();
