@@ -159,7 +159,7 @@ fn cheapest<'a>(
         }
         progress.step(0.05 + 0.4 * (i + 1) as f64 / bases.len() as f64)?;
     }
-    Ok(best.map_or(LineBasis::Bior44, |(_, basis)| basis))
+    Ok(best.map_or(LineBasis::BIOR44, |(_, basis)| basis))
 }
 
 /// The logarithms of magnitudes, smooth where there is none.
@@ -400,9 +400,9 @@ fn smallest_step(progress: &dyn Progress, fits: impl Fn(f32) -> bool) -> Result<
 fn transform_of(axis: &Axis, basis: LineBasis) -> AxisTransform {
     match axis {
         Axis::Triangles(_) => AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count)),
-        Axis::Elevation(_) => AxisTransform::Line(LineBasis::Bior44),
-        Axis::Wavelength(_) => AxisTransform::Line(basis),
-        Axis::Rgb => AxisTransform::Line(LineBasis::Haar),
+        Axis::Elevation(_) => AxisTransform::line(LineBasis::BIOR44),
+        Axis::Wavelength(_) => AxisTransform::line(basis),
+        Axis::Rgb => AxisTransform::line(LineBasis::HAAR),
         Axis::Index { .. } => AxisTransform::Identity,
     }
 }
