@@ -122,6 +122,11 @@ impl Window {
         (self.first..).zip(self.values.iter().copied())
     }
 
+    /// The entries that are not zero.
+    pub(super) fn entries(&self) -> Vec<(u32, f64)> {
+        self.iter().filter(|(_, w)| *w != 0.0).map(|(i, w)| (i as u32, w)).collect()
+    }
+
     /// `Σ vector[j] · matrix row (place(j))`, and whether every row used was an inner one.
     pub(super) fn through(&self, matrix: &Banded, place: impl Fn(usize) -> usize) -> (Self, bool) {
         let mut inner = true;

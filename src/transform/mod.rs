@@ -14,9 +14,11 @@ mod basis;
 mod boundary;
 mod ends;
 mod filters;
+mod klt;
 mod level;
 mod line;
 mod lines;
+mod partial;
 mod plan;
 mod rows;
 mod sphere;
@@ -25,7 +27,9 @@ mod tree;
 
 pub use basis::{AxisTransform, BasisInfo, Space, SphereBasis, Weights, bases};
 pub use boundary::Boundary;
+pub use klt::{Klt, KltError, MAX_KLT_LENGTH};
 pub use lines::LineBasis;
+pub use partial::Part;
 pub use plan::{Plan, PlanError};
 pub use tree::AxisTree;
 

@@ -26,7 +26,7 @@ struct AxisPlan {
 
 /// What an axis' transform needs, worked out once.
 #[derive(Clone, Debug, PartialEq)]
-enum Operator {
+pub(super) enum Operator {
     Identity,
     Line(LinePlan),
     Sphere(SphereTables),
@@ -150,9 +150,29 @@ impl Plan {
         }
     }
 
+    /// How many samples the axes have together.
+    pub(super) fn samples(&self) -> usize {
+        self.axes.iter().map(|axis| axis.length).product()
+    }
+
+    pub(super) fn length(&self, axis: usize) -> usize {
+        self.axes[axis].length
+    }
+
+    /// The operator of axis `axis`, which has an entry `index`.
+    pub(super) fn operator(&self, axis: usize, index: usize) -> &Operator {
+        let axis = &self.axes[axis];
+        assert!(index < axis.length, "index {index} on an axis of {} entries", axis.length);
+        &axis.operator
+    }
+
+    /// One pass over one axis, of rows of `inner` samples.
+    pub(super) fn pass_axis(&self, axis: usize, data: &mut [f32], inner: usize, pass: Pass) {
+        self.axes[axis].pass(data, inner, pass);
+    }
+
     fn pass(&self, data: &mut [f32], pass: Pass) {
-        let expected: usize = self.axes.iter().map(|axis| axis.length).product();
-        assert_eq!(data.len(), expected, "as many samples as the plan's axes have entries");
+        assert_eq!(data.len(), self.samples(), "as many samples as the plan's axes have entries");
         let last_first = matches!(pass, Pass::Inverse | Pass::ForwardTransposed);
         for step in 0..self.axes.len() {
             let i = if last_first { self.axes.len() - 1 - step } else { step };

@@ -76,6 +76,80 @@ impl SphereTables {
         }
     }
 
+    /// The synthesis function of coefficient `index`.
+    pub(super) fn footprint(&self, index: usize) -> Vec<(u32, f64)> {
+        self.descend(index, 1.0 / f64::from(self.bare), |(_, inverse), coefficient, child| inverse[child][coefficient])
+    }
+
+    /// What coefficient `index` takes of each leaf.
+    pub(super) fn analysis_row(&self, index: usize) -> Vec<(u32, f64)> {
+        self.descend(index, f64::from(self.bare), |(forward, _), coefficient, child| forward[coefficient][child])
+    }
+
+    /// What the leaf `index` takes of each coefficient.
+    pub(super) fn synthesis_row(&self, index: usize) -> Vec<(u32, f64)> {
+        let mut row = Vec::with_capacity(3 * usize::from(self.level) + 1);
+        let mut smooth = 1.0 / f64::from(self.bare);
+        for parent_level in (0..self.level).rev() {
+            let place = self.place(parent_level + 1);
+            let (node, child) = (index / (4 * place), index / place % 4);
+            let (_, inverse) = self.node(parent_level, node);
+            for k in 1..4 {
+                row.push(((node * 4 + k) * place, smooth * f64::from(inverse[child][k])));
+            }
+            smooth *= f64::from(inverse[child][0]);
+        }
+        let place = self.place(0);
+        row.push((index / place * place, smooth));
+        row.retain(|(_, w)| *w != 0.0);
+        row.sort_unstable_by_key(|&(i, _)| i);
+        row.into_iter().map(|(i, w)| (i as u32, w)).collect()
+    }
+
+    /// A coefficient's weights on the leaves, from its node down; `weight` is a matrix' entry for a coefficient and a child.
+    fn descend(
+        &self,
+        index: usize,
+        bare: f64,
+        weight: impl Fn(&(Matrix, Matrix), usize, usize) -> f32,
+    ) -> Vec<(u32, f64)> {
+        let within = index % self.place(0);
+        let mut level = 0;
+        while within % self.place(level) != 0 {
+            level += 1;
+        }
+        // The first of the nodes, at `level`, and what they get.
+        let mut first = index / self.place(level);
+        let mut weights = vec![bare];
+        if level > 0 {
+            let k = first % 4;
+            first -= k;
+            let matrices = self.node(level - 1, first / 4);
+            weights = (0..4).map(|child| f64::from(weight(matrices, k, child))).collect();
+        }
+        for parent_level in level..self.level {
+            let nodes = (first..).zip(&weights);
+            weights = nodes
+                .flat_map(|(node, w)| {
+                    let matrices = self.node(parent_level, node);
+                    [0, 1, 2, 3].map(|child| w * f64::from(weight(matrices, 0, child)))
+                })
+                .collect();
+            first *= 4;
+        }
+        (first..).zip(weights).filter(|(_, w)| *w != 0.0).map(|(i, w)| (i as u32, w)).collect()
+    }
+
+    /// Leaves below a node of `level`.
+    fn place(&self, level: u8) -> usize {
+        1 << (2 * u32::from(self.level - level))
+    }
+
+    fn node(&self, parent_level: u8, node: usize) -> &(Matrix, Matrix) {
+        let matrices = &self.nodes[usize::from(parent_level)];
+        &matrices[node % matrices.len()]
+    }
+
     fn pass_level(&self, rows: &mut [&mut [f32]], parent_level: u8, pass: Pass) {
         let matrices = &self.nodes[usize::from(parent_level)];
         let stride = 1_usize << (2 * u32::from(self.level - parent_level - 1));
