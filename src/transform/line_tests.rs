@@ -4,7 +4,8 @@ use super::banded::{Banded, Window};
 use super::filters::{Filters, PERFECT, Taps};
 use super::line::LinePlan;
 use super::rows::{Pass, for_rows};
-use super::{Boundary, LineBasis, lines};
+use super::{AxisTransform, Boundary, LineBasis, Plan, lines};
+use crate::domain::Axis;
 use rayon::prelude::*;
 
 /// To how many digits a table is published.
@@ -259,6 +260,100 @@ fn lifting_is_its_filters() {
                     let expected = j.checked_sub(footprint.first).and_then(|k| footprint.values.get(k)).copied();
                     assert!((f64::from(found) - expected.unwrap_or(0.0)).abs() < 3e-6, "{basis} {n}: {i} at {j}");
                 }
+            }
+        }
+    }
+}
+
+/// Coefficients of PyWavelets, see `tests/golden/pywavelets.py`.
+fn golden() -> serde_json::Value {
+    serde_json::from_str(include_str!("../../tests/golden/pywavelets.json")).unwrap()
+}
+
+/// `(i*i*7) % 31 - 15`.
+fn squares(n: u32) -> Vec<f32> {
+    (0..n).map(|i| ((i * i * 7) % 31) as f32 - 15.0).collect()
+}
+
+/// The coefficient of a line of `levels` levels at this place of PyWavelets' list, smooth ones first, then coarse to fine.
+fn listed(n: usize, levels: u32) -> Vec<usize> {
+    let smooth = (0..n).step_by(1 << levels);
+    let details = (0..levels).rev().flat_map(|height| (1 << height..n).step_by(2 << height));
+    smooth.chain(details).collect()
+}
+
+#[test]
+fn periodic_coefficients_are_those_of_pywavelets() {
+    let golden = golden();
+    let names = golden["periodic"].as_object().unwrap();
+    assert_eq!(names.len(), 106);
+    for (name, expected) in names {
+        let basis: LineBasis = name.parse().unwrap();
+        let plan = LinePlan::new(96, basis, Boundary::Periodic, 5);
+        let samples = squares(96);
+        let mut found = samples.clone();
+        for_rows(&mut found, 96, 1, |rows| plan.transform(rows, Pass::Forward));
+        let expected: Vec<f64> = expected.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
+        let largest = expected.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        for (&i, &expected) in listed(96, 5).iter().zip(&expected) {
+            let exact: f64 = plan.analysis_row(i).iter().map(|(j, w)| w * f64::from(samples[j])).sum();
+            assert!((exact - expected).abs() < 1e-9 * largest, "{name} {i}: {exact} {expected}");
+            let found = f64::from(found[i]);
+            assert!((found - expected).abs() < 1e-6 * largest, "{name} {i}: {found} {expected}");
+        }
+    }
+}
+
+#[test]
+fn inner_coefficients_of_any_rule_are_those_of_pywavelets() {
+    let golden = golden();
+    for (name, expected) in golden["inner"].as_object().unwrap() {
+        let basis: LineBasis = name.parse().unwrap();
+        for boundary in [basis.boundary(), Boundary::Periodic, Boundary::Zero] {
+            let plan = LinePlan::new(1021, basis, boundary, 3);
+            let samples = squares(1021);
+            let mut found = samples.clone();
+            for_rows(&mut found, 1021, 1, |rows| plan.transform(rows, Pass::Forward));
+            let expected = expected.as_array().unwrap();
+            assert!(expected.len() >= 7, "{name}");
+            for entry in expected {
+                let height = entry[0].as_u64().unwrap() as usize - 1;
+                let index = (2 * entry[1].as_u64().unwrap() as usize + 1) << height;
+                let expected = entry[2].as_f64().unwrap();
+                let row = plan.analysis_row(index);
+                let exact: f64 = row.iter().map(|(j, w)| w * f64::from(samples[j])).sum();
+                let scale = 15.0 * row.iter().map(|(_, w)| w.abs()).sum::<f64>();
+                assert!((exact - expected).abs() < 1e-9 * scale, "{name} {boundary} {entry}: {exact}");
+                assert!((f64::from(found[index]) - expected).abs() < 1e-6 * scale, "{name} {boundary} {entry}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_standard_decomposition_is_that_of_pywavelets() {
+    let golden = &golden()["standard"];
+    let numbers =
+        |key: &str| -> Vec<u64> { golden[key].as_array().unwrap().iter().map(|x| x.as_u64().unwrap()).collect() };
+    let (shape, levels) = (numbers("shape"), numbers("levels"));
+    let axes: Vec<Axis> = shape.iter().map(|&n| Axis::Index { count: n as usize, labels: vec![] }).collect();
+    let basis = |name: &serde_json::Value| name.as_str().unwrap().parse().unwrap();
+    let transforms: Vec<_> = golden["bases"].as_array().unwrap().iter().map(basis).collect();
+    let transforms: Vec<_> =
+        transforms.into_iter().map(|basis| AxisTransform::Line { basis, boundary: Boundary::Periodic }).collect();
+    let limits: Vec<_> = levels.iter().map(|&l| Some(l as u8)).collect();
+    let plan = Plan::with_levels(&axes, &transforms, &limits).unwrap();
+    let mut found = squares(16 * 12 * 24);
+    plan.forward(&mut found);
+    let places: Vec<Vec<usize>> = shape.iter().zip(&levels).map(|(&n, &l)| listed(n as usize, l as u32)).collect();
+    let expected: Vec<f64> = golden["coefficients"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
+    let largest = expected.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let mut expected = expected.into_iter();
+    for &i in &places[0] {
+        for &j in &places[1] {
+            for &k in &places[2] {
+                let (found, expected) = (f64::from(found[(i * 12 + j) * 24 + k]), expected.next().unwrap());
+                assert!((found - expected).abs() < 1e-6 * largest, "{i} {j} {k}: {found} {expected}");
             }
         }
     }
