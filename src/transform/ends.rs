@@ -182,7 +182,12 @@ impl Side<'_> {
     fn complement(&self, taps: &[Taps; 2], inner: &Range<usize>, count: usize) -> Vec<Vec<f64>> {
         let width = self.columns.len();
         let mut filters = Vec::new();
-        for o in inner.clone() {
+        let first = taps.iter().map(|t| t.first).min().unwrap_or(0);
+        let last = taps.iter().map(Taps::last).max().unwrap_or(0);
+        // Those that touch these columns.
+        let from = (self.columns.start as i64 - last).div_euclid(2).max(inner.start as i64) as usize;
+        let to = ((self.columns.end as i64 - first).div_euclid(2) + 1).clamp(0, inner.end as i64) as usize;
+        for o in from..to {
             for taps in taps {
                 let row = self.cut(taps, o as i64, |i| usize::try_from(i).ok());
                 if row.iter().any(|&w| w != 0.0) {

@@ -89,7 +89,9 @@ impl Klt {
             let largest = vector.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
             let leading = vector.iter().find(|x| x.abs() >= largest * (1.0 - 1e-9));
             if leading.is_some_and(|&x| x < 0.0) {
-                vector.iter_mut().for_each(|x| *x = -*x);
+                for x in vector {
+                    *x = -*x;
+                }
             }
         }
         Ok(Self { mean, vectors, variances })

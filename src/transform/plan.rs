@@ -6,7 +6,13 @@ use super::rows::{Pass, for_rows};
 use super::sphere::{self, SphereTables};
 use super::tree::AxisTree;
 use crate::domain::{Axis, TriangleMesh};
+use rayon::prelude::*;
 use std::fmt;
+
+/// Samples that the second-level cache holds.
+const CACHED: usize = 1 << 19;
+/// Samples below which slabs are taken together.
+const GROUPED: usize = 1 << 16;
 
 /// The transforms of a tensor's axes. Passes work in place on all samples, row-major, in `f32`; the result is the same
 /// to the last bit on any number of threads. A NaN spreads to every coefficient it meets: fill masked samples first.
@@ -173,11 +179,28 @@ impl Plan {
 
     fn pass(&self, data: &mut [f32], pass: Pass) {
         assert_eq!(data.len(), self.samples(), "as many samples as the plan's axes have entries");
-        let last_first = matches!(pass, Pass::Inverse | Pass::ForwardTransposed);
-        for step in 0..self.axes.len() {
-            let i = if last_first { self.axes.len() - 1 - step } else { step };
-            let inner = self.axes[i + 1..].iter().map(|axis| axis.length).product();
-            self.axes[i].pass(data, inner, pass);
+        // The last axes, as many as a cache holds together, are done slab by slab; the others one by one over everything.
+        let inner = |axis: usize| -> usize { self.axes[axis..].iter().map(|axis| axis.length).product() };
+        let split = (0..self.axes.len()).find(|&axis| inner(axis) <= CACHED).unwrap_or(self.axes.len());
+        let slab = inner(split);
+        let slabs = |data: &mut [f32], axes: &mut dyn Iterator<Item = usize>| {
+            let axes: Vec<usize> = axes.collect();
+            data.par_chunks_mut(slab * (GROUPED / slab).max(1)).for_each(|data| {
+                for &axis in &axes {
+                    self.axes[axis].pass(data, inner(axis + 1), pass);
+                }
+            });
+        };
+        if matches!(pass, Pass::Inverse | Pass::ForwardTransposed) {
+            slabs(data, &mut (split..self.axes.len()).rev());
+            for axis in (0..split).rev() {
+                self.axes[axis].pass(data, inner(axis + 1), pass);
+            }
+        } else {
+            for axis in 0..split {
+                self.axes[axis].pass(data, inner(axis + 1), pass);
+            }
+            slabs(data, &mut (split..self.axes.len()));
         }
     }
 }
@@ -228,7 +251,13 @@ impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (i, axis) in self.axes.iter().enumerate() {
             let times = if i == 0 { "" } else { " × " };
-            write!(f, "{times}{}[{}]", axis.transform.name(), axis.length)?;
+            write!(f, "{times}{}", axis.transform.name())?;
+            if let AxisTransform::Line { basis, boundary } = axis.transform
+                && boundary != basis.boundary()
+            {
+                write!(f, " {boundary}")?;
+            }
+            write!(f, "[{}]", axis.length)?;
         }
         Ok(())
     }

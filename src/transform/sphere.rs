@@ -127,8 +127,8 @@ impl SphereTables {
             let place = self.place(parent_level + 1);
             let (node, child) = (index / (4 * place), index / place % 4);
             let (_, inverse) = self.node(parent_level, node);
-            for k in 1..4 {
-                row.push(((node * 4 + k) * place, smooth * f64::from(inverse[child][k])));
+            for (k, &w) in inverse[child].iter().enumerate().skip(1) {
+                row.push(((node * 4 + k) * place, smooth * f64::from(w)));
             }
             smooth *= f64::from(inverse[child][0]);
         }
@@ -148,7 +148,7 @@ impl SphereTables {
     ) -> Vec<(u32, f64)> {
         let within = index % self.place(0);
         let mut level = 0;
-        while within % self.place(level) != 0 {
+        while !within.is_multiple_of(self.place(level)) {
             level += 1;
         }
         // The first of the nodes, at `level`, and what they get.

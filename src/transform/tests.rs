@@ -1,6 +1,6 @@
 //! Identities of every basis, length and mesh, then golden numbers.
 
-use super::{AxisTransform, LineBasis, Plan, PlanError, SphereBasis, Weights};
+use super::{AxisTransform, Boundary, LineBasis, Plan, PlanError, SphereBasis, Weights};
 use crate::domain::{Axis, Domain, TriangleMesh};
 use std::f32::consts::FRAC_1_SQRT_2;
 
@@ -224,13 +224,16 @@ fn threads_change_no_bit() {
         AxisTransform::Sphere(SphereBasis::BioHaar),
         AxisTransform::line(LineBasis::BIOR44),
     ];
-    let plan = Plan::new(&axes, &transforms).unwrap();
     let samples = noise(16 * 256 * 75, 6);
-    let on = |threads| {
+    let on = |plan: &Plan, threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| after(Plan::forward, &plan, &samples))
+        pool.install(|| after(Plan::forward, plan, &samples))
     };
-    assert_eq!(on(1), on(3));
+    let plan = Plan::new(&axes, &transforms).unwrap();
+    assert_eq!(on(&plan, 1), on(&plan, 3));
+    let lines = ["db5", "dmey", "bior6.8"].map(|name| AxisTransform::line(name.parse().unwrap()));
+    let plan = Plan::new(&[index(16), index(256), index(75)], &lines).unwrap();
+    assert_eq!(on(&plan, 1), on(&plan, 3));
 }
 
 #[test]
@@ -295,6 +298,30 @@ fn an_odd_length_is_mirrored_at_both_ends() {
     }
 }
 
+#[test]
+fn fewer_levels_leave_the_coarser_ones_as_they_were() {
+    let transform = AxisTransform::line("bior2.4".parse().unwrap());
+    let samples = noise(75, 7);
+    let full = after(Plan::forward, &Plan::new(&[index(75)], &[transform]).unwrap(), &samples);
+    let plan = Plan::with_levels(&[index(75)], &[transform], &[Some(2)]).unwrap();
+    let two = after(Plan::forward, &plan, &samples);
+    assert_eq!(plan.tree(0).levels(), 3);
+    for (i, (full, two)) in full.iter().zip(&two).enumerate() {
+        assert!(i % 4 == 0 || full == two);
+    }
+    assert!(largest_difference(&after(Plan::inverse, &plan, &two), &samples) < 2e-6);
+    let none = Plan::with_levels(&[index(75)], &[transform], &[Some(0)]).unwrap();
+    assert_eq!(after(Plan::forward, &none, &samples), samples);
+}
+
+#[test]
+fn plans_name_a_boundary_rule_that_is_not_the_basis_own() {
+    let basis: LineBasis = "db4".parse().unwrap();
+    let periodic = AxisTransform::Line { basis, boundary: Boundary::Periodic };
+    let plan = Plan::new(&[index(8), index(9)], &[AxisTransform::line(basis), periodic]).unwrap();
+    assert_eq!(plan.to_string(), "db4[8] × db4 periodic[9]");
+}
+
 /// NumPy, f64, on the hemisphere at level 2, values `(i*i*7) % 31 - 15`: per parent p = Σw·c/Σw and c − p, or
 /// y − 2v(v·y)/(v·v) with v = √(w/Σw) − e₀ on √w·c (area) or c (count). Smooth of the four bases; details of base 0; of
 /// its children 0 and 1.
@@ -338,6 +365,10 @@ fn refusals_name_their_reason() {
     assert_eq!(Plan::new(&[index(3)], &[]), Err(PlanError::Count { axes: 1, transforms: 0 }));
     assert_eq!(Plan::new(&[index(3), index(0)], &[line, line]), Err(PlanError::Empty { axis: 1 }));
     assert!(matches!(Plan::new(&[Axis::Rgb], &[sphere]), Err(PlanError::Unfit { axis: 0, transform: "bio-haar", .. })));
+    let three = [Some(3)];
+    let error = Plan::with_levels(&[triangles(Domain::Sphere, 3)], &[sphere], &three).unwrap_err();
+    assert!(matches!(error, PlanError::Unfit { axis: 0, expected: "all levels on triangles", .. }));
+    assert_eq!(Plan::with_levels(&[index(3)], &[line], &[]), Err(PlanError::Count { axes: 1, transforms: 0 }));
     let error = Plan::new(&[triangles(Domain::Sphere, 0)], &[line]).unwrap_err();
     assert!(error.to_string().starts_with("axis 0: `haar` on sphere:0 (8 triangles), expected wavelengths"));
 }
