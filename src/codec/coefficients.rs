@@ -15,13 +15,13 @@ pub const NONE: u32 = u32::MAX;
 /// The order of coding and the neighbours of every row and lane.
 #[derive(Clone, Debug, Default)]
 pub struct Rows {
-    /// Rows in coding order.
+    /// The rows that are coded, in coding order; the others are 0.
     pub order: Vec<u32>,
     /// By row: its level, 0 = smooth part.
     pub level: Vec<u8>,
     /// By row: up to three rows coded before it, or [`NONE`].
     pub neighbours: Vec<[u32; 3]>,
-    /// Lanes in coding order.
+    /// The lanes that are coded, in coding order; the others are 0.
     pub lane_order: Vec<u32>,
     /// By lane: its level.
     pub lane_level: Vec<u8>,
@@ -55,8 +55,8 @@ const SETS: usize = MAGNITUDE_SET + MagnitudeSlots::SETS;
 /// # Panics
 /// If `rows` does not describe `values`.
 pub fn code_coefficients<C: BitCoder>(coder: &mut C, rows: &Rows, payload: Payload, values: &mut [i32]) {
-    let lanes = rows.lane_order.len();
-    assert_eq!(rows.order.len() * lanes, values.len(), "rows and lanes describe the values");
+    let lanes = rows.lane_neighbours.len();
+    assert_eq!(rows.neighbours.len() * lanes, values.len(), "rows and lanes describe the values");
     let mut state = State::new(lanes, payload);
     let mut row = vec![0_i32; lanes];
     let zeros = vec![0_i32; lanes];

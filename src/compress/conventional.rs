@@ -7,7 +7,7 @@ use super::file::{Parts, assemble, classes_chunk, finish, metadata_with_labels};
 use super::fill::fill;
 use super::header::Header;
 use super::rd::Scales;
-use super::rows::coding_order;
+use super::rows::{clear_uncoded, coding_order};
 use super::search::largest;
 use super::{CompressError, Compressed, Policy, Settings, Target, candidate_bases};
 use crate::codec::{ChunkKind, Class, Encoder, Payload, Rows, code_coefficients};
@@ -29,13 +29,12 @@ pub(crate) fn compress(
     let mut classes: Vec<Class> =
         samples.iter().map(|s| if s.is_nan() { Class::Masked } else { Class::Positive }).collect();
     let classes_coded = classes_chunk(axes, &mut classes);
-    drop(classes);
     fill(axes, &mut samples);
     let bases = candidate_bases(axes, settings);
     let mut best: Option<Compressed> = None;
     for (i, &basis) in bases.iter().enumerate() {
         progress.step(0.05 + 0.9 * i as f64 / bases.len() as f64)?;
-        let work = Work::new(measurement, &samples, basis, settings, floor, classes_coded.clone())?;
+        let work = Work::new(measurement, &samples, basis, settings, floor, (&classes, classes_coded.clone()))?;
         let threshold = work.find_threshold(progress)?;
         let parts = work.parts(threshold);
         drop(work);
@@ -70,14 +69,17 @@ impl<'a> Work<'a> {
         basis: LineBasis,
         settings: &'a Settings,
         floor: f32,
-        classes: Option<(ChunkKind, Vec<u8>)>,
+        (classes, classes_coded): (&[Class], Option<(ChunkKind, Vec<u8>)>),
     ) -> Result<Self, CompressError> {
         let axes = measurement.tensor.axes();
         let transforms: Vec<_> = axes.iter().map(|axis| transform_of(axis, basis)).collect();
         let plan = Plan::new(axes, &transforms).map_err(|e| CompressError::Setting(e.to_string()))?;
         let mut coefficients = samples.to_vec();
         plan.forward(&mut coefficients);
-        let (scales, rows) = (Scales::new(axes, &plan), coding_order(axes, &plan));
+        let scales = Scales::new(axes, &plan);
+        let rows = coding_order(axes, &plan, classes_coded.is_some().then_some(classes));
+        clear_uncoded(&rows, &mut coefficients);
+        let classes = classes_coded;
         Ok(Self { measurement, settings, plan, transforms, scales, rows, coefficients, classes, floor })
     }
 

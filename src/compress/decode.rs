@@ -1,8 +1,9 @@
 //! Files → samples: the one place that says what a decoder computes for each sample.
 //!
 //! Every operation is specified, so that a reader in another language can be bit-exact: f32 additions and multiplications
-//! in the order written here and in `transform`, `exp` of the pure Rust `libm` in f64, rounded once to f32.
+//! in the order written here and in `transform`, and the `exponential` of this room in f64, rounded once to f32.
 
+use super::exponential::exp;
 use super::file::lanes;
 use super::header::Header;
 use super::rd::Scales;
@@ -98,18 +99,22 @@ pub(crate) fn samples_of<'a>(
 ) -> Result<Vec<f32>, CodecError> {
     let count = header.axes.iter().map(Axis::len).product();
     let payload = |kind| chunk(kind).unwrap_or_default();
+    let classes = header.has_classes.then(|| {
+        let mut classes = vec![Class::Positive; count];
+        code_classes(&mut Decoder::new(payload(ChunkKind::Classes)), lanes(&header.axes), &mut classes);
+        classes
+    });
+    let coefficients = payload(ChunkKind::Coefficients);
     let mut samples = match header.policy {
-        Policy::Rd => rd_samples(header, count, payload(ChunkKind::Coefficients), payload(ChunkKind::Corrections))?,
-        Policy::Conventional => conventional_samples(header, count, payload(ChunkKind::Coefficients))?,
+        Policy::Rd => rd_samples(header, classes.as_deref(), coefficients, payload(ChunkKind::Corrections))?,
+        Policy::Conventional => conventional_samples(header, classes.as_deref(), coefficients)?,
         Policy::Lossless => {
             let mut samples = vec![0.0; count];
             code_exact(&mut Decoder::new(payload(ChunkKind::Exact)), lanes(&header.axes), &mut samples);
             samples
         }
     };
-    if header.has_classes {
-        let mut classes = vec![Class::Positive; count];
-        code_classes(&mut Decoder::new(payload(ChunkKind::Classes)), lanes(&header.axes), &mut classes);
+    if let Some(classes) = classes {
         apply_classes(&classes, &mut samples);
     } else if samples.iter().any(|s| s.is_nan()) {
         return Err(CodecError::Malformed { at: 0, reason: "a coefficient is not a number".to_owned() });
@@ -132,10 +137,16 @@ fn plan_of(header: &Header) -> Result<Plan, CodecError> {
     Plan::new(&header.axes, &header.transforms).map_err(|e| CodecError::Malformed { at: 0, reason: e.to_string() })
 }
 
-fn rd_samples(header: &Header, count: usize, coded: &[u8], corrections: &[u8]) -> Result<Vec<f32>, CodecError> {
+fn rd_samples(
+    header: &Header,
+    classes: Option<&[Class]>,
+    coded: &[u8],
+    corrections: &[u8],
+) -> Result<Vec<f32>, CodecError> {
     let plan = plan_of(header)?;
+    let count = header.axes.iter().map(Axis::len).product();
     let mut quantised = vec![0_i32; count];
-    let rows = coding_order(&header.axes, &plan);
+    let rows = coding_order(&header.axes, &plan, classes);
     code_coefficients(&mut Decoder::new(coded), &rows, Payload::Integer, &mut quantised);
     drop(rows);
     let mut logs = vec![0.0_f32; count];
@@ -163,15 +174,16 @@ pub(crate) fn add_corrections(step: f32, steps: &[i32], logs: &mut [f32]) {
 pub(crate) fn exponentiate(logs: &mut [f32]) {
     logs.par_chunks_mut(1 << 14).for_each(|chunk| {
         for value in chunk {
-            *value = libm::exp(f64::from(*value)) as f32;
+            *value = exp(f64::from(*value)) as f32;
         }
     });
 }
 
-fn conventional_samples(header: &Header, count: usize, coded: &[u8]) -> Result<Vec<f32>, CodecError> {
+fn conventional_samples(header: &Header, classes: Option<&[Class]>, coded: &[u8]) -> Result<Vec<f32>, CodecError> {
     let plan = plan_of(header)?;
-    let mut bits = vec![0_i32; count];
-    code_coefficients(&mut Decoder::new(coded), &coding_order(&header.axes, &plan), Payload::Float, &mut bits);
+    let mut bits = vec![0_i32; header.axes.iter().map(Axis::len).product()];
+    let rows = coding_order(&header.axes, &plan, classes);
+    code_coefficients(&mut Decoder::new(coded), &rows, Payload::Float, &mut bits);
     let mut samples: Vec<f32> = bits.into_iter().map(|bits| f32::from_bits(bits as u32)).collect();
     plan.inverse(&mut samples);
     Ok(samples)

@@ -1,13 +1,24 @@
 //! From the trees of a plan to the coding order: coarse to fine, each row and lane with its neighbours already coded.
 
-use crate::codec::{NONE, Rows};
+use crate::codec::{Class, NONE, Rows};
 use crate::domain::Axis;
-use crate::transform::Plan;
+use crate::transform::{AxisTransform, Plan};
 
 /// The coding order of a tensor on `axes` transformed by `plan`: the last axis gives the lanes, all others the rows.
-pub(crate) fn coding_order(axes: &[Axis], plan: &Plan) -> Rows {
+///
+/// Where `classes` are given, triangles without a live sample in any row and lane are dead: nothing is coded below a node
+/// with fewer than two live children, because what fills the dead ones has no details there.
+pub(crate) fn coding_order(axes: &[Axis], plan: &Plan, classes: Option<&[Class]>) -> Rows {
     let Some(last) = axes.len().checked_sub(1) else { return Rows::natural(1, 1) };
-    let lanes = AxisNeighbours::of(plan, last);
+    let of = |axis| {
+        let mut neighbours = AxisNeighbours::of(plan, axis);
+        if let (Some(classes), AxisTransform::Sphere(_)) = (classes, plan.transform(axis)) {
+            let coded = coded_indices(&live_entries(axes, axis, classes));
+            neighbours.order.retain(|&i| coded[i as usize]);
+        }
+        neighbours
+    };
+    let lanes = of(last);
     let mut rows = Rows {
         order: vec![0],
         level: vec![0],
@@ -17,9 +28,59 @@ pub(crate) fn coding_order(axes: &[Axis], plan: &Plan) -> Rows {
         lane_order: lanes.order,
     };
     for axis in 0..last {
-        rows = nest(rows, &AxisNeighbours::of(plan, axis), &plan.tree(axis).level);
+        rows = nest(rows, &of(axis), &plan.tree(axis).level);
     }
     rows
+}
+
+/// Which entries of `axis` have a sample to code.
+fn live_entries(axes: &[Axis], axis: usize, classes: &[Class]) -> Vec<bool> {
+    let inner: usize = axes[axis + 1..].iter().map(Axis::len).product();
+    let n = axes[axis].len();
+    let mut live = vec![false; n];
+    for (i, block) in classes.chunks_exact(inner).enumerate() {
+        let live = &mut live[i % n];
+        *live = *live || block.iter().any(|class| matches!(class, Class::Positive | Class::Negative));
+    }
+    live
+}
+
+/// Which indices of a triangle tree hold a coefficient: the smooth part, and the details of nodes with two live children.
+fn coded_indices(live: &[bool]) -> Vec<bool> {
+    let mut coded = vec![true; live.len()];
+    let mut live = live.to_vec();
+    let mut stride = 1;
+    while live.len().is_multiple_of(4) && live.len() > 4 {
+        for (node, children) in live.chunks_exact(4).enumerate() {
+            if children.iter().filter(|&&child| child).count() < 2 {
+                for k in 1..4 {
+                    coded[(4 * node + k) * stride] = false;
+                }
+            }
+        }
+        live = live.chunks_exact(4).map(|children| children.contains(&true)).collect();
+        stride *= 4;
+    }
+    coded
+}
+
+/// Sets what is not coded to 0, as the decoder has it.
+pub(crate) fn clear_uncoded<T: Copy + Default>(rows: &Rows, values: &mut [T]) {
+    let lanes = rows.lane_neighbours.len();
+    if rows.order.len() * rows.lane_order.len() == values.len() {
+        return;
+    }
+    let mut row_coded = vec![false; rows.neighbours.len()];
+    let mut lane_coded = vec![false; lanes];
+    rows.order.iter().for_each(|&r| row_coded[r as usize] = true);
+    rows.lane_order.iter().for_each(|&j| lane_coded[j as usize] = true);
+    for (row, row_coded) in values.chunks_exact_mut(lanes).zip(row_coded) {
+        for (value, lane_coded) in row.iter_mut().zip(&lane_coded) {
+            if !row_coded || !lane_coded {
+                *value = T::default();
+            }
+        }
+    }
 }
 
 struct AxisNeighbours {
@@ -32,7 +93,7 @@ struct AxisNeighbours {
 impl AxisNeighbours {
     fn of(plan: &Plan, axis: usize) -> Self {
         let tree = plan.tree(axis);
-        let mut before = vec![NONE; tree.order.len()];
+        let mut before = vec![NONE; tree.level.len()];
         for &[a, b] in tree.order.array_windows() {
             if tree.level[a as usize] == tree.level[b as usize] {
                 before[b as usize] = a;
@@ -45,12 +106,12 @@ impl AxisNeighbours {
 
 /// Rows of `outer × axis` from the rows of `outer`.
 fn nest(outer: Rows, axis: &AxisNeighbours, level: &[u8]) -> Rows {
-    let n = axis.order.len() as u32;
-    let count = outer.order.len() * axis.order.len();
-    let mut order = Vec::with_capacity(count);
+    let n = axis.before.len() as u32;
+    let mut order = Vec::with_capacity(outer.order.len() * axis.order.len());
     for &o in &outer.order {
         order.extend(axis.order.iter().map(|&i| o * n + i));
     }
+    let count = outer.level.len() * axis.before.len();
     let mut levels = Vec::with_capacity(count);
     let mut neighbours = Vec::with_capacity(count);
     for (o, &outer_level) in (0..).zip(&outer.level) {
@@ -78,7 +139,7 @@ mod tests {
         let axes = [mesh(1), mesh(2), Axis::Wavelength(WavelengthGrid::even(380.0, 5.0, 11).unwrap())];
         let sphere = AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count));
         let plan = Plan::new(&axes, &[sphere, sphere, AxisTransform::line(LineBasis::BIOR44)]).unwrap();
-        let rows = coding_order(&axes, &plan);
+        let rows = coding_order(&axes, &plan, None);
         assert_eq!(rows.order.len(), 16 * 64);
         let mut rank = vec![0; rows.order.len()];
         for (k, &r) in rows.order.iter().enumerate() {
@@ -102,8 +163,26 @@ mod tests {
     }
 
     #[test]
+    fn nothing_is_coded_below_dead_nodes() {
+        let mesh = Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, 2).unwrap());
+        let plan = Plan::new(&[mesh.clone()], &[AxisTransform::Sphere(SphereBasis::BioHaar)]).unwrap();
+        // One live leaf in the first octant, two under different nodes of the second, all of the third, none of the fourth.
+        let live = |i: usize| i == 5 || i == 16 || i == 20 || (32..48).contains(&i);
+        let classes: Vec<Class> = (0..64).map(|i| if live(i) { Class::Positive } else { Class::Masked }).collect();
+        let mut coded = coding_order(&[mesh], &plan, Some(&classes)).lane_order;
+        coded.sort_unstable();
+        let whole_third = (32..48).filter(|i| i % 16 != 0);
+        let expected: Vec<u32> = [0, 16, 20, 24, 28, 32].into_iter().chain(whole_third).chain([48]).collect();
+        assert_eq!(coded, expected);
+        let mut values = vec![1; 64];
+        let rows = Rows { lane_order: coded, lane_neighbours: vec![[NONE; 2]; 64], ..Rows::natural(1, 1) };
+        clear_uncoded(&rows, &mut values);
+        assert_eq!(values.iter().sum::<usize>(), 22);
+    }
+
+    #[test]
     fn a_tensor_without_axes_is_one_row() {
         let plan = Plan::new(&[], &[]).unwrap();
-        assert_eq!(coding_order(&[], &plan).order, vec![0]);
+        assert_eq!(coding_order(&[], &plan, None).order, vec![0]);
     }
 }

@@ -1,8 +1,8 @@
 //! Parts of a synthesis: one coefficient's function, one sample's coefficients, one direction, one level, one wavelength.
 //!
 //! Nothing else is undone: a sample needs a handful of coefficients of each axis (3 a level on triangles, a filter's length a
-//! level on a line), so one direction's spectrum costs as many row additions (\[CPB06\] section 3: undo S² first for the
-//! direction asked for, then the spectrum).
+//! level on a line), so one direction's spectrum costs as many row additions (Claustres, Paulin & Boucher 2006, section 3:
+//! undo S² first for the direction asked for, then the spectrum).
 
 use super::plan::{Operator, Plan};
 use super::rows::Pass;

@@ -1,0 +1,348 @@
+//! NVIDIA MDL measured BSDFs (`.mbsdf`): isotropic, plane-symmetric tables of reflection and transmission, scalar or RGB.
+//!
+//! A block holds f32 values in sr⁻¹, little-endian, `[theta_in, theta_out, phi, channel]`; the n polar angles are
+//! `i · 90°/n`, the m azimuths `j · 180°/(m − 1)` between the two directions, 180° where one mirrors the other (MDL SDK,
+//! `IBsdf_isotropic_data`). This is the convention of this crate, so that values are not moved.
+
+use super::acquisition::{
+    Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, NoteKind, Outside, ParseReport, Samples,
+};
+use super::error::{FormatError, FormatErrorKind};
+use super::text::snippet;
+use super::{Format, Interpretation, Reader, Sample};
+use crate::domain::limits::MAX_SAMPLES;
+use crate::domain::{Axis, Quantity, Unit};
+
+const NAME: &str = "mbsdf";
+
+pub(super) const READER: Reader = Reader {
+    about: Format {
+        name: NAME,
+        description: "NVIDIA MDL measured BSDF (.mbsdf)",
+        extensions: &["mbsdf"],
+        reads: true,
+        writes: false,
+    },
+    options: &[],
+    probe: |sample: &Sample<'_>| match sample.head.find("NVIDIA ARC MBSDF") {
+        Some(0) => 100,
+        // Something was put before the signature.
+        Some(1..=64) => 60,
+        _ => 0,
+    },
+    read,
+};
+
+const VERSION: &[u8] = b"NVIDIA ARC MBSDF V1\n";
+const MAX_LINE: usize = 1 << 12;
+const MAX_LINES: usize = 1000;
+
+/// One table of values.
+struct Block {
+    theta: usize,
+    phi: usize,
+    rgb: bool,
+    values: Vec<f32>,
+}
+
+fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
+    let mut report = ParseReport::default();
+    let (reflection, transmission) = blocks(bytes, &mut report)?;
+    if reflection.is_none() && transmission.is_none() {
+        return Err(malformed(
+            bytes.len(),
+            "no measurement data, expected a line MBSDF_DATA_REFLECTION= or MBSDF_DATA_TRANSMISSION=",
+        ));
+    }
+    let needs = |message: &str| FormatError::new(FormatErrorKind::NeedsOption, NAME, message);
+    if how.unit.is_some_and(|unit| unit != Unit::PerSteradian) {
+        return Err(needs("a unit was asked for that this format does not have, its values are in 1/sr"));
+    }
+    let sides = match (&reflection, &transmission) {
+        (Some(_), Some(_)) => "reflection and transmission",
+        (Some(_), None) => "reflection",
+        _ => "transmission",
+    };
+    let has_both = reflection.is_some() && transmission.is_some();
+    let (quantity, block) = match (how.quantity, reflection, transmission) {
+        (None | Some(Quantity::Brdf), Some(block), _) => (Quantity::Brdf, block),
+        (None | Some(Quantity::Btdf), _, Some(block)) => (Quantity::Btdf, block),
+        (Some(Quantity::Bsdf), Some(above), Some(below)) => (Quantity::Bsdf, joined(&above, &below)?),
+        (Some(quantity), ..) => {
+            return Err(needs(&format!("quantity {quantity} was asked for, the file holds {sides}")));
+        }
+        // Without a quantity one of the first two arms holds: a block exists.
+        (None, None, None) => return Err(needs("the file holds no measurement data")),
+    };
+    if has_both && how.quantity.is_none() {
+        report.note(
+            NoteKind::Warning,
+            "the file holds reflection and transmission; this is the reflection, ask for quantity btdf or bsdf otherwise",
+        );
+    }
+    report.note(NoteKind::Assumed, "polar angles at i · 90°/n from the normal, held from the last one to 90°");
+    let dialect = format!(
+        "V1, {} of {sides}, {} × {} × {}",
+        if block.rgb { "RGB" } else { "scalar" },
+        block.theta,
+        block.theta,
+        block.phi
+    );
+    count_negatives(&block.values, &mut report);
+    Ok(Acquisition {
+        format: NAME,
+        dialect,
+        quantity,
+        unit: Unit::PerSteradian,
+        samples: Samples::Grid(grid(quantity, block, &mut report)),
+        spectral_factor: None,
+        report,
+    })
+}
+
+fn malformed(offset: usize, message: impl Into<String>) -> FormatError {
+    FormatError::at_byte(FormatErrorKind::Malformed, NAME, offset, message)
+}
+
+fn count_negatives(values: &[f32], report: &mut ParseReport) {
+    let negative = values.iter().filter(|v| **v < 0.0).count();
+    if negative > 0 {
+        let lowest = values.iter().copied().fold(0.0, f32::min);
+        let all = values.len();
+        report.note(
+            NoteKind::Warning,
+            format!("{negative} of {all} values are negative, down to {lowest}; kept as they are"),
+        );
+    }
+}
+
+/// The reflection and the transmission of a file.
+fn blocks(bytes: &[u8], report: &mut ParseReport) -> Result<(Option<Block>, Option<Block>), FormatError> {
+    if !bytes.starts_with(b"NVIDIA ARC MBSDF") {
+        let found = String::from_utf8_lossy(&bytes[..bytes.len().min(64)]).into_owned();
+        return Err(malformed(0, format!("found {}, expected `NVIDIA ARC MBSDF V1`", snippet(&found))));
+    }
+    if !bytes.starts_with(VERSION) {
+        let message = "another version of the format, expected `NVIDIA ARC MBSDF V1`";
+        return Err(FormatError::at_byte(FormatErrorKind::Unsupported, NAME, 0, message));
+    }
+    let (mut reflection, mut transmission) = (None, None);
+    let mut at = VERSION.len();
+    let mut lines = 0;
+    while at < bytes.len() {
+        let rest = &bytes[at..];
+        let line = rest.iter().take(MAX_LINE).position(|&b| b == b'\n').map(|end| &rest[..end]);
+        let found = String::from_utf8_lossy(line.unwrap_or(&rest[..rest.len().min(64)])).into_owned();
+        let expected = "a line of metadata or MBSDF_DATA_REFLECTION=, MBSDF_DATA_TRANSMISSION=";
+        let Some(line) = line.filter(|line| !line.contains(&0)) else {
+            return Err(malformed(at, format!("found {}, expected {expected}", snippet(&found))));
+        };
+        let start = at;
+        at += line.len() + 1;
+        let side = match line.trim_ascii_end() {
+            b"MBSDF_DATA=" | b"MBSDF_DATA_REFLECTION=" => &mut reflection,
+            b"MBSDF_DATA_TRANSMISSION=" => &mut transmission,
+            _ => {
+                let is_metadata = reflection.is_none() && transmission.is_none() && lines < MAX_LINES;
+                if !is_metadata || found.starts_with("MBSDF_DATA") {
+                    return Err(malformed(start, format!("found {}, expected {expected}", snippet(&found))));
+                }
+                lines += 1;
+                let (key, value) = found.split_once('=').unwrap_or(("comment", &found));
+                report.metadata.push((key.trim().trim_matches('"').to_owned(), value.trim().to_owned()));
+                continue;
+            }
+        };
+        let (block, end) = block(bytes, at)?;
+        if side.replace(block).is_some() {
+            return Err(malformed(start, "the same side of the surface twice, expected each once"));
+        }
+        at = end;
+    }
+    Ok((reflection, transmission))
+}
+
+/// A block from `at` on, and where it ends.
+fn block(bytes: &[u8], at: usize) -> Result<(Block, usize), FormatError> {
+    let head = bytes.get(at..at + 12).ok_or_else(|| malformed(bytes.len(), "the file ends in the head of a block"))?;
+    let word = |i: usize| u32::from_le_bytes([head[4 * i], head[4 * i + 1], head[4 * i + 2], head[4 * i + 3]]);
+    let rgb = match word(0) {
+        0 => false,
+        1 => true,
+        other => return Err(malformed(at, format!("type {other} of values, expected 0 (scalar) or 1 (RGB)"))),
+    };
+    let (theta, phi) = (word(1) as usize, word(2) as usize);
+    if theta == 0 || phi == 0 {
+        return Err(malformed(at + 4, format!("{theta} polar and {phi} azimuth angles, expected at least 1 of each")));
+    }
+    let count = [theta, theta, phi, if rgb { 3 } else { 1 }].into_iter().try_fold(1_usize, usize::checked_mul);
+    let Some(count) = count.filter(|&n| n <= MAX_SAMPLES) else {
+        let message = format!("{theta} × {theta} × {phi} values are more than the limit of {MAX_SAMPLES}");
+        return Err(FormatError::at_byte(FormatErrorKind::OverLimit, NAME, at + 4, message));
+    };
+    let start = at + 12;
+    let body = bytes.get(start..start + 4 * count).ok_or_else(|| {
+        malformed(
+            bytes.len(),
+            format!("{} bytes of values, expected {} for {theta} × {theta} × {phi}", bytes.len() - start, 4 * count),
+        )
+    })?;
+    let mut values = Vec::with_capacity(count);
+    for (i, chunk) in body.as_chunks::<4>().0.iter().enumerate() {
+        let value = f32::from_le_bytes(*chunk);
+        if !value.is_finite() {
+            return Err(malformed(start + 4 * i, format!("value {i} is {value}, expected a finite number")));
+        }
+        values.push(value);
+    }
+    Ok((Block { theta, phi, rgb, values }, start + 4 * count))
+}
+
+fn polar_angles(n: usize) -> impl DoubleEndedIterator<Item = f64> {
+    (0..n).map(move |i| i as f64 * 90.0 / n as f64)
+}
+
+/// The horizon of the transmitted side, told apart from that of the reflected side, both listed in a joined table.
+const BELOW_HORIZON: f64 = 90.000_001;
+
+/// Reflection above, transmission below: per incoming angle the rows 0..90°, the horizon twice, then 180°
+/// down to it reversed, so that the outgoing angle increases.
+fn joined(above: &Block, below: &Block) -> Result<Block, FormatError> {
+    if (above.theta, above.phi, above.rgb) != (below.theta, below.phi, below.rgb) {
+        let message =
+            "reflection and transmission differ in resolution, expected the same to join them; ask for brdf or btdf";
+        return Err(FormatError::new(FormatErrorKind::Unsupported, NAME, message));
+    }
+    let row = above.phi * if above.rgb { 3 } else { 1 };
+    let side = above.theta * row;
+    let mut values = Vec::with_capacity(2 * above.values.len() + 2 * side);
+    for (up, down) in above.values.chunks_exact(side).zip(below.values.chunks_exact(side)) {
+        values.extend_from_slice(up);
+        values.extend_from_slice(&up[side - row..]);
+        values.extend_from_slice(&down[side - row..]);
+        values.extend(down.chunks_exact(row).rev().flatten());
+    }
+    Ok(Block { theta: above.theta, phi: above.phi, rgb: above.rgb, values })
+}
+
+fn grid(quantity: Quantity, block: Block, report: &mut ParseReport) -> AngleGrid {
+    let Block { theta: n, phi: m, rgb, mut values } = block;
+    let incoming: Vec<f64> = polar_angles(n).collect();
+    let below = || polar_angles(n).rev().map(|theta| 180.0 - theta);
+    let (outgoing, covers): (Vec<f64>, _) = match quantity {
+        Quantity::Btdf => {
+            let row = m * if rgb { 3 } else { 1 };
+            values = values
+                .chunks_exact(n * row)
+                .flat_map(|table| table.chunks_exact(row).rev().flatten())
+                .copied()
+                .collect();
+            (below().collect(), (90.0, 180.0))
+        }
+        Quantity::Bsdf => {
+            report
+                .note(NoteKind::Filled, "the rows nearest to the horizon repeated at it, so that the sides do not mix");
+            (polar_angles(n).chain([90.0, BELOW_HORIZON]).chain(below()).collect(), (0.0, 180.0))
+        }
+        _ => (incoming.clone(), (0.0, 90.0)),
+    };
+    let phi = (m > 1).then(|| Azimuths {
+        phi: (0..m).map(|j| j as f64 * 180.0 / (m - 1) as f64).collect(),
+        extent: AzimuthExtent::Mirrored,
+    });
+    AngleGrid {
+        index: Vec::new(),
+        incoming: Some(Angles { theta: incoming, covers: (0.0, 90.0), phi: None }),
+        outgoing: Some(Angles { theta: outgoing, covers, phi }),
+        spectral: rgb.then_some(Axis::Rgb),
+        outside: Outside::Masked,
+        values,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(blocks: &[(&str, [u32; 3], usize)]) -> Vec<u8> {
+        let mut bytes = VERSION.to_vec();
+        for (line, head, count) in blocks {
+            bytes.extend_from_slice(line.as_bytes());
+            bytes.push(b'\n');
+            bytes.extend(head.iter().flat_map(|word| word.to_le_bytes()));
+            bytes.extend((0..*count).flat_map(|i| (i as f32).to_le_bytes()));
+        }
+        bytes
+    }
+
+    const UP: &str = "MBSDF_DATA_REFLECTION=";
+    const DOWN: &str = "MBSDF_DATA_TRANSMISSION=";
+
+    fn grid_as(bytes: &[u8], quantity: Option<Quantity>) -> Result<(Quantity, AngleGrid), FormatError> {
+        let how = Interpretation { quantity, ..Interpretation::default() };
+        let acquisition = read(bytes, &how)?;
+        match acquisition.samples {
+            Samples::Grid(grid) => Ok((acquisition.quantity, grid)),
+            Samples::OnAxes { .. } => panic!("expected a grid"),
+        }
+    }
+
+    #[test]
+    fn the_sides_are_picked_by_quantity() {
+        let both = file(&[(UP, [0, 2, 2], 8), (DOWN, [0, 2, 2], 8)]);
+        let (quantity, grid) = grid_as(&both, None).unwrap();
+        assert_eq!((quantity, grid.values[1]), (Quantity::Brdf, 1.0));
+        let (_, grid) = grid_as(&both, Some(Quantity::Btdf)).unwrap();
+        let outgoing = grid.outgoing.unwrap();
+        assert_eq!((outgoing.theta, outgoing.covers), (vec![135.0, 180.0], (90.0, 180.0)));
+        assert_eq!(grid.values, [2.0, 3.0, 0.0, 1.0, 6.0, 7.0, 4.0, 5.0]);
+        let (_, grid) = grid_as(&both, Some(Quantity::Bsdf)).unwrap();
+        assert_eq!(grid.outgoing.unwrap().theta, [0.0, 45.0, 90.0, BELOW_HORIZON, 135.0, 180.0]);
+        assert_eq!(grid.values[..12], [0.0, 1.0, 2.0, 3.0, 2.0, 3.0, 2.0, 3.0, 2.0, 3.0, 0.0, 1.0]);
+        let up = file(&[(UP, [0, 2, 2], 8)]);
+        for quantity in [Quantity::Btdf, Quantity::Bsdf, Quantity::Edf] {
+            assert_eq!(grid_as(&up, Some(quantity)).unwrap_err().kind, FormatErrorKind::NeedsOption);
+        }
+        let uneven = file(&[(UP, [0, 2, 2], 8), (DOWN, [0, 2, 3], 12)]);
+        assert_eq!(grid_as(&uneven, Some(Quantity::Bsdf)).unwrap_err().kind, FormatErrorKind::Unsupported);
+    }
+
+    #[test]
+    fn sizes_are_checked_against_the_bytes_that_follow() {
+        use FormatErrorKind::{Malformed, OverLimit};
+        for (bytes, kind) in [
+            (file(&[(UP, [0, 8192, 5], 100)]), OverLimit),
+            (file(&[(UP, [1, u32::MAX, u32::MAX], 100)]), OverLimit),
+            (file(&[(UP, [0, 4096, 4], 200)]), Malformed),
+            (file(&[(UP, [0, 2, 2], 7)]), Malformed),
+            (file(&[(UP, [0, 2, 2], 9)]), Malformed),
+            (file(&[(UP, [2, 2, 2], 8)]), Malformed),
+            (file(&[(UP, [0, 0, 2], 0)]), Malformed),
+            (file(&[(UP, [0, 2, 2], 8), (UP, [0, 2, 2], 8)]), Malformed),
+            (file(&[("MBSDF_DATA_SIDEWAYS=", [0, 2, 2], 8)]), Malformed),
+            ([VERSION, b"MBSDF_DATA=\n\0\0"].concat(), Malformed),
+            ([VERSION, b"a line that does not end"].concat(), Malformed),
+        ] {
+            let error = grid_as(&bytes, None).unwrap_err();
+            assert_eq!(error.kind, kind, "{error}");
+            assert!(error.position.is_some(), "{error}");
+        }
+        let mut version = file(&[(UP, [0, 2, 2], 8)]);
+        version[18] = b'9';
+        assert_eq!(grid_as(&version, None).unwrap_err().kind, FormatErrorKind::Unsupported);
+        let mut infinite = file(&[(UP, [0, 2, 2], 8)]);
+        let end = infinite.len();
+        infinite[end - 4..].copy_from_slice(&f32::INFINITY.to_le_bytes());
+        assert_eq!(grid_as(&infinite, None).unwrap_err().position, Some(super::super::Position::Byte(end - 4)));
+    }
+
+    #[test]
+    fn lines_before_the_data_are_metadata() {
+        let mut bytes = VERSION.to_vec();
+        bytes.extend_from_slice(b"material=\"carpaint\"\nmeasured somewhere\n");
+        bytes.extend_from_slice(&file(&[("MBSDF_DATA=", [0, 1, 1], 1)])[VERSION.len()..]);
+        let acquisition = read(&bytes, &Interpretation::default()).unwrap();
+        assert_eq!(acquisition.report.metadata[0], ("material".to_owned(), "\"carpaint\"".to_owned()));
+        assert_eq!(acquisition.report.metadata[1], ("comment".to_owned(), "measured somewhere".to_owned()));
+    }
+}
