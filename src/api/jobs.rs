@@ -109,7 +109,8 @@ struct Links {
     this: String,
     events: String,
     cancel: String,
-    material: Option<String>,
+    /// The material, once there is one.
+    result: Option<String>,
 }
 
 /// Queue a job.
@@ -280,7 +281,7 @@ impl Job {
             links: Links {
                 events: format!("{this}/events"),
                 cancel: format!("{this}/cancel"),
-                material: row.material.map(|id| format!("/v1/materials/{id}")),
+                result: row.material.map(|id| format!("/v1/materials/{id}")),
                 this,
             },
             id: row.id,

@@ -1,6 +1,6 @@
 //! The paper's conventional policy: linear domain, bio-Haar on triangles, one threshold on L2-normalised coefficients.
 //!
-//! [CPB06] section 4.2; coefficients are ranked by |c|·‖synthesis function‖ in the counting measure of er(L2). The kept
+//! \[CPB06\] section 4.2; coefficients are ranked by |c|·‖synthesis function‖ in the counting measure of er(L2). The kept
 //! coefficients are stored exactly (float32), so the only error is that of what was dropped.
 
 use super::file::{Parts, assemble, classes_chunk, finish, metadata_with_labels};
@@ -190,9 +190,9 @@ impl<'a> Work<'a> {
 fn transform_of(axis: &Axis, basis: LineBasis) -> AxisTransform {
     match axis {
         Axis::Triangles(_) => AxisTransform::Sphere(SphereBasis::BioHaar),
-        Axis::Elevation(_) => AxisTransform::Line(LineBasis::Bior44),
-        Axis::Wavelength(_) => AxisTransform::Line(basis),
-        Axis::Rgb => AxisTransform::Line(LineBasis::Haar),
+        Axis::Elevation(_) => AxisTransform::line(LineBasis::BIOR44),
+        Axis::Wavelength(_) => AxisTransform::line(basis),
+        Axis::Rgb => AxisTransform::line(LineBasis::HAAR),
         Axis::Index { .. } => AxisTransform::Identity,
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! * `rd`: sign and logarithm of every sample, orthonormal Haar on triangles and a wavelet along wavelength, one uniform
 //!   step for all normalised coefficients, adaptive range coding; optionally a second layer that bounds every sample.
-//! * `conventional`: the paper's policy ([CPB06] section 4.2): linear domain, bio-Haar, one threshold on L2-normalised
+//! * `conventional`: the paper's policy (\[CPB06\] section 4.2): linear domain, bio-Haar, one threshold on L2-normalised
 //!   coefficients, the kept ones exact.
 //! * `lossless`: every bit of every sample.
 
@@ -62,7 +62,7 @@ pub struct Settings {
     pub target: Target,
     /// The policy.
     pub policy: Policy,
-    /// Name of the spectral basis (`haar`, `bior2.2`, `bior4.4`), or `auto`.
+    /// Name of the spectral basis (`haar`, `db4`, `bior4.4`, any of [`LineBasis::all`]), or `auto`.
     pub basis: String,
     /// Samples below `floor ×` the maximum leave the relative errors and are kept within that absolutely.
     pub floor: Option<f64>,
@@ -165,7 +165,7 @@ fn check(settings: &Settings) -> Result<(), CompressError> {
         return refuse(format!("floor is {floor}, expected a fraction of the maximum between 0 and 1"));
     }
     if settings.basis != "auto" && settings.basis.parse::<LineBasis>().is_err() {
-        let known = LineBasis::ALL.iter().map(|basis| basis.name()).collect::<Vec<_>>().join(", ");
+        let known = LineBasis::all().map(LineBasis::name).collect::<Vec<_>>().join(", ");
         return refuse(format!("unknown basis `{}`, expected auto or one of {known}", settings.basis));
     }
     if let Some(metadata) = &settings.metadata
@@ -216,8 +216,8 @@ fn candidate_bases(axes: &[Axis], settings: &Settings) -> Vec<LineBasis> {
     let has_wavelengths = axes.iter().any(|axis| matches!(axis, Axis::Wavelength(grid) if grid.len() > 1));
     match settings.basis.parse() {
         Ok(basis) => vec![basis],
-        Err(_) if has_wavelengths => vec![LineBasis::Bior44, LineBasis::Bior22, LineBasis::Haar],
-        Err(_) => vec![LineBasis::Bior44],
+        Err(_) if has_wavelengths => vec![LineBasis::BIOR44, LineBasis::BIOR22, LineBasis::HAAR],
+        Err(_) => vec![LineBasis::BIOR44],
     }
 }
 
@@ -225,7 +225,7 @@ fn candidate_bases(axes: &[Axis], settings: &Settings) -> Vec<LineBasis> {
 fn basis_of(axes: &[Axis], transforms: &[AxisTransform]) -> String {
     let on_wavelength = axes.iter().zip(transforms).find(|(axis, _)| matches!(axis, Axis::Wavelength(_)));
     match on_wavelength {
-        Some((_, AxisTransform::Line(basis))) => basis.name().to_owned(),
+        Some((_, AxisTransform::Line { basis, .. })) => basis.name().to_owned(),
         _ => "none".to_owned(),
     }
 }

@@ -138,7 +138,7 @@ mod tests {
         let mesh = |level| Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, level).unwrap());
         let axes = [mesh(1), mesh(2), Axis::Wavelength(WavelengthGrid::even(380.0, 5.0, 11).unwrap())];
         let sphere = AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count));
-        let plan = Plan::new(&axes, &[sphere, sphere, AxisTransform::Line(LineBasis::Bior44)]).unwrap();
+        let plan = Plan::new(&axes, &[sphere, sphere, AxisTransform::line(LineBasis::BIOR44)]).unwrap();
         let rows = coding_order(&axes, &plan, None);
         assert_eq!(rows.order.len(), 16 * 64);
         let mut rank = vec![0; rows.order.len()];
@@ -165,7 +165,7 @@ mod tests {
     #[test]
     fn nothing_is_coded_below_dead_nodes() {
         let mesh = Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, 2).unwrap());
-        let plan = Plan::new(&[mesh.clone()], &[AxisTransform::Sphere(SphereBasis::BioHaar)]).unwrap();
+        let plan = Plan::new(std::slice::from_ref(&mesh), &[AxisTransform::Sphere(SphereBasis::BioHaar)]).unwrap();
         // One live leaf in the first octant, two under different nodes of the second, all of the third, none of the fourth.
         let live = |i: usize| i == 5 || i == 16 || i == 20 || (32..48).contains(&i);
         let classes: Vec<Class> = (0..64).map(|i| if live(i) { Class::Positive } else { Class::Masked }).collect();

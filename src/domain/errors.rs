@@ -1,4 +1,4 @@
-//! The errors between two tensors, as the paper defines them and everything they leave out ([CPB06] section 5).
+//! The errors between two tensors, as the paper defines them and everything they leave out (\[CPB06\] section 5).
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

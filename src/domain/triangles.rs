@@ -2,7 +2,7 @@
 //!
 //! Base octants 0..3 = (z; x, y), (z; y, −x), (z; −x, −y), (z; −y, x); 4..7 the same with −z. Triangle (v0, v1, v2) has
 //! children 0: (v0, m01, m02), 1: (m01, v1, m12), 2: (m02, m12, v2), 3: (m12, m02, m01), midpoints pushed onto the
-//! sphere. Index = base·4^L + c₁·4^(L−1) + … + `c_L`. (Schröder & Sweldens 1995, section 2; [CPB06] section 4.1.)
+//! sphere. Index = base·4^L + c₁·4^(L−1) + … + `c_L`. (Schröder & Sweldens 1995, section 2; \[CPB06\] section 4.1.)
 
 use super::direction::Direction;
 use super::limits::MAX_LEVEL;

@@ -1,4 +1,4 @@
-//! Typed views of a flat tensor: the paper's currying `S² → (S² → (ℝ → ℝ))` as slices, at no cost ([CPB06] section 4).
+//! Typed views of a flat tensor: the paper's currying `S² → (S² → (ℝ → ℝ))` as slices, at no cost (\[CPB06\] section 4).
 
 use super::tensor::Measurement;
 

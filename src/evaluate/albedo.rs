@@ -1,4 +1,4 @@
-//! The integral over outgoing directions, stored by wavelength for every incoming cell ([CPB06] section 6.1.3).
+//! The integral over outgoing directions, stored by wavelength for every incoming cell (\[CPB06\] section 6.1.3).
 
 use super::lookup::Stencil;
 use super::{EvaluateError, Interpolation, Material, unfit};

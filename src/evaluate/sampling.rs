@@ -1,4 +1,4 @@
-//! Importance sampling of outgoing directions by descending the triangle tree ([CPB06] section 6.1.2, figure 11).
+//! Importance sampling of outgoing directions by descending the triangle tree (\[CPB06\] section 6.1.2, figure 11).
 //!
 //! For each incoming cell a tree holds, for every triangle of every level, the sum over its leaves of
 //! max(0, mean over wavelengths) × the integral of |cos θ| over the leaf (BRDF, BTDF, BSDF) or × its solid angle (emission,

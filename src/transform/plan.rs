@@ -1,12 +1,18 @@
 //! A plan: which transform each axis gets, as plain data with its tables, and the four passes over a flat tensor.
 
 use super::basis::{AxisTransform, Weights};
-use super::line;
+use super::line::{self, LinePlan};
 use super::rows::{Pass, for_rows};
 use super::sphere::{self, SphereTables};
 use super::tree::AxisTree;
 use crate::domain::{Axis, TriangleMesh};
+use rayon::prelude::*;
 use std::fmt;
+
+/// Samples that the second-level cache holds.
+const CACHED: usize = 1 << 19;
+/// Samples below which slabs are taken together.
+const GROUPED: usize = 1 << 16;
 
 /// The transforms of a tensor's axes. Passes work in place on all samples, row-major, in `f32`; the result is the same
 /// to the last bit on any number of threads. A NaN spreads to every coefficient it meets: fill masked samples first.
@@ -21,8 +27,15 @@ struct AxisPlan {
     mesh: Option<TriangleMesh>,
     transform: AxisTransform,
     tree: AxisTree,
-    /// Present for sphere transforms only.
-    sphere: Option<SphereTables>,
+    operator: Operator,
+}
+
+/// What an axis' transform needs, worked out once.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Operator {
+    Identity,
+    Line(LinePlan),
+    Sphere(SphereTables),
 }
 
 /// Why axes and transforms do not make a plan.
@@ -59,10 +72,17 @@ pub enum PlanError {
 impl Plan {
     /// Plans one transform for each axis: sphere bases on triangles only, line bases on everything else.
     pub fn new(axes: &[Axis], transforms: &[AxisTransform]) -> Result<Self, PlanError> {
-        if axes.len() != transforms.len() {
-            return Err(PlanError::Count { axes: axes.len(), transforms: transforms.len() });
+        Self::with_levels(axes, transforms, &vec![None; axes.len()])
+    }
+
+    /// As [`Plan::new`], but each line axis with a number goes down that many levels only (or as many as it has). The smooth
+    /// coefficients then lie at the multiples of 2^levels.
+    pub fn with_levels(axes: &[Axis], transforms: &[AxisTransform], levels: &[Option<u8>]) -> Result<Self, PlanError> {
+        if axes.len() != transforms.len() || axes.len() != levels.len() {
+            return Err(PlanError::Count { axes: axes.len(), transforms: transforms.len().min(levels.len()) });
         }
-        let axes = axes.iter().zip(transforms).enumerate().map(|(i, (axis, &t))| AxisPlan::new(i, axis, t));
+        let axes = axes.iter().zip(transforms).zip(levels).enumerate();
+        let axes = axes.map(|(i, ((axis, &transform), &levels))| AxisPlan::new(i, axis, transform, levels));
         Ok(Self { axes: axes.collect::<Result<_, _>>()? })
     }
 
@@ -128,26 +148,65 @@ impl Plan {
         let axis = &self.axes[axis];
         match (axis.transform, axis.mesh) {
             (AxisTransform::Sphere(basis), Some(mesh)) => sphere::norms(mesh, basis, weights),
-            (AxisTransform::Line(basis), _) => line::norms(axis.length, basis),
             (_, Some(mesh)) if weights == Weights::Area => mesh.solid_angles().into_iter().map(libm::sqrt).collect(),
-            _ => vec![1.0; axis.length],
+            _ => match &axis.operator {
+                Operator::Line(line) => line.norms(),
+                _ => vec![1.0; axis.length],
+            },
         }
     }
 
+    /// How many samples the axes have together.
+    pub(super) fn samples(&self) -> usize {
+        self.axes.iter().map(|axis| axis.length).product()
+    }
+
+    pub(super) fn length(&self, axis: usize) -> usize {
+        self.axes[axis].length
+    }
+
+    /// The operator of axis `axis`, which has an entry `index`.
+    pub(super) fn operator(&self, axis: usize, index: usize) -> &Operator {
+        let axis = &self.axes[axis];
+        assert!(index < axis.length, "index {index} on an axis of {} entries", axis.length);
+        &axis.operator
+    }
+
+    /// One pass over one axis, of rows of `inner` samples.
+    pub(super) fn pass_axis(&self, axis: usize, data: &mut [f32], inner: usize, pass: Pass) {
+        self.axes[axis].pass(data, inner, pass);
+    }
+
     fn pass(&self, data: &mut [f32], pass: Pass) {
-        let expected: usize = self.axes.iter().map(|axis| axis.length).product();
-        assert_eq!(data.len(), expected, "as many samples as the plan's axes have entries");
-        let last_first = matches!(pass, Pass::Inverse | Pass::ForwardTransposed);
-        for step in 0..self.axes.len() {
-            let i = if last_first { self.axes.len() - 1 - step } else { step };
-            let inner = self.axes[i + 1..].iter().map(|axis| axis.length).product();
-            self.axes[i].pass(data, inner, pass);
+        assert_eq!(data.len(), self.samples(), "as many samples as the plan's axes have entries");
+        // The last axes, as many as a cache holds together, are done slab by slab; the others one by one over everything.
+        let inner = |axis: usize| -> usize { self.axes[axis..].iter().map(|axis| axis.length).product() };
+        let split = (0..self.axes.len()).find(|&axis| inner(axis) <= CACHED).unwrap_or(self.axes.len());
+        let slab = inner(split);
+        let slabs = |data: &mut [f32], axes: &mut dyn Iterator<Item = usize>| {
+            let axes: Vec<usize> = axes.collect();
+            data.par_chunks_mut(slab * (GROUPED / slab).max(1)).for_each(|data| {
+                for &axis in &axes {
+                    self.axes[axis].pass(data, inner(axis + 1), pass);
+                }
+            });
+        };
+        if matches!(pass, Pass::Inverse | Pass::ForwardTransposed) {
+            slabs(data, &mut (split..self.axes.len()).rev());
+            for axis in (0..split).rev() {
+                self.axes[axis].pass(data, inner(axis + 1), pass);
+            }
+        } else {
+            for axis in 0..split {
+                self.axes[axis].pass(data, inner(axis + 1), pass);
+            }
+            slabs(data, &mut (split..self.axes.len()));
         }
     }
 }
 
 impl AxisPlan {
-    fn new(position: usize, axis: &Axis, transform: AxisTransform) -> Result<Self, PlanError> {
+    fn new(position: usize, axis: &Axis, transform: AxisTransform, levels: Option<u8>) -> Result<Self, PlanError> {
         let length = axis.len();
         if length == 0 {
             return Err(PlanError::Empty { axis: position });
@@ -162,24 +221,28 @@ impl AxisPlan {
             found: axis.describe(),
             expected,
         };
-        let sphere = match (transform, mesh) {
-            (AxisTransform::Sphere(basis), Some(mesh)) => Some(SphereTables::new(mesh, basis)),
+        let operator = match (transform, mesh) {
+            (_, Some(_)) if levels.is_some() => return Err(unfit("all levels on triangles")),
+            (AxisTransform::Identity, _) => Operator::Identity,
+            (AxisTransform::Sphere(basis), Some(mesh)) => Operator::Sphere(SphereTables::new(mesh, basis)),
             (AxisTransform::Sphere(_), None) => return Err(unfit("triangles")),
-            (AxisTransform::Line(_), Some(_)) => return Err(unfit("wavelengths, elevations, channels or indices")),
-            _ => None,
+            (AxisTransform::Line { .. }, Some(_)) => {
+                return Err(unfit("wavelengths, elevations, channels or indices"));
+            }
+            (AxisTransform::Line { basis, boundary }, None) => {
+                let limit = levels.map_or(u32::MAX, u32::from).min(line::levels(length));
+                Operator::Line(LinePlan::new(length, basis, boundary, limit))
+            }
         };
-        Ok(Self { length, mesh, transform, tree: AxisTree::new(length, mesh, transform), sphere })
+        let depth = if let Operator::Line(line) = &operator { line.depth() } else { 0 };
+        Ok(Self { length, mesh, transform, tree: AxisTree::new(length, mesh, transform, depth), operator })
     }
 
     fn pass(&self, data: &mut [f32], inner: usize, pass: Pass) {
-        match (self.transform, &self.sphere) {
-            (AxisTransform::Line(basis), _) => {
-                for_rows(data, self.length, inner, |rows| line::transform(rows, basis, pass));
-            }
-            (AxisTransform::Sphere(_), Some(tables)) => {
-                for_rows(data, self.length, inner, |rows| tables.transform(rows, pass));
-            }
-            _ => {}
+        match &self.operator {
+            Operator::Line(line) => for_rows(data, self.length, inner, |rows| line.transform(rows, pass)),
+            Operator::Sphere(tables) => for_rows(data, self.length, inner, |rows| tables.transform(rows, pass)),
+            Operator::Identity => {}
         }
     }
 }
@@ -188,7 +251,13 @@ impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (i, axis) in self.axes.iter().enumerate() {
             let times = if i == 0 { "" } else { " × " };
-            write!(f, "{times}{}[{}]", axis.transform.name(), axis.length)?;
+            write!(f, "{times}{}", axis.transform.name())?;
+            if let AxisTransform::Line { basis, boundary } = axis.transform
+                && boundary != basis.boundary()
+            {
+                write!(f, " {boundary}")?;
+            }
+            write!(f, "[{}]", axis.length)?;
         }
         Ok(())
     }

@@ -42,7 +42,8 @@ where
             .for_each_init(|| vec![0.0; n * pack * inner], |scratch, slabs| packed(slabs, n, inner, scratch, &kernel));
         return;
     }
-    let width = (BLOCK / n / LANES * LANES).max(2 * LANES);
+    // A slab that fits a second-level cache stays whole; else blocks of whole cache lines.
+    let width = if slab <= 2 * BLOCK { inner } else { (BLOCK / n / LANES * LANES).max(2 * LANES) };
     data.par_chunks_mut(slab).with_min_len(TASK.div_ceil(slab)).for_each(|slab| {
         if inner <= width {
             let mut rows: Vec<&mut [f32]> = slab.chunks_mut(inner).collect();
@@ -61,23 +62,79 @@ where
 
 /// Slabs with narrow rows: transposed into rows of lanes, transformed together, and put back.
 fn packed(slabs: &mut [f32], n: usize, inner: usize, scratch: &mut [f32], kernel: &impl Fn(&mut [&mut [f32]])) {
-    let slab = n * inner;
     let lanes = scratch.len() / n;
-    for (k, source) in slabs.chunks_exact(slab).enumerate() {
-        for (row, part) in scratch.chunks_exact_mut(lanes).zip(source.chunks_exact(inner)) {
-            row[k * inner..][..inner].copy_from_slice(part);
+    let used = slabs.len() / n;
+    if inner == 1 {
+        transpose(slabs, n, scratch, lanes);
+    } else {
+        for (k, source) in slabs.chunks_exact(n * inner).enumerate() {
+            for (row, part) in scratch.chunks_exact_mut(lanes).zip(source.chunks_exact(inner)) {
+                row[k * inner..][..inner].copy_from_slice(part);
+            }
         }
     }
     {
-        let used = slabs.len() / n;
         let mut rows: Vec<&mut [f32]> = scratch.chunks_exact_mut(lanes).map(|row| &mut row[..used]).collect();
         kernel(&mut rows);
     }
-    for (k, target) in slabs.chunks_exact_mut(slab).enumerate() {
-        for (row, part) in scratch.chunks_exact(lanes).zip(target.chunks_exact_mut(inner)) {
-            part.copy_from_slice(&row[k * inner..][..inner]);
+    if inner == 1 {
+        transpose_back(scratch, lanes, slabs, n);
+    } else {
+        for (k, target) in slabs.chunks_exact_mut(n * inner).enumerate() {
+            for (row, part) in scratch.chunks_exact(lanes).zip(target.chunks_exact_mut(inner)) {
+                part.copy_from_slice(&row[k * inner..][..inner]);
+            }
         }
     }
+}
+
+/// Side of the squares that are transposed at once.
+const SQUARE: usize = 4;
+
+/// Rows of `n` become columns of `target`, whose rows are `lanes` wide.
+fn transpose(source: &[f32], n: usize, target: &mut [f32], lanes: usize) {
+    let groups = source.chunks(SQUARE * n);
+    for (g, group) in groups.enumerate() {
+        let full = if group.len() == SQUARE * n { n / SQUARE * SQUARE } else { 0 };
+        for j in (0..full).step_by(SQUARE) {
+            let square = [0, 1, 2, 3].map(|k| four(group, k * n + j));
+            for (l, column) in turned(square).iter().enumerate() {
+                target[(j + l) * lanes + g * SQUARE..][..SQUARE].copy_from_slice(column);
+            }
+        }
+        for (k, row) in group.chunks_exact(n).enumerate() {
+            for (j, &x) in row.iter().enumerate().skip(full) {
+                target[j * lanes + g * SQUARE + k] = x;
+            }
+        }
+    }
+}
+
+/// Columns of `source`, whose rows are `lanes` wide, become rows of `n`.
+fn transpose_back(source: &[f32], lanes: usize, target: &mut [f32], n: usize) {
+    for (g, group) in target.chunks_mut(SQUARE * n).enumerate() {
+        let full = if group.len() == SQUARE * n { n / SQUARE * SQUARE } else { 0 };
+        for j in (0..full).step_by(SQUARE) {
+            let square = [0, 1, 2, 3].map(|l| four(source, (j + l) * lanes + g * SQUARE));
+            for (k, row) in turned(square).iter().enumerate() {
+                group[k * n + j..][..SQUARE].copy_from_slice(row);
+            }
+        }
+        for (k, row) in group.chunks_exact_mut(n).enumerate() {
+            for (j, x) in row.iter_mut().enumerate().skip(full) {
+                *x = source[j * lanes + g * SQUARE + k];
+            }
+        }
+    }
+}
+
+fn four(values: &[f32], at: usize) -> [f32; SQUARE] {
+    let v = &values[at..][..SQUARE];
+    [v[0], v[1], v[2], v[3]]
+}
+
+fn turned(s: [[f32; SQUARE]; SQUARE]) -> [[f32; SQUARE]; SQUARE] {
+    [0, 1, 2, 3].map(|j| [s[0][j], s[1][j], s[2][j], s[3][j]])
 }
 
 /// `target += c·source`.
@@ -110,6 +167,40 @@ pub(super) fn reflect(a: &mut [f32], b: &mut [f32], alpha: f32, beta: f32) {
     }
 }
 
+/// The four rows become `H` times them, H the reflection that takes (1, 1, 1, 1) / 2 to the first unit vector; it is its own
+/// inverse and transpose.
+pub(super) fn reflect_four(a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut [f32]) {
+    for (((a, b), c), d) in a.iter_mut().zip(b).zip(c).zip(d) {
+        let t = 0.5 * ((*b + *c) + (*d - *a));
+        *a += t;
+        *b -= t;
+        *c -= t;
+        *d -= t;
+    }
+}
+
+/// The first row becomes the mean by `w`, the others what they differ from it.
+pub(super) fn mean_and_rest(w: [f32; 4], a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut [f32]) {
+    for (((a, b), c), d) in a.iter_mut().zip(b).zip(c).zip(d) {
+        let mean = (w[0] * *a + w[1] * *b) + (w[2] * *c + w[3] * *d);
+        *a = mean;
+        *b -= mean;
+        *c -= mean;
+        *d -= mean;
+    }
+}
+
+/// Undoes [`mean_and_rest`]; `w` are the weights of the last three by that of the first.
+pub(super) fn from_mean_and_rest(w: [f32; 3], a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut [f32]) {
+    for (((a, b), c), d) in a.iter_mut().zip(b).zip(c).zip(d) {
+        let mean = *a;
+        *a = mean - (w[0] * *b + (w[1] * *c + w[2] * *d));
+        *b += mean;
+        *c += mean;
+        *d += mean;
+    }
+}
+
 /// The four rows become `matrix` times them.
 pub(super) fn mix(matrix: &[[f32; 4]; 4], a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut [f32]) {
     let [m0, m1, m2, m3] = matrix;
@@ -119,5 +210,33 @@ pub(super) fn mix(matrix: &[[f32; 4]; 4], a: &mut [f32], b: &mut [f32], c: &mut 
         *b = m1[0] * x + m1[1] * y + m1[2] * z + m1[3] * w;
         *c = m2[0] * x + m2[1] * y + m2[2] * z + m2[3] * w;
         *d = m3[0] * x + m3[1] * y + m3[2] * z + m3[3] * w;
+    }
+}
+
+/// `target = Σ weight · source row`; the source rows lie one after another, each as wide as the target.
+pub(super) fn combine<T>(target: &mut [f32], source: &[f32], taps: T)
+where
+    T: Iterator<Item = (usize, f32)> + Clone,
+{
+    const CHUNK: usize = 32;
+    let width = target.len();
+    let mut chunks = target.chunks_exact_mut(CHUNK);
+    let mut at = 0;
+    for chunk in &mut chunks {
+        let mut sums = [0.0_f32; CHUNK];
+        for (row, w) in taps.clone() {
+            for (sum, x) in sums.iter_mut().zip(&source[row * width + at..][..CHUNK]) {
+                *sum += w * x;
+            }
+        }
+        chunk.copy_from_slice(&sums);
+        at += CHUNK;
+    }
+    let rest = chunks.into_remainder();
+    rest.fill(0.0);
+    for (row, w) in taps {
+        for (sum, x) in rest.iter_mut().zip(&source[row * width + at..]) {
+            *sum += w * x;
+        }
     }
 }

@@ -4,7 +4,7 @@
 //! n·4^(L−l) + k·4^(L−l−1), into its smooth value at k = 0 and three details at k = 1, 2, 3.
 
 use super::basis::{SphereBasis, Weights};
-use super::rows::{Pass, mix, scale};
+use super::rows::{Pass, from_mean_and_rest, mean_and_rest, mix, reflect_four, scale};
 use crate::domain::{Domain, TriangleMesh};
 
 type Matrix = [[f32; 4]; 4];
@@ -13,6 +13,7 @@ type Exact = [[f64; 4]; 4];
 /// The matrices of a mesh and basis. The octants of the octahedron are congruent, so one octant's serve all.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SphereTables {
+    basis: SphereBasis,
     level: u8,
     /// Forward and inverse of each parent, level by level from the bases (the parent's level is the outer index). A
     /// single pair stands for a whole level.
@@ -47,7 +48,7 @@ impl SphereTables {
                     .collect()
             })
             .collect();
-        Self { level: finest, nodes, bare }
+        Self { basis, level: finest, nodes, bare }
     }
 
     /// One pass over the rows of a mesh.
@@ -62,36 +63,124 @@ impl SphereTables {
             }
             return;
         }
-        match pass {
-            Pass::Forward | Pass::InverseTransposed => {
-                for parent_level in (0..self.level).rev() {
-                    self.pass_level(rows, parent_level, pass);
-                }
-            }
-            Pass::Inverse | Pass::ForwardTransposed => {
-                for parent_level in 0..self.level {
-                    self.pass_level(rows, parent_level, pass);
-                }
-            }
+        for (node, group) in rows.chunks_exact_mut(self.place(0)).enumerate() {
+            self.pass_node(group, 0, node, pass);
         }
     }
 
-    fn pass_level(&self, rows: &mut [&mut [f32]], parent_level: u8, pass: Pass) {
-        let matrices = &self.nodes[usize::from(parent_level)];
-        let stride = 1_usize << (2 * u32::from(self.level - parent_level - 1));
-        for (node, group) in rows.chunks_exact_mut(4 * stride).enumerate() {
-            let (forward, inverse) = &matrices[node % matrices.len()];
-            let matrix = match pass {
-                Pass::Forward => *forward,
-                Pass::Inverse => *inverse,
-                Pass::ForwardTransposed => transposed(forward),
-                Pass::InverseTransposed => transposed(inverse),
-            };
-            let (a, rest) = group.split_at_mut(stride);
-            let (b, rest) = rest.split_at_mut(stride);
-            let (c, d) = rest.split_at_mut(stride);
-            mix(&matrix, a[0], b[0], c[0], d[0]);
+    /// One pass over the rows of a node and all below, depth first: what is touched together is near in time.
+    fn pass_node(&self, rows: &mut [&mut [f32]], level: u8, node: usize, pass: Pass) {
+        if level == self.level {
+            return;
         }
+        let upward = matches!(pass, Pass::Forward | Pass::InverseTransposed);
+        let stride = rows.len() / 4;
+        if !upward {
+            self.mix(rows, level, node, pass);
+        }
+        if stride > 1 {
+            for (child, rows) in rows.chunks_exact_mut(stride).enumerate() {
+                self.pass_node(rows, level + 1, 4 * node + child, pass);
+            }
+        }
+        if upward {
+            self.mix(rows, level, node, pass);
+        }
+    }
+
+    /// One pass between a node's smooth value and its four children, each in the first row of a quarter.
+    fn mix(&self, rows: &mut [&mut [f32]], level: u8, node: usize, pass: Pass) {
+        let (a, rest) = rows.split_at_mut(rows.len() / 4);
+        let (b, rest) = rest.split_at_mut(a.len());
+        let (c, d) = rest.split_at_mut(a.len());
+        let (a, b, c, d) = (&mut *a[0], &mut *b[0], &mut *c[0], &mut *d[0]);
+        let (forward, inverse) = self.node(level, node);
+        match (self.basis, pass) {
+            (SphereBasis::Orthonormal(Weights::Count), _) => reflect_four(a, b, c, d),
+            (SphereBasis::BioHaar, Pass::Forward) => mean_and_rest(forward[0], a, b, c, d),
+            (SphereBasis::BioHaar, Pass::Inverse) => {
+                let [_, w1, w2, w3] = inverse[0];
+                from_mean_and_rest([-w1, -w2, -w3], a, b, c, d);
+            }
+            (_, Pass::Forward) => mix(forward, a, b, c, d),
+            (_, Pass::Inverse) => mix(inverse, a, b, c, d),
+            (_, Pass::ForwardTransposed) => mix(&transposed(forward), a, b, c, d),
+            (_, Pass::InverseTransposed) => mix(&transposed(inverse), a, b, c, d),
+        }
+    }
+
+    /// The synthesis function of coefficient `index`.
+    pub(super) fn footprint(&self, index: usize) -> Vec<(u32, f64)> {
+        self.descend(index, 1.0 / f64::from(self.bare), |(_, inverse), coefficient, child| inverse[child][coefficient])
+    }
+
+    /// What coefficient `index` takes of each leaf.
+    pub(super) fn analysis_row(&self, index: usize) -> Vec<(u32, f64)> {
+        self.descend(index, f64::from(self.bare), |(forward, _), coefficient, child| forward[coefficient][child])
+    }
+
+    /// What the leaf `index` takes of each coefficient.
+    pub(super) fn synthesis_row(&self, index: usize) -> Vec<(u32, f64)> {
+        let mut row = Vec::with_capacity(3 * usize::from(self.level) + 1);
+        let mut smooth = 1.0 / f64::from(self.bare);
+        for parent_level in (0..self.level).rev() {
+            let place = self.place(parent_level + 1);
+            let (node, child) = (index / (4 * place), index / place % 4);
+            let (_, inverse) = self.node(parent_level, node);
+            for (k, &w) in inverse[child].iter().enumerate().skip(1) {
+                row.push(((node * 4 + k) * place, smooth * f64::from(w)));
+            }
+            smooth *= f64::from(inverse[child][0]);
+        }
+        let place = self.place(0);
+        row.push((index / place * place, smooth));
+        row.retain(|(_, w)| *w != 0.0);
+        row.sort_unstable_by_key(|&(i, _)| i);
+        row.into_iter().map(|(i, w)| (i as u32, w)).collect()
+    }
+
+    /// A coefficient's weights on the leaves, from its node down; `weight` is a matrix' entry for a coefficient and a child.
+    fn descend(
+        &self,
+        index: usize,
+        bare: f64,
+        weight: impl Fn(&(Matrix, Matrix), usize, usize) -> f32,
+    ) -> Vec<(u32, f64)> {
+        let within = index % self.place(0);
+        let mut level = 0;
+        while !within.is_multiple_of(self.place(level)) {
+            level += 1;
+        }
+        // The first of the nodes, at `level`, and what they get.
+        let mut first = index / self.place(level);
+        let mut weights = vec![bare];
+        if level > 0 {
+            let k = first % 4;
+            first -= k;
+            let matrices = self.node(level - 1, first / 4);
+            weights = (0..4).map(|child| f64::from(weight(matrices, k, child))).collect();
+        }
+        for parent_level in level..self.level {
+            let nodes = (first..).zip(&weights);
+            weights = nodes
+                .flat_map(|(node, w)| {
+                    let matrices = self.node(parent_level, node);
+                    [0, 1, 2, 3].map(|child| w * f64::from(weight(matrices, 0, child)))
+                })
+                .collect();
+            first *= 4;
+        }
+        (first..).zip(weights).filter(|(_, w)| *w != 0.0).map(|(i, w)| (i as u32, w)).collect()
+    }
+
+    /// Leaves below a node of `level`.
+    fn place(&self, level: u8) -> usize {
+        1 << (2 * u32::from(self.level - level))
+    }
+
+    fn node(&self, parent_level: u8, node: usize) -> &(Matrix, Matrix) {
+        let matrices = &self.nodes[usize::from(parent_level)];
+        &matrices[node % matrices.len()]
     }
 }
 

@@ -1,0 +1,328 @@
+//! A basis from the data: the Karhunen–Loève transform of rows (principal components), for spectra.
+//!
+//! Eigenvectors by Jacobi's method in fixed cyclic order (Golub & Van Loan, *Matrix Computations*, 4th ed., section 8.5),
+//! with square roots and divisions only, and sums in a fixed order: the same vectors on any machine and thread count.
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Entries of a row: the covariance of more would take gigabytes and hours.
+pub const MAX_KLT_LENGTH: usize = 1024;
+
+/// Rows summed together before the sums are added in order.
+const CHUNK: usize = 1024;
+
+/// The mean row and the directions of largest variance, as plain data.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Klt {
+    /// The mean of the rows.
+    pub mean: Vec<f64>,
+    /// Orthonormal rows, each as long as the mean, by falling variance; the largest entry of each is positive.
+    pub vectors: Vec<Vec<f64>>,
+    /// The variance along each vector: the mean square of its coefficient.
+    pub variances: Vec<f64>,
+}
+
+/// Why there is no basis for these rows.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum KltError {
+    /// Not whole rows, or none.
+    #[error("{samples} samples in rows of {length}, expected at least one whole row")]
+    Shape {
+        /// Samples given.
+        samples: usize,
+        /// The length of a row.
+        length: usize,
+    },
+    /// Rows too long.
+    #[error("rows of {0} entries, expected at most {MAX_KLT_LENGTH}")]
+    Length(usize),
+    /// A sample that is masked or infinite.
+    #[error("entry {entry} of row {row} is not a finite number: fill masked samples first")]
+    NotFinite {
+        /// Its row.
+        row: usize,
+        /// Its place in the row.
+        entry: usize,
+    },
+}
+
+impl Klt {
+    /// The basis of rows of `length` samples, all weighing the same.
+    pub fn of(rows: &[f32], length: usize) -> Result<Self, KltError> {
+        if length > MAX_KLT_LENGTH {
+            return Err(KltError::Length(length));
+        }
+        if length == 0 || rows.is_empty() || !rows.len().is_multiple_of(length) {
+            return Err(KltError::Shape { samples: rows.len(), length });
+        }
+        if let Some(at) = rows.iter().position(|x| !x.is_finite()) {
+            return Err(KltError::NotFinite { row: at / length, entry: at % length });
+        }
+        let count = (rows.len() / length) as f64;
+        let mut mean = sums(rows, length, length, |row, sum| {
+            sum.iter_mut().zip(row).for_each(|(s, &x)| *s += f64::from(x));
+        });
+        for m in &mut mean {
+            *m /= count;
+        }
+        let mut covariance = sums(rows, length, length * length, |row, sum| {
+            let centred: Vec<f64> = row.iter().zip(&mean).map(|(&x, m)| f64::from(x) - m).collect();
+            for (i, &a) in centred.iter().enumerate() {
+                let target = &mut sum[i * length..][..=i];
+                target.iter_mut().zip(&centred).for_each(|(s, b)| *s += a * b);
+            }
+        });
+        for i in 0..length {
+            for j in 0..=i {
+                covariance[i * length + j] /= count;
+                covariance[j * length + i] = covariance[i * length + j];
+            }
+        }
+        let (mut variances, mut vectors) = eigen(covariance, length);
+        let mut order: Vec<usize> = (0..length).collect();
+        order.sort_by(|&a, &b| variances[b].total_cmp(&variances[a]).then(a.cmp(&b)));
+        variances = order.iter().map(|&i| variances[i].max(0.0)).collect();
+        vectors = order.iter().map(|&i| std::mem::take(&mut vectors[i])).collect();
+        for vector in &mut vectors {
+            // Entries that are equal but for rounding tie: the first of them decides.
+            let largest = vector.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+            let leading = vector.iter().find(|x| x.abs() >= largest * (1.0 - 1e-9));
+            if leading.is_some_and(|&x| x < 0.0) {
+                for x in vector {
+                    *x = -*x;
+                }
+            }
+        }
+        Ok(Self { mean, vectors, variances })
+    }
+
+    /// The entries of a row.
+    pub fn length(&self) -> usize {
+        self.mean.len()
+    }
+
+    /// The coefficients of a row.
+    pub fn rank(&self) -> usize {
+        self.vectors.len()
+    }
+
+    /// Keeps the first `rank` vectors; of all ways to keep so many, this loses least in the mean square.
+    pub fn truncate(&mut self, rank: usize) {
+        self.vectors.truncate(rank);
+        self.variances.truncate(rank);
+    }
+
+    /// The part of the variance that is lost with all but the first `rank` vectors, 0..1.
+    pub fn lost(&self, rank: usize) -> f64 {
+        let total: f64 = self.variances.iter().sum();
+        let lost: f64 = self.variances.iter().skip(rank).sum();
+        if total > 0.0 { lost / total } else { 0.0 }
+    }
+
+    /// Rows of [`Klt::length`] samples to rows of [`Klt::rank`] coefficients, ⟨row − mean, vector⟩ in f64.
+    ///
+    /// # Panics
+    /// If `rows` are not whole rows.
+    pub fn forward(&self, rows: &[f32]) -> Vec<f32> {
+        let (n, r) = (self.length(), self.rank());
+        assert!(rows.len().is_multiple_of(n), "rows of {n} samples");
+        let mut coefficients = vec![0.0; rows.len() / n * r];
+        if r == 0 {
+            return coefficients;
+        }
+        let pairs = coefficients.par_chunks_mut(CHUNK * r).zip(rows.par_chunks(CHUNK * n));
+        pairs.for_each(|(coefficients, rows)| {
+            let mut centred = vec![0.0; n];
+            for (target, row) in coefficients.chunks_exact_mut(r).zip(rows.chunks_exact(n)) {
+                for ((c, &x), m) in centred.iter_mut().zip(row).zip(&self.mean) {
+                    *c = f64::from(x) - m;
+                }
+                for (target, vector) in target.iter_mut().zip(&self.vectors) {
+                    *target = vector.iter().zip(&centred).map(|(v, c)| v * c).sum::<f64>() as f32;
+                }
+            }
+        });
+        coefficients
+    }
+
+    /// Rows of [`Klt::rank`] coefficients to rows of [`Klt::length`] samples.
+    ///
+    /// # Panics
+    /// If `coefficients` are not whole rows.
+    pub fn inverse(&self, coefficients: &[f32]) -> Vec<f32> {
+        let (n, r) = (self.length(), self.rank());
+        assert!(r > 0 && coefficients.len().is_multiple_of(r), "rows of {r} coefficients, at least one");
+        let mut rows = vec![0.0; coefficients.len() / r * n];
+        let pairs = rows.par_chunks_mut(CHUNK * n).zip(coefficients.par_chunks(CHUNK * r));
+        pairs.for_each(|(rows, coefficients)| {
+            let mut sums = vec![0.0; n];
+            for (row, coefficients) in rows.chunks_exact_mut(n).zip(coefficients.chunks_exact(r)) {
+                sums.copy_from_slice(&self.mean);
+                for (&c, vector) in coefficients.iter().zip(&self.vectors) {
+                    sums.iter_mut().zip(vector).for_each(|(s, v)| *s += f64::from(c) * v);
+                }
+                row.iter_mut().zip(&sums).for_each(|(x, &s)| *x = s as f32);
+            }
+        });
+        rows
+    }
+}
+
+/// A sum over rows: chunks of a fixed size in parallel, then one after another.
+fn sums(rows: &[f32], length: usize, size: usize, add: impl Fn(&[f32], &mut [f64]) + Sync) -> Vec<f64> {
+    let mut total = vec![0.0; size];
+    // A few chunks at a time, so that their sums fit the memory.
+    for group in rows.chunks(16 * CHUNK * length) {
+        let parts: Vec<Vec<f64>> = group
+            .par_chunks(CHUNK * length)
+            .map(|chunk| {
+                let mut sum = vec![0.0; size];
+                for row in chunk.chunks_exact(length) {
+                    add(row, &mut sum);
+                }
+                sum
+            })
+            .collect();
+        for part in parts {
+            total.iter_mut().zip(part).for_each(|(t, p)| *t += p);
+        }
+    }
+    total
+}
+
+/// Eigenvalues and eigenvectors (as rows) of a symmetric n × n matrix.
+fn eigen(mut a: Vec<f64>, n: usize) -> (Vec<f64>, Vec<Vec<f64>>) {
+    let mut vectors: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| if i == j { 1.0 } else { 0.0 }).collect()).collect();
+    let size: f64 = a.iter().map(|x| x * x).sum::<f64>().sqrt();
+    // Quadratic convergence: six to ten sweeps in practice.
+    for _ in 0..40 {
+        let off: f64 = (0..n).map(|i| a[i * n..][..i].iter().map(|x| x * x).sum::<f64>()).sum();
+        if off.sqrt() <= 1e-15 * size {
+            break;
+        }
+        for p in 0..n {
+            for q in p + 1..n {
+                let apq = a[p * n + q];
+                if apq.abs() <= 1e-18 * size {
+                    continue;
+                }
+                // The smaller of the two rotations that make a[p][q] zero.
+                let theta = (a[q * n + q] - a[p * n + p]) / (2.0 * apq);
+                let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+                let c = 1.0 / (t * t + 1.0).sqrt();
+                let s = t * c;
+                let (above, below) = a.split_at_mut(q * n);
+                rotate(&mut above[p * n..][..n], &mut below[..n], c, s);
+                for row in a.chunks_exact_mut(n) {
+                    let (x, y) = (row[p], row[q]);
+                    row[p] = c * x - s * y;
+                    row[q] = s * x + c * y;
+                }
+                let (above, below) = vectors.split_at_mut(q);
+                rotate(&mut above[p], &mut below[0], c, s);
+            }
+        }
+    }
+    ((0..n).map(|i| a[i * n + i]).collect(), vectors)
+}
+
+fn rotate(p: &mut [f64], q: &mut [f64], c: f64, s: f64) {
+    for (x, y) in p.iter_mut().zip(q) {
+        (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rows of rank three plus a little noise.
+    fn rows(count: usize, n: usize) -> Vec<f32> {
+        let mut state = 7_u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(state >> 8) / 8_388_608.0 - 1.0
+        };
+        let mut rows = Vec::new();
+        for _ in 0..count {
+            let (a, b, c) = (noise(), noise(), noise());
+            for i in 0..n {
+                let t = i as f64 / n as f64;
+                rows.push((5.0 + a * t + 0.3 * b * t * t + 0.1 * c * (1.0 - t) * t + 1e-3 * noise()) as f32);
+            }
+        }
+        rows
+    }
+
+    #[test]
+    fn vectors_are_orthonormal_and_coefficients_uncorrelated() {
+        for n in [1, 2, 7, 75] {
+            let rows = rows(500, n);
+            let klt = Klt::of(&rows, n).unwrap();
+            assert_eq!((klt.length(), klt.rank()), (n, n));
+            for (i, a) in klt.vectors.iter().enumerate() {
+                for (j, b) in klt.vectors.iter().enumerate() {
+                    let product: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
+                    assert!((product - if i == j { 1.0 } else { 0.0 }).abs() < 1e-12);
+                }
+            }
+            assert!(klt.variances.is_sorted_by(|a, b| a >= b));
+            let coefficients = klt.forward(&rows);
+            for i in 0..n {
+                for j in 0..=i {
+                    let product: f64 =
+                        coefficients.chunks(n).map(|row| f64::from(row[i]) * f64::from(row[j])).sum::<f64>() / 500.0;
+                    let expected = if i == j { klt.variances[i] } else { 0.0 };
+                    assert!((product - expected).abs() < 1e-6 * klt.variances[0], "{i} {j}: {product} {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn all_vectors_reconstruct_and_few_lose_what_they_say() {
+        let rows = rows(300, 33);
+        let mut klt = Klt::of(&rows, 33).unwrap();
+        let error = |klt: &Klt| -> f64 {
+            let back = klt.inverse(&klt.forward(&rows));
+            rows.iter().zip(&back).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / 300.0
+        };
+        assert!(error(&klt) < 1e-10);
+        let total: f64 = klt.variances.iter().sum();
+        let lost = klt.lost(3) * total;
+        assert!(klt.lost(3) < 1e-3 && klt.lost(0) == 1.0);
+        klt.truncate(3);
+        assert!((error(&klt) - lost).abs() < 1e-3 * lost, "{} {lost}", error(&klt));
+    }
+
+    #[test]
+    fn largest_entries_are_positive_and_threads_change_no_bit() {
+        let rows = rows(5000, 20);
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| Klt::of(&rows, 20).unwrap())
+        };
+        let klt = on(1);
+        assert_eq!(klt, on(3));
+        for vector in &klt.vectors {
+            assert!(vector.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap() > 0.0);
+        }
+    }
+
+    #[test]
+    fn equal_rows_have_no_variance() {
+        let klt = Klt::of(&[1.0, 2.0, 3.0, 1.0, 2.0, 3.0], 3).unwrap();
+        assert_eq!(klt.mean, [1.0, 2.0, 3.0]);
+        assert_eq!((klt.variances.as_slice(), klt.lost(0)), ([0.0; 3].as_slice(), 0.0));
+        assert_eq!(klt.inverse(&klt.forward(&[4.0, 5.0, 6.0])), [4.0, 5.0, 6.0]);
+    }
+
+    #[test]
+    fn what_has_no_basis_is_refused() {
+        assert_eq!(Klt::of(&[1.0; 5], 3), Err(KltError::Shape { samples: 5, length: 3 }));
+        assert_eq!(Klt::of(&[], 3), Err(KltError::Shape { samples: 0, length: 3 }));
+        assert_eq!(Klt::of(&[1.0; 4000], 2000), Err(KltError::Length(2000)));
+        assert_eq!(Klt::of(&[1.0, 2.0, 3.0, f32::NAN], 2), Err(KltError::NotFinite { row: 1, entry: 1 }));
+    }
+}
