@@ -77,13 +77,13 @@ pub(crate) fn error_lines(sheet: &mut Sheet, label: &str, errors: &ErrorReport) 
         ),
     );
     if errors.scored_samples < errors.samples - errors.masked_samples {
+        let elsewhere = match errors.max_absolute_error_unscored {
+            0.0 => "the others are exact".to_owned(),
+            most => format!("the others are at most {} off", three_digits(most)),
+        };
         sheet.line(
             label,
-            format!(
-                "{} samples > 0 enter the relative errors; elsewhere at most {} absolutely",
-                count(errors.scored_samples),
-                three_digits(errors.max_absolute_error_unscored)
-            ),
+            format!("{} samples > 0 enter the relative errors; {elsewhere}", count(errors.scored_samples)),
         );
     }
     if errors.mask_mismatches > 0 {
