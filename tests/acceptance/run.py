@@ -139,7 +139,7 @@ def promise(binary, scratch, path, options, own_tensor=None):
         check(done.peak <= limit, f"{name}: {what} took {done.peak / MIB:.0f} MiB, expected {limit / MIB:.0f} at most")
     ratio = s.nbytes / report["bytes"]
     figures.append(
-        f"| {name} | {s.nbytes:,} | {report['bytes']:,} | {ratio:.3g} | {100 * l2:.3f}"
+        f"| {name} | {s.nbytes:,} | {report['bytes']:,} | {ratio:,.{0 if ratio >= 100 else 2}f} | {100 * l2:.3f}"
         f" | {report['seconds']:.2f} | {compressed.peak / MIB:.0f} |"
     )
     print(
