@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What the program promises, checked from outside with numpy: errors, masks, memory, refusals, equal bytes.
 
-Usage: run.py RELEASE_BINARY DEBUG_BINARY
+Usage: run.py RELEASE_BINARY DEBUG_BINARY [FIGURES.md]
 """
 import json
 import os
@@ -44,6 +44,7 @@ MALFORMED = [
 ]
 
 failures = []
+figures = []
 
 
 def check(holds, message):
@@ -136,6 +137,11 @@ def promise(binary, scratch, path, options, own_tensor=None):
     limit = 4 * s.nbytes + 64 * MIB
     for what, done in (("compress", compressed), ("project", projected), ("decode", back)):
         check(done.peak <= limit, f"{name}: {what} took {done.peak / MIB:.0f} MiB, expected {limit / MIB:.0f} at most")
+    ratio = s.nbytes / report["bytes"]
+    figures.append(
+        f"| {name} | {s.nbytes:,} | {report['bytes']:,} | {ratio:.3g} | {100 * l2:.3f}"
+        f" | {report['seconds']:.2f} | {compressed.peak / MIB:.0f} |"
+    )
     print(
         f"  {name[:58]:58s} {s.nbytes:>10,} -> {report['bytes']:>8,}  er(L2) {100 * l2:.3f} %"
         f"  {report['seconds']:6.2f} s  {compressed.peak / MIB:4.0f} MiB"
@@ -252,9 +258,9 @@ def equal_bytes(release, debug, scratch, arrays):
 
 
 def main():
-    if len(sys.argv) != 3:
+    if len(sys.argv) not in (3, 4):
         sys.exit(__doc__.splitlines()[2])
-    release, debug = (os.path.abspath(path) for path in sys.argv[1:])
+    release, debug = (os.path.abspath(path) for path in sys.argv[1:3])
     with tempfile.TemporaryDirectory() as scratch:
         print("Arrays and real files, compressed to er(L2) 1 % and scored with numpy")
         arrays = {name: gen.generate(os.path.join(scratch, "arrays"), name) for name in gen.ARRAYS}
@@ -274,6 +280,10 @@ def main():
         equal_bytes(release, debug, scratch, arrays)
     if failures:
         sys.exit(f"{len(failures)} checks failed")
+    if len(sys.argv) == 4:
+        heading = "| measurement | float32, bytes | material, bytes | ratio | er(L2), % | seconds | peak, MiB |"
+        with open(sys.argv[3], "w") as file:
+            file.write("\n".join([heading, "|---|--:|--:|--:|--:|--:|--:|", *figures]) + "\n")
     print("all held")
 
 
