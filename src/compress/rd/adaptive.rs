@@ -64,7 +64,9 @@ impl<'a> AdaptiveLayer<'a> {
         }
         let mut w = Writer::default();
         w.varint(spreads.len() as u64);
-        spreads.iter().for_each(|&spread| w.f32(spread));
+        for &spread in &spreads {
+            w.f32(spread);
+        }
         let mut encoder = Encoder::default();
         code_coefficients(&mut encoder, &coder.rows(spreads.len() + 1), Payload::Integer, &mut quantised);
         w.raw(&encoder.finish());
@@ -251,7 +253,9 @@ fn orthonormalise(vectors: &mut [Vec<f64>]) {
         }
         let size = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
         let scale = if size > 1e-6 { 1.0 / size } else { 0.0 };
-        vector.iter_mut().for_each(|x| *x *= scale);
+        for x in vector.iter_mut() {
+            *x *= scale;
+        }
     }
 }
 
