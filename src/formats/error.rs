@@ -65,3 +65,20 @@ impl fmt::Display for FormatError {
         f.write_str(&self.message)
     }
 }
+
+impl FormatError {
+    /// A refusal without a place in the file.
+    pub(super) fn new(kind: FormatErrorKind, format: &'static str, message: impl Into<String>) -> Self {
+        Self { kind, format, position: None, message: message.into() }
+    }
+
+    /// A refusal at a byte of a binary file.
+    pub(super) fn at_byte(
+        kind: FormatErrorKind,
+        format: &'static str,
+        offset: usize,
+        message: impl Into<String>,
+    ) -> Self {
+        Self { kind, format, position: Some(Position::Byte(offset)), message: message.into() }
+    }
+}

@@ -1,15 +1,27 @@
 //! Bytes of instruments and archives to measurements: one file a format, one visible table, probing by content.
 
 mod acquisition;
+mod azimuth;
 mod error;
+mod foreign;
+mod lm63;
+mod manifest;
+mod mbsdf;
+mod npy;
+mod photometry;
+mod spectral_table;
+mod text;
 
 pub use acquisition::{
     Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, Note, NoteKind, Outside, ParseReport, Samples,
     SpectralFactor,
 };
 pub use error::{FormatError, FormatErrorKind, Position};
+pub use manifest::manifest_of;
+pub use npy::write_npy;
+pub use photometry::attach_spectrum;
 
-use crate::domain::{Quantity, Unit, UnknownName};
+use crate::domain::{Quantity, Unit};
 use serde::{Deserialize, Serialize};
 
 /// What the user says about a file beyond its bytes; all optional.
@@ -25,12 +37,15 @@ pub struct Interpretation {
     /// The unit of wavelengths in a spectral table: `nm`, `um`, `angstrom` or `1/cm`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wavelength_unit: Option<String>,
-    /// The column of a spectral table, by name or by number from 1.
+    /// The column of values of a spectral table, by name or by number from 1 (the wavelengths are not counted).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub column: Option<String>,
     /// The axes of an array, as the manifest that may lie beside it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub axes: Option<serde_json::Value>,
+    /// The wavelengths of an array whose manifest says only `"lambda"`: `START:STOP:STEP` in nm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wavelengths: Option<String>,
 }
 
 /// One format of the table.
@@ -48,22 +63,78 @@ pub struct Format {
     pub writes: bool,
 }
 
+/// Every format that is read, in the order of probing. A new one is its file and its line here.
+const TABLE: &[Reader] = &[npy::READER, mbsdf::READER, lm63::READER, spectral_table::READER];
+
+/// A format as data, a probe and a function.
+struct Reader {
+    about: Format,
+    /// The options it understands besides quantity and unit.
+    options: &'static [&'static str],
+    /// How sure the content makes us, 0 (not this format) to 100 (a unique signature).
+    probe: fn(&Sample<'_>) -> u8,
+    read: fn(&[u8], &Interpretation) -> Result<Acquisition, FormatError>,
+}
+
+/// What a probe sees.
+struct Sample<'a> {
+    bytes: &'a [u8],
+    /// The beginning, decoded as text whatever it is.
+    head: String,
+}
+
+/// A probe that is at least this sure goes before the signatures of formats that are not read.
+const SURE: u8 = 50;
+const HEAD_BYTES: usize = 1 << 16;
+
 /// Every format known, in the order they are probed.
 pub fn formats() -> Vec<Format> {
-    unimplemented!()
+    TABLE.iter().map(|reader| reader.about).collect()
 }
 
-/// Reads a measurement from `bytes`, whatever its format; `file_name` is only a hint for messages.
+/// Reads a measurement from `bytes`, whatever its format.
 pub fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
-    let _ = (bytes, how);
-    unimplemented!()
+    let unrecognised = |message: String| FormatError::new(FormatErrorKind::Unrecognised, "", message);
+    if bytes.is_empty() {
+        return Err(unrecognised("the file is empty, expected a measurement".to_owned()));
+    }
+    let sample = Sample { bytes, head: text::head(bytes, HEAD_BYTES) };
+    let mut best: Option<(u8, &Reader)> = None;
+    for reader in TABLE {
+        let score = (reader.probe)(&sample);
+        if score > best.map_or(0, |(highest, _)| highest) {
+            best = Some((score, reader));
+        }
+    }
+    if best.is_none_or(|(score, _)| score < SURE)
+        && let Some(message) = foreign::recognise(&sample)
+    {
+        return Err(FormatError::new(FormatErrorKind::Unsupported, "", message));
+    }
+    let Some((_, reader)) = best else {
+        let known: Vec<&str> = TABLE.iter().map(|reader| reader.about.description).collect();
+        return Err(unrecognised(format!(
+            "the content is of no format known here, expected one of: {}",
+            known.join("; ")
+        )));
+    };
+    refuse_idle_options(reader, how)?;
+    (reader.read)(bytes, how)
 }
 
-/// Joins `spectrum` (one column of wavelengths and values) with the luminaire in `acquisition`.
-pub fn attach_spectrum(acquisition: &mut Acquisition, spectrum: &Acquisition) -> Result<(), FormatError> {
-    let _ = (acquisition, spectrum);
-    unimplemented!()
+/// An option that does nothing for a format is a misunderstanding that the user should hear of.
+fn refuse_idle_options(reader: &Reader, how: &Interpretation) -> Result<(), FormatError> {
+    let given = [
+        ("wavelength_unit", how.wavelength_unit.is_some()),
+        ("column", how.column.is_some()),
+        ("axes", how.axes.is_some()),
+    ];
+    match given.iter().find(|(name, given)| *given && !reader.options.contains(name)) {
+        None => Ok(()),
+        Some((name, _)) => Err(FormatError::new(
+            FormatErrorKind::NeedsOption,
+            reader.about.name,
+            format!("the option `{name}` was given, which does not apply to this file: {}", reader.about.description),
+        )),
+    }
 }
-
-#[allow(dead_code)]
-type Unused = UnknownName;

@@ -1,0 +1,185 @@
+//! Formats that are recognised but not read: each with its signature and what the user can do instead.
+
+use super::Sample;
+
+/// A kind of file that is not read here.
+struct Foreign {
+    name: &'static str,
+    advice: &'static str,
+    matches: fn(&Sample<'_>) -> bool,
+}
+
+const CONVERT: &str = "convert it to a NumPy array with a manifest of its axes";
+const UNPACK: &str = "decompress it, or send it with the matching Content-Encoding";
+
+const TABLE: &[Foreign] = &[
+    Foreign { name: "gzip compressed data", advice: UNPACK, matches: |s| s.bytes.starts_with(b"\x1f\x8b") },
+    Foreign { name: "zstd compressed data", advice: UNPACK, matches: |s| s.bytes.starts_with(b"\x28\xb5\x2f\xfd") },
+    Foreign {
+        name: "a NumPy archive (.npz)",
+        advice: "send one array of it as .npy with a manifest of its axes",
+        matches: |s| is_zip(s) && contains(s.bytes, b".npy"),
+    },
+    Foreign {
+        name: "a GLDF luminaire (zip)",
+        advice: "send the .ies file inside",
+        matches: |s| is_zip(s) && contains(s.bytes, b"product.xml"),
+    },
+    Foreign { name: "a zip archive", advice: "send the files inside one by one", matches: is_zip },
+    Foreign { name: "HDF5 or NetCDF-4", advice: CONVERT, matches: |s| s.bytes.starts_with(b"\x89HDF\r\n\x1a\n") },
+    Foreign { name: "NetCDF-3", advice: CONVERT, matches: |s| matches!(s.bytes, [b'C', b'D', b'F', 1 | 2 | 5, ..]) },
+    Foreign { name: "Parquet", advice: CONVERT, matches: |s| s.bytes.starts_with(b"PAR1") },
+    Foreign {
+        name: "Arrow",
+        advice: CONVERT,
+        matches: |s| s.bytes.starts_with(b"ARROW1") || s.bytes.starts_with(b"\xff\xff\xff\xff"),
+    },
+    Foreign {
+        name: "an RGL or pBRDF tensor file (.bsdf)",
+        advice: CONVERT,
+        matches: |s| s.bytes.starts_with(b"tensor_file"),
+    },
+    Foreign {
+        name: "a PNG image",
+        advice: "pictures are no measurements",
+        matches: |s| s.bytes.starts_with(b"\x89PNG"),
+    },
+    Foreign {
+        name: "a JPEG image",
+        advice: "pictures are no measurements",
+        matches: |s| s.bytes.starts_with(b"\xff\xd8\xff"),
+    },
+    Foreign { name: "an OpenEXR image", advice: CONVERT, matches: |s| s.bytes.starts_with(b"\x76\x2f\x31\x01") },
+    Foreign { name: "a PDF document", advice: "send the data themselves", matches: |s| s.bytes.starts_with(b"%PDF-") },
+    Foreign { name: "ASD FieldSpec", advice: "export it as text", matches: is_asd },
+    Foreign { name: "a MERL BRDF (.binary)", advice: CONVERT, matches: is_merl },
+    Foreign {
+        name: "a UTIA BRDF (.bin)",
+        advice: CONVERT,
+        matches: |s| s.bytes.len() == 3 * 288 * 288 * 8 && s.head.contains('\0'),
+    },
+    Foreign {
+        name: "EULUMDAT (.ldt)",
+        advice: "send the luminaire as LM-63 (.ies)",
+        matches: |s| is_eulumdat(&s.head),
+    },
+    Foreign {
+        name: "ASTM E1392 scatter data",
+        advice: CONVERT,
+        matches: |s| s.head.lines().take(100).any(|line| line.trim_start().starts_with("VARS theta_i")),
+    },
+    Foreign {
+        name: "SSDD scatter data",
+        advice: CONVERT,
+        matches: |s| s.head.starts_with("VERSION 0.") && s.head.contains("DATA_TYPE"),
+    },
+    Foreign {
+        name: "a Zemax or LightTools BSDF",
+        advice: CONVERT,
+        matches: |s| s.head.contains("Symmetry") && s.head.contains("SpectralContent"),
+    },
+    Foreign { name: "a Speos BRDF", advice: CONVERT, matches: |s| s.head.starts_with("OPTIS - ") },
+    Foreign {
+        name: "CGATS spectral data",
+        advice: "export the spectra as CSV",
+        matches: |s| s.head.contains("BEGIN_DATA_FORMAT"),
+    },
+    Foreign { name: "JCAMP-DX", advice: "export the spectrum as CSV", matches: |s| s.head.starts_with("##TITLE=") },
+    Foreign {
+        name: "an ENVI header",
+        advice: "export the spectra as CSV",
+        matches: |s| s.head.starts_with("ENVI\n") || s.head.starts_with("ENVI\r"),
+    },
+    Foreign {
+        name: "the manifest of an array",
+        advice: "send the .npy file and name the manifest as its axes",
+        matches: |s| s.head.trim_start().starts_with('{') && s.head.contains("\"axes\""),
+    },
+];
+
+/// What the file is and what to do about it, if it is known but not read.
+pub(super) fn recognise(sample: &Sample<'_>) -> Option<String> {
+    if let Some(root) = xml_root(&sample.head) {
+        return Some(xml(root));
+    }
+    let foreign = TABLE.iter().find(|foreign| (foreign.matches)(sample))?;
+    Some(format!("this is {}, which is not read: {}", foreign.name, foreign.advice))
+}
+
+fn is_zip(sample: &Sample<'_>) -> bool {
+    sample.bytes.starts_with(b"PK\x03\x04") || sample.bytes.starts_with(b"PK\x05\x06")
+}
+
+/// Whether the first 64 KiB contain `needle`.
+fn contains(bytes: &[u8], needle: &[u8]) -> bool {
+    bytes[..bytes.len().min(super::HEAD_BYTES)].windows(needle.len()).any(|window| window == needle)
+}
+
+fn is_asd(sample: &Sample<'_>) -> bool {
+    let mark = sample.bytes.get(..3);
+    sample.head.contains('\0') && (mark == Some(b"ASD") || matches!(mark, Some([b'a', b's', b'2'..=b'8'])))
+}
+
+/// Three little-endian i32 whose product is the number of RGB cells of f64.
+fn is_merl(sample: &Sample<'_>) -> bool {
+    let Some(head) = sample.bytes.first_chunk::<12>() else { return false };
+    let (words, _) = head.as_chunks::<4>();
+    let cells = words
+        .iter()
+        .map(|word| usize::try_from(i32::from_le_bytes(*word)).ok().filter(|&n| n > 0))
+        .try_fold(24_usize, |product, n| product.checked_mul(n?));
+    cells.and_then(|bytes| bytes.checked_add(12)) == Some(sample.bytes.len())
+}
+
+/// Line 2 a type 0..3, line 3 a symmetry 0..4, lines 4 and 6 the numbers of planes and angles, each alone on its line.
+fn is_eulumdat(head: &str) -> bool {
+    let text = head.replace("\r\n", "\n");
+    let mut lines = text.split(['\n', '\r']).map(str::trim);
+    if lines.clone().count() < 26 {
+        return false;
+    }
+    let mut whole = |skipped: usize| lines.nth(skipped).and_then(|line| line.parse::<u32>().ok());
+    let (kind, symmetry, planes) = (whole(1), whole(0), whole(0));
+    let angles = whole(1);
+    kind.is_some_and(|n| n <= 3)
+        && symmetry.is_some_and(|n| n <= 4)
+        && planes.is_some_and(|n| (1..=721).contains(&n))
+        && angles.is_some_and(|n| (1..=721).contains(&n))
+}
+
+/// The local name of the root element, if the text is XML.
+fn xml_root(head: &str) -> Option<&str> {
+    let mut rest = head.trim_start();
+    if !rest.starts_with('<') {
+        return None;
+    }
+    loop {
+        let (open, close) = match rest {
+            _ if rest.starts_with("<?") => ("<?", "?>"),
+            _ if rest.starts_with("<!--") => ("<!--", "-->"),
+            _ if rest.starts_with("<!") => ("<!", ">"),
+            _ => break,
+        };
+        let end = rest[open.len()..].find(close)? + open.len() + close.len();
+        rest = rest[end..].trim_start();
+    }
+    let name = rest.strip_prefix('<')?;
+    let name = name.split(|c: char| c.is_whitespace() || matches!(c, '>' | '/')).next()?;
+    let local = name.rsplit(':').next()?;
+    (!local.is_empty()).then_some(local)
+}
+
+fn xml(root: &str) -> String {
+    let (name, advice) = match root {
+        "IESTM2714" => ("an IES TM-27 spectrum (XML)", "export the spectrum as two columns of CSV"),
+        "IESTM33-22" | "LuminaireOpticalData" => ("an IES TM-33 luminaire (XML)", "send the luminaire as LM-63 (.ies)"),
+        "WindowElement" => ("a WINDOW BSDF (Klems or tensor tree XML)", CONVERT),
+        "CxF" => ("CxF3 colour data (XML)", "export the spectra as CSV"),
+        "html" | "HTML" => ("a web page", "send the file itself"),
+        other => {
+            let root = super::text::snippet(other);
+            return format!("this is XML with the root {root}, which is no measurement known here");
+        }
+    };
+    format!("this is {name}, which is not read: {advice}")
+}

@@ -1,0 +1,332 @@
+//! The angles and intensities of an LM-63 file → a grid in the luminaire frame, symmetry spelled out.
+
+use crate::formats::acquisition::{AngleGrid, Angles, AzimuthExtent, Azimuths, NoteKind, Outside, ParseReport};
+use crate::formats::azimuth::{Closing, circle, closing, merge_repeated};
+use crate::formats::error::FormatError;
+use crate::formats::text::Source;
+
+/// Which coordinates the angles are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Photometry {
+    A,
+    B,
+    C,
+}
+
+impl Photometry {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::A => "A",
+            Self::B => "B",
+            Self::C => "C",
+        }
+    }
+}
+
+/// Angles (degrees, with their offset in the text) and intensities, `[horizontal][vertical]`, as stated.
+pub(super) struct Stated {
+    pub(super) vertical: Vec<(f64, usize)>,
+    pub(super) horizontal: Vec<(f64, usize)>,
+    pub(super) values: Vec<f32>,
+}
+
+/// The same with strictly increasing angles.
+pub(super) struct Ordered {
+    pub(super) vertical: Vec<f64>,
+    pub(super) horizontal: Vec<f64>,
+    pub(super) values: Vec<f32>,
+}
+
+/// Makes both axes strictly increasing: a falling axis is turned round, an angle listed twice is averaged, anything
+/// else is refused. Angles must lie in the given ranges.
+pub(super) fn ordered(
+    stated: Stated,
+    vertical_range: (f64, f64),
+    horizontal_range: (f64, f64),
+    source: &Source,
+    report: &mut ParseReport,
+) -> Result<Ordered, FormatError> {
+    let Stated { vertical, horizontal, mut values } = stated;
+    let planes = horizontal.len();
+    let mut axis = |angles, range, what, outer, inner| {
+        increasing(Axis { angles, range, what, outer, inner }, &mut values, source, report)
+    };
+    let vertical = axis(vertical, vertical_range, "vertical", planes, 1)?;
+    let inner = vertical.len();
+    let horizontal = axis(horizontal, horizontal_range, "horizontal", 1, inner)?;
+    if vertical.len() < 2 {
+        return Err(source.malformed(source.text().len(), "one vertical angle spans nothing, expected at least two"));
+    }
+    Ok(Ordered { vertical, horizontal, values })
+}
+
+/// One axis of a table `[outer, angles, inner]`.
+struct Axis {
+    angles: Vec<(f64, usize)>,
+    range: (f64, f64),
+    what: &'static str,
+    outer: usize,
+    inner: usize,
+}
+
+fn increasing(
+    axis: Axis,
+    values: &mut Vec<f32>,
+    source: &Source,
+    report: &mut ParseReport,
+) -> Result<Vec<f64>, FormatError> {
+    let Axis { angles, range: (low, high), what, outer, inner } = axis;
+    let n = angles.len();
+    if let Some(&(angle, offset)) = angles.iter().find(|(angle, _)| !(low..=high).contains(angle)) {
+        let message = format!("{what} angle {angle}°, expected {low}° to {high}°");
+        return Err(source.malformed(offset, message));
+    }
+    let falling = angles[n - 1].0 < angles[0].0;
+    let order: Vec<usize> = if falling { (0..n).rev().collect() } else { (0..n).collect() };
+    for pair in angles.array_windows() {
+        let [(a, _), (b, offset)] = *pair;
+        if (falling && b > a) || (!falling && b < a) {
+            let expected = if falling { "decreasing" } else { "increasing" };
+            return Err(source.malformed(offset, format!("{what} angle {b}° after {a}°, expected {expected} angles")));
+        }
+    }
+    if falling {
+        report.note(NoteKind::Warning, format!("{what} angles decrease, expected increasing; turned round"));
+    }
+    let mut groups: Vec<Vec<usize>> = Vec::with_capacity(n);
+    let mut increasing: Vec<f64> = Vec::with_capacity(n);
+    for i in order {
+        match (increasing.last(), groups.last_mut()) {
+            (Some(&last), Some(group)) if last == angles[i].0 => group.push(i),
+            _ => {
+                increasing.push(angles[i].0);
+                groups.push(vec![i]);
+            }
+        }
+    }
+    let twice = n - increasing.len();
+    if twice > 0 {
+        report.note(
+            NoteKind::Warning,
+            format!("{twice} {what} angles are listed more than once, their intensities averaged"),
+        );
+    }
+    if falling || twice > 0 {
+        let mut rebuilt = Vec::with_capacity(outer * groups.len() * inner);
+        for o in 0..outer {
+            for group in &groups {
+                for k in 0..inner {
+                    rebuilt.push(mean(group.iter().map(|&i| values[(o * n + i) * inner + k])));
+                }
+            }
+        }
+        *values = rebuilt;
+    }
+    Ok(increasing)
+}
+
+fn mean(values: impl Iterator<Item = f32>) -> f32 {
+    let (sum, count) = values.fold((0.0, 0_usize), |(sum, count), value| (sum + f64::from(value), count + 1));
+    (sum / count as f64) as f32
+}
+
+/// Type C: gamma from nadir, C planes round the vertical axis (LM-63-2002 section 5.11, symmetry by the last angle).
+pub(super) fn type_c(
+    stated: Stated,
+    source: &Source,
+    report: &mut ParseReport,
+) -> Result<(AngleGrid, &'static str), FormatError> {
+    let last_offset = stated.horizontal.last().map_or(0, |&(_, offset)| offset);
+    let Ordered { vertical, horizontal, mut values } = ordered(stated, (0.0, 180.0), (0.0, 360.0), source, report)?;
+    let (first, last) = (vertical[0], vertical[vertical.len() - 1]);
+    if !((first == 0.0 || first == 90.0) && (last == 90.0 || last == 180.0)) {
+        report.note(
+            NoteKind::Warning,
+            format!("vertical angles {first}° to {last}°, the standard has 0–90, 90–180 or 0–180; 0 outside"),
+        );
+    }
+    average_poles(&vertical, horizontal.len(), &mut values, report);
+    let Some(planes) = planes(horizontal, &mut values, vertical.len(), report) else {
+        return Err(source.malformed(
+            last_offset,
+            "horizontal angles that are no symmetry of type C, expected 0, 0–90, 0–180, 90–270 or 0–360",
+        ));
+    };
+    let n = vertical.len();
+    let mut turned = Vec::with_capacity(n * planes.columns.len());
+    for v in (0..n).rev() {
+        turned.extend(planes.columns.iter().map(|&(_, plane)| values[plane * n + v]));
+    }
+    let theta = vertical.iter().rev().map(|gamma| 180.0 - gamma).collect();
+    let phi = planes.extent.map(|extent| Azimuths { phi: planes.columns.iter().map(|&(c, _)| c).collect(), extent });
+    Ok((luminaire(theta, (180.0 - last, 180.0 - first), phi, turned), planes.symmetry))
+}
+
+/// A grid of intensities in the luminaire frame; 0 outside.
+pub(super) fn luminaire(theta: Vec<f64>, covers: (f64, f64), phi: Option<Azimuths>, values: Vec<f32>) -> AngleGrid {
+    AngleGrid {
+        index: Vec::new(),
+        incoming: None,
+        outgoing: Some(Angles { theta, covers, phi }),
+        spectral: None,
+        outside: Outside::Zero,
+        values,
+    }
+}
+
+/// At nadir and zenith every plane shows the same direction; where a file's planes disagree, their mean holds.
+fn average_poles(vertical: &[f64], planes: usize, values: &mut [f32], report: &mut ParseReport) {
+    let n = vertical.len();
+    for (v, name) in [(0, "nadir"), (n - 1, "zenith")] {
+        if !(vertical[v] == 0.0 || vertical[v] == 180.0) {
+            continue;
+        }
+        let column = || (0..planes).map(|h| values[h * n + v]);
+        let (low, high) = column().fold((f32::MAX, f32::MIN), |(low, high), x| (low.min(x), high.max(x)));
+        if low == high {
+            continue;
+        }
+        let average = mean(column());
+        for h in 0..planes {
+            values[h * n + v] = average;
+        }
+        report.note(
+            NoteKind::Filled,
+            format!("the planes disagree at {name} ({low} to {high}), where they meet: averaged to {average}"),
+        );
+    }
+}
+
+/// Azimuths and the stored plane that each of them shows.
+struct Planes {
+    columns: Vec<(f64, usize)>,
+    extent: Option<AzimuthExtent>,
+    symmetry: &'static str,
+}
+
+fn planes(
+    mut horizontal: Vec<f64>,
+    values: &mut Vec<f32>,
+    verticals: usize,
+    report: &mut ParseReport,
+) -> Option<Planes> {
+    let listed = |angles: &[f64]| angles.iter().copied().enumerate().map(|(i, c)| (c, i)).collect::<Vec<_>>();
+    let (first, last) = (horizontal[0], horizontal[horizontal.len() - 1]);
+    let mirrored = Some(AzimuthExtent::Mirrored);
+    if horizontal.len() == 1 {
+        if first != 0.0 {
+            report.note(NoteKind::Assumed, format!("one plane at C{first}, taken to hold all round"));
+        }
+        return Some(Planes { columns: listed(&horizontal), extent: None, symmetry: "axially symmetric" });
+    }
+    if (first, last) == (0.0, 90.0) {
+        let mut columns = listed(&horizontal);
+        let folded: Vec<_> = columns.iter().rev().filter(|(c, _)| *c < 90.0).map(|&(c, i)| (180.0 - c, i)).collect();
+        columns.extend(folded);
+        return Some(Planes { columns, extent: mirrored, symmetry: "quadrant symmetric" });
+    }
+    if (first, last) == (0.0, 180.0) {
+        let columns = listed(&horizontal);
+        return Some(Planes { columns, extent: mirrored, symmetry: "symmetric about the 0-180 plane" });
+    }
+    if (first, last) == (90.0, 270.0) {
+        let measured = listed(&horizontal);
+        let before = measured.iter().rev().filter(|(c, _)| *c > 90.0 && *c <= 180.0).map(|&(c, i)| (180.0 - c, i));
+        let after = measured.iter().rev().filter(|(c, _)| *c > 180.0 && *c < 270.0).map(|&(c, i)| (540.0 - c, i));
+        let columns = before.chain(measured.iter().copied()).chain(after).collect();
+        let extent = Some(AzimuthExtent::Circle);
+        return Some(Planes { columns, extent, symmetry: "symmetric about the 90-270 plane" });
+    }
+    match closing(&horizontal) {
+        Closing::Repeated => {
+            let difference = merge_repeated(&mut horizontal, values, verticals);
+            if difference > 0.0 {
+                let percent = 100.0 * difference;
+                report.note(
+                    NoteKind::Warning,
+                    format!("the planes C{first} and C{last} are one, but differ by up to {percent:.2} %: averaged"),
+                );
+            }
+        }
+        _ if first == 0.0 && last > 180.0 => assume_closed(first, last, report),
+        Closing::Open => assume_closed(first, last, report),
+        Closing::Gap => return None,
+    }
+    let extent = Some(circle(Vec::new()).extent);
+    Some(Planes { columns: listed(&horizontal), extent, symmetry: "no symmetry" })
+}
+
+fn assume_closed(first: f64, last: f64, report: &mut ParseReport) {
+    report.note(
+        NoteKind::Assumed,
+        format!(
+            "the planes go from C{first} to C{last} without closing; C{last} taken to be followed by C{}",
+            first + 360.0
+        ),
+    );
+}
+
+/// Relative photometry: the flux of the distribution over that of the lamps is the efficiency of the luminaire.
+pub(super) fn check_flux(grid: &AngleGrid, lamp_lumens: f64, report: &mut ParseReport) {
+    let efficiency = flux(grid) / lamp_lumens;
+    if lamp_lumens > 0.0 && !(0.05..=1.05).contains(&efficiency) {
+        report.note(
+            NoteKind::Warning,
+            format!(
+                "the intensities make {:.1} % of the {lamp_lumens} lm of the lamps, expected 5 to 105 %",
+                100.0 * efficiency
+            ),
+        );
+    }
+}
+
+/// `Σ I · ΔC · (cos γ1 − cos γ2)` over the cells of a grid, intensities averaged over their corners.
+fn flux(grid: &AngleGrid) -> f64 {
+    let Some(Angles { theta, phi, .. }) = &grid.outgoing else { return 0.0 };
+    let columns = grid.values.len() / theta.len();
+    let weights: Vec<f64> = match phi {
+        None => vec![360.0],
+        Some(Azimuths { phi, extent }) => {
+            let n = phi.len();
+            let step = |i: usize| if i + 1 < n { phi[i + 1] - phi[i] } else { phi[0] + 360.0 - phi[n - 1] };
+            match extent {
+                AzimuthExtent::Circle => (0..n).map(|i| 0.5 * (step(i) + step((i + n - 1) % n))).collect(),
+                AzimuthExtent::Mirrored | AzimuthExtent::Sector => {
+                    let side = |i: usize| if i + 1 < n { step(i) } else { 0.0 };
+                    (0..n).map(|i| side(i) + if i > 0 { side(i - 1) } else { 0.0 }).collect()
+                }
+            }
+        }
+    };
+    let ring = |t: usize| -> f64 {
+        let row = &grid.values[t * columns..][..columns];
+        row.iter().zip(&weights).map(|(&value, weight)| f64::from(value) * weight).sum::<f64>().to_radians()
+    };
+    (1..theta.len())
+        .map(|t| {
+            let band = libm::cos(theta[t - 1].to_radians()) - libm::cos(theta[t].to_radians());
+            0.5 * (ring(t - 1) + ring(t)) * band
+        })
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_flux_of_one_candela_is_the_solid_angle() {
+        let theta: Vec<f64> = (0..=36).map(|i| f64::from(i) * 5.0).collect();
+        let full = 4.0 * std::f64::consts::PI;
+        let circle_of = |phi: Vec<f64>, extent| Some(Azimuths { phi, extent });
+        for phi in [
+            None,
+            circle_of(vec![0.0, 90.0, 200.0, 270.0], AzimuthExtent::Circle),
+            circle_of(vec![0.0, 45.0, 180.0], AzimuthExtent::Mirrored),
+        ] {
+            let n = phi.as_ref().map_or(1, |azimuths| azimuths.phi.len());
+            let grid = luminaire(theta.clone(), (0.0, 180.0), phi, vec![1.0; 37 * n]);
+            assert!((flux(&grid) - full).abs() < 1e-9, "{}", flux(&grid));
+        }
+    }
+}

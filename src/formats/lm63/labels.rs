@@ -1,0 +1,286 @@
+//! The head of an LM-63 file: its revision, its keywords, its TILT line, and the unit that its texts betray.
+
+use crate::domain::Unit;
+use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::error::FormatError;
+use crate::formats::text::{Source, snippet};
+
+/// The revisions that differ in how they are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Revision {
+    Lm63_1986,
+    Lm63_1991,
+    Lm63_1995,
+    Lm63_2002,
+    Lm63_2019,
+}
+
+impl Revision {
+    /// The revision of a first line; `None` if it is no version tag. Case and blanks do not matter.
+    pub(super) fn of_tag(line: &str) -> Option<(Self, bool)> {
+        let tag: String = line.chars().filter(|c| !c.is_whitespace()).map(|c| c.to_ascii_uppercase()).collect();
+        let rest = tag.strip_prefix("IESNA").or_else(|| tag.strip_prefix("IES:"))?;
+        let year = rest.trim_start_matches([':', '-']).trim_start_matches("LM-63").trim_start_matches([':', '-']);
+        let known = match year {
+            "86" | "1986" => Self::Lm63_1986,
+            "91" | "1991" => Self::Lm63_1991,
+            "95" | "1995" => Self::Lm63_1995,
+            "02" | "2002" => Self::Lm63_2002,
+            "19" | "2019" => Self::Lm63_2019,
+            _ => return Some((Self::Lm63_2002, false)),
+        };
+        Some((known, true))
+    }
+
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Lm63_1986 => "LM-63-1986",
+            Self::Lm63_1991 => "LM-63-1991",
+            Self::Lm63_1995 => "LM-63-1995",
+            Self::Lm63_2002 => "LM-63-2002",
+            Self::Lm63_2019 => "LM-63-2019",
+        }
+    }
+
+    /// Whether field 12 is the ballast-lamp photometric factor; later it is reserved, then a code of digits.
+    pub(super) fn field_12_multiplies(self) -> bool {
+        matches!(self, Self::Lm63_1986 | Self::Lm63_1991)
+    }
+
+    pub(super) fn field_12_name(self) -> &'static str {
+        match self {
+            Self::Lm63_1986 | Self::Lm63_1991 => "ballast_lamp_factor",
+            Self::Lm63_1995 | Self::Lm63_2002 => "field_12",
+            Self::Lm63_2019 => "file_generation_type",
+        }
+    }
+}
+
+/// The head of a file.
+pub(super) struct Labels {
+    pub(super) revision: Revision,
+    /// Whether TILT=INCLUDE.
+    pub(super) tilt_included: bool,
+    /// Where the numbers start.
+    pub(super) numbers_at: usize,
+    /// Keywords and their text in order, `[MORE]` joined to what it continues.
+    keywords: Vec<(String, String)>,
+}
+
+/// The value of a TILT line, if `line` is one.
+pub(super) fn tilt(line: &str) -> Option<&str> {
+    let line = line.trim();
+    let (word, rest) = line.split_at_checked(4)?;
+    let value = rest.trim_start().strip_prefix('=')?;
+    word.eq_ignore_ascii_case("TILT").then_some(value.trim())
+}
+
+/// Keywords kept, and characters of one; real files have a few dozen short ones.
+const MAX_KEYWORDS: usize = 1000;
+const MAX_TEXT: usize = 4096;
+
+/// Reads everything up to the TILT line.
+pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Labels, FormatError> {
+    let mut revision = None;
+    let mut keywords: Vec<(String, String)> = Vec::new();
+    let mut skipped = 0_usize;
+    let mut lines = source.lines().enumerate();
+    let (tilt_value, numbers_at) = loop {
+        let Some((i, line)) = lines.next() else {
+            return Err(
+                source.malformed(source.text().len(), "the file ends without a line TILT=NONE, INCLUDE or a file")
+            );
+        };
+        if let Some(value) = tilt(line.text) {
+            break (value, line.offset + line.text.len());
+        }
+        if i == 0
+            && let Some((tagged, known)) = Revision::of_tag(line.text)
+        {
+            revision = Some(tagged);
+            if !known {
+                report.note(
+                    NoteKind::Warning,
+                    format!("unknown revision {}, read as LM-63-2002", snippet(line.text.trim())),
+                );
+            }
+            continue;
+        }
+        let text = line.text.trim();
+        if text.is_empty() {
+            continue;
+        }
+        if keywords.len() >= MAX_KEYWORDS || text.len() > MAX_TEXT {
+            skipped += 1;
+            continue;
+        }
+        let keyword = text.strip_prefix('[').and_then(|rest| rest.split_once(']'));
+        match (keyword, keywords.last_mut()) {
+            (Some((key, more)), Some((_, text)))
+                if key.trim().eq_ignore_ascii_case("MORE") && text.len() + more.len() <= MAX_TEXT =>
+            {
+                text.push('\n');
+                text.push_str(more.trim());
+            }
+            (Some((key, text)), _) => {
+                let key = key.trim().to_uppercase();
+                if key == "MORE" {
+                    report.note(NoteKind::Warning, "[MORE] continues nothing; kept as a keyword of its own");
+                }
+                keywords.push((key, text.trim().to_owned()));
+            }
+            (None, _) => keywords.push(("LABEL".to_owned(), text.to_owned())),
+        }
+    };
+    if skipped > 0 {
+        report.note(
+            NoteKind::Skipped,
+            format!("{skipped} lines of text beyond {MAX_KEYWORDS} or longer than {MAX_TEXT} bytes"),
+        );
+    }
+    let revision = revision.unwrap_or_else(|| {
+        report.note(NoteKind::Assumed, "no version tag, read as LM-63-1986");
+        Revision::Lm63_1986
+    });
+    let tilt_included = tilt_value.eq_ignore_ascii_case("INCLUDE");
+    if !tilt_included && !tilt_value.eq_ignore_ascii_case("NONE") {
+        report.note(
+            NoteKind::Skipped,
+            format!("TILT names a file, {}; files named inside a file are never opened", snippet(tilt_value)),
+        );
+    }
+    if keywords.iter().any(|(key, _)| key == "NEARFIELD") {
+        report.note(NoteKind::Warning, "near-field photometry: intensities hold at the distances of [NEARFIELD] only");
+    }
+    report.metadata.extend(keywords.iter().cloned());
+    report.metadata.push(("tilt".to_owned(), tilt_value.chars().take(256).collect()));
+    Ok(Labels { revision, tilt_included, numbers_at, keywords })
+}
+
+impl Labels {
+    /// The unit that the keywords state: some laboratories write radiometric values into this photometric format and
+    /// say so in free text only. Candela if nothing contradicts.
+    pub(super) fn unit(&self, report: &mut ParseReport) -> Unit {
+        let declared = self.keywords.iter().find(|(key, _)| key.trim_start_matches('_') == "INTENSITYUNITS");
+        if let Some((_, text)) = declared {
+            let text = text.trim();
+            if ["cd", "candela", "candelas"].iter().any(|name| text.eq_ignore_ascii_case(name)) {
+                return Unit::Candela;
+            }
+            if let Some(unit) = intensity_unit(text) {
+                return unit;
+            }
+            report.note(
+                NoteKind::Warning,
+                format!(
+                    "[_INTENSITYUNITS] says {}, which is not known; taken as relative, name the unit to change that",
+                    snippet(text)
+                ),
+            );
+            return Unit::Relative;
+        }
+        for (key, text) in &self.keywords {
+            if let Some(unit) = intensity_unit(text) {
+                report.note(
+                    NoteKind::Assumed,
+                    format!("values taken as {unit}, not candela: [{}] says so", snippet_key(key)),
+                );
+                return unit;
+            }
+        }
+        for (key, text) in &self.keywords {
+            if let Some(word) = radiometric_word(text) {
+                report.note(
+                    NoteKind::Warning,
+                    format!("[{}] mentions {word}: the values may not be candela; taken as relative, name the unit to change that", snippet_key(key)),
+                );
+                return Unit::Relative;
+            }
+        }
+        Unit::Candela
+    }
+}
+
+fn snippet_key(key: &str) -> String {
+    key.chars().filter(|c| !c.is_control()).take(40).collect()
+}
+
+/// Lower case, one micro sign, no blanks around slashes.
+fn normalised(text: &str) -> String {
+    let text = text.to_lowercase().replace(['µ', 'μ'], "u");
+    text.split('/').map(str::trim).collect::<Vec<_>>().join("/")
+}
+
+/// A unit of radiant intensity somewhere in `text`.
+fn intensity_unit(text: &str) -> Option<Unit> {
+    const UNITS: &[(&str, Unit)] = &[
+        ("mw/sr", Unit::MilliwattPerSteradian),
+        ("uw/sr", Unit::MicrowattPerSteradian),
+        ("w/sr", Unit::WattPerSteradian),
+        ("umol/s/sr", Unit::MicromolePerSecondSteradian),
+        ("umol/(s sr)", Unit::MicromolePerSecondSteradian),
+        ("milliwatts per steradian", Unit::MilliwattPerSteradian),
+        ("microwatts per steradian", Unit::MicrowattPerSteradian),
+        ("watts per steradian", Unit::WattPerSteradian),
+    ];
+    let text = normalised(text);
+    UNITS.iter().find(|(name, _)| contains_word(&text, name)).map(|&(_, unit)| unit)
+}
+
+/// A word that does not belong to photometry.
+fn radiometric_word(text: &str) -> Option<&'static str> {
+    let text = normalised(text);
+    ["uw", "umol", "ppf", "ppfd"].into_iter().find(|word| contains_word(&text, word))
+}
+
+/// Whether `word` stands in `text` without letters or digits beside it.
+fn contains_word(text: &str, word: &str) -> bool {
+    let is_part = |c: Option<char>| c.is_some_and(char::is_alphanumeric);
+    text.match_indices(word)
+        .any(|(at, _)| !is_part(text[..at].chars().next_back()) && !is_part(text[at + word.len()..].chars().next()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tags_are_read_whatever_their_blanks_and_case() {
+        for (line, revision) in [
+            ("IESNA91", Revision::Lm63_1991),
+            ("IESNA95", Revision::Lm63_1995),
+            ("IESNA:LM-63-1995", Revision::Lm63_1995),
+            ("iesna: lm-63-2002 ", Revision::Lm63_2002),
+            ("IES:LM-63-2019", Revision::Lm63_2019),
+        ] {
+            assert_eq!(Revision::of_tag(line), Some((revision, true)), "{line}");
+        }
+        assert_eq!(Revision::of_tag("IESNA:LM-63-2030"), Some((Revision::Lm63_2002, false)));
+        assert_eq!(Revision::of_tag("[TEST] 1"), None);
+    }
+
+    #[test]
+    fn units_hide_in_sentences() {
+        for (text, unit) in [
+            ("Lumens-> mW, lux-> mW/m^2, candela-> mW/sr", Some(Unit::MilliwattPerSteradian)),
+            ("file are expressed in mW/sr (200-280nm).", Some(Unit::MilliwattPerSteradian)),
+            ("values in W / sr", Some(Unit::WattPerSteradian)),
+            ("µW/sr", Some(Unit::MicrowattPerSteradian)),
+            ("μmol/s/sr", Some(Unit::MicromolePerSecondSteradian)),
+            ("kW/sr", None),
+            ("a lamp of 5 mW", None),
+        ] {
+            assert_eq!(intensity_unit(text), unit, "{text}");
+        }
+        assert_eq!(radiometric_word("PPF: 1200 µmol"), Some("umol"));
+        assert_eq!(radiometric_word("a nuwave ballast"), None);
+    }
+
+    #[test]
+    fn tilt_lines_are_found_in_any_case() {
+        assert_eq!(tilt(" tilt = NONE "), Some("NONE"));
+        assert_eq!(tilt("TILT=../../etc/passwd"), Some("../../etc/passwd"));
+        assert_eq!(tilt("TILTED"), None);
+        assert_eq!(tilt("äöü="), None);
+    }
+}

@@ -1,0 +1,127 @@
+//! Photometric types A and B → a type C grid, bilinear in the file's own angles.
+
+use super::distribution::{Ordered, Photometry, Stated, luminaire, ordered};
+use crate::domain::Direction;
+use crate::formats::acquisition::{AngleGrid, NoteKind, ParseReport};
+use crate::formats::azimuth::circle;
+use crate::formats::error::FormatError;
+use crate::formats::text::{Source, listed};
+
+/// Steps of the C grid in degrees, each a divisor of 90.
+const STEPS: [f64; 6] = [5.0, 2.5, 2.0, 1.0, 0.5, 0.25];
+/// Angles this close outside the stated range count as its end: they come out of `asin` and `atan2`.
+const ROUNDING: f64 = 1e-9;
+
+/// Resamples onto a C grid as fine as the stated angles, but no finer than 0.25°; 0 outside the stated angles.
+///
+/// Type B: planes about a horizontal axis, `d = (cos H sin V, −sin H, −cos H cos V)`. Type A: planes about the vertical
+/// axis, `d = (cos V cos H, −cos V sin H, sin V)`. H grows clockwise.
+pub(super) fn convert(
+    stated: Stated,
+    photometry: Photometry,
+    source: &Source,
+    report: &mut ParseReport,
+) -> Result<(AngleGrid, &'static str), FormatError> {
+    let (vertical_range, horizontal_range) = match photometry {
+        Photometry::B => ((-180.0, 180.0), (-90.0, 90.0)),
+        _ => ((-90.0, 90.0), (-180.0, 180.0)),
+    };
+    if stated.horizontal.len() < 2 {
+        let message = format!("one horizontal angle in type {}, expected at least two", photometry.name());
+        return Err(source.malformed(source.text().len(), message));
+    }
+    let table = ordered(stated, vertical_range, horizontal_range, source, report)?;
+    report.metadata.push(("native_vertical_angles".to_owned(), listed(&table.vertical)));
+    report.metadata.push(("native_horizontal_angles".to_owned(), listed(&table.horizontal)));
+    let lateral = table.horizontal[0] >= 0.0;
+    let step = step(&table);
+    // With planes within ±90° of nadir nothing lies above the horizon.
+    let below =
+        photometry == Photometry::B && table.vertical[0] >= -90.0 && table.vertical[table.vertical.len() - 1] <= 90.0;
+    let lowest = if below { 90.0 } else { 0.0 };
+    let rows = ((180.0 - lowest) / step) as usize + 1;
+    let theta: Vec<f64> = (0..rows).map(|i| lowest + i as f64 * step).collect();
+    let phi: Vec<f64> = (0..(360.0 / step) as usize).map(|i| i as f64 * step).collect();
+    let mut values = Vec::with_capacity(theta.len() * phi.len());
+    for &t in &theta {
+        for &c in &phi {
+            let [x, y, z] = Direction::from_degrees(t, c).xyz();
+            let (vertical, horizontal) = match photometry {
+                Photometry::B => (libm::atan2(x, -z), libm::asin((-y).clamp(-1.0, 1.0))),
+                _ => (libm::asin(z.clamp(-1.0, 1.0)), libm::atan2(-y, x)),
+            };
+            let horizontal = horizontal.to_degrees();
+            values.push(table.at(vertical.to_degrees(), if lateral { horizontal.abs() } else { horizontal }));
+        }
+    }
+    report.note(
+        NoteKind::Filled,
+        format!(
+            "type {}: {} × {} intensities resampled to {} × {} of type C by bilinear interpolation in their own angles",
+            photometry.name(),
+            table.vertical.len(),
+            table.horizontal.len(),
+            theta.len(),
+            phi.len()
+        ),
+    );
+    if lateral {
+        report.note(NoteKind::Assumed, "horizontal angles start at 0: both sides taken as alike");
+    }
+    let symmetry = if lateral { "laterally symmetric" } else { "no symmetry" };
+    Ok((luminaire(theta, (lowest, 180.0), Some(circle(phi)), values), symmetry))
+}
+
+/// The coarsest step that is no coarser than the stated angles.
+fn step(table: &Ordered) -> f64 {
+    let spacing = |angles: &[f64]| angles.array_windows().map(|[a, b]| b - a).fold(f64::MAX, f64::min);
+    let finest = spacing(&table.vertical).min(spacing(&table.horizontal));
+    STEPS.into_iter().find(|&step| step <= finest).unwrap_or(0.25)
+}
+
+impl Ordered {
+    /// Bilinear in the stated angles; 0 outside them. A single plane holds for its own angle only.
+    fn at(&self, vertical: f64, horizontal: f64) -> f32 {
+        let (Some((v, s)), Some((h, t))) = (locate(&self.vertical, vertical), locate(&self.horizontal, horizontal))
+        else {
+            return 0.0;
+        };
+        let n = self.vertical.len();
+        let next = |i: usize, length: usize| (i + 1).min(length - 1);
+        let value = |h: usize, v: usize| f64::from(self.values[h * n + v]);
+        let along = |h: usize| (1.0 - s) * value(h, v) + s * value(h, next(v, n));
+        ((1.0 - t) * along(h) + t * along(next(h, self.horizontal.len()))) as f32
+    }
+}
+
+/// The entry at or before `angle` and the fraction of the way to the next.
+fn locate(angles: &[f64], angle: f64) -> Option<(usize, f64)> {
+    let (first, last) = (angles[0], angles[angles.len() - 1]);
+    if angle < first - ROUNDING || angle > last + ROUNDING {
+        return None;
+    }
+    let angle = angle.clamp(first, last);
+    let i = angles.partition_point(|&a| a <= angle) - 1;
+    match angles.get(i + 1) {
+        None => Some((i, 0.0)),
+        Some(next) => Some((i, (angle - angles[i]) / (next - angles[i]))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_are_bilinear_inside_and_dark_outside() {
+        let table = Ordered {
+            vertical: vec![-90.0, 90.0],
+            horizontal: vec![-90.0, 0.0, 90.0],
+            values: vec![0.0, 2.0, 4.0, 8.0, 0.0, 0.0],
+        };
+        assert_eq!(table.at(0.0, 0.0), 6.0);
+        assert_eq!(table.at(0.0, -45.0), 3.5);
+        assert_eq!(table.at(90.0 + 1e-12, 0.0), 8.0);
+        assert_eq!(table.at(91.0, 0.0), 0.0);
+    }
+}

@@ -1,0 +1,252 @@
+//! NVIDIA MDL measured BSDFs (`.mbsdf`): isotropic, plane-symmetric tables of reflection and transmission, scalar or RGB.
+//!
+//! A block holds f32 values in sr⁻¹, little-endian, `[theta_in, theta_out, phi, channel]`; the n polar angles are
+//! `i · 90°/n`, the m azimuths `j · 180°/(m − 1)` between the two directions, 180° where one mirrors the other (MDL SDK,
+//! `IBsdf_isotropic_data`). This is the convention of this crate, so that values are not moved.
+
+use super::acquisition::{
+    Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, NoteKind, Outside, ParseReport, Samples,
+};
+use super::error::{FormatError, FormatErrorKind};
+use super::text::snippet;
+use super::{Format, Interpretation, Reader, Sample};
+use crate::domain::limits::MAX_SAMPLES;
+use crate::domain::{Axis, Quantity, Unit};
+
+const NAME: &str = "mbsdf";
+
+pub(super) const READER: Reader = Reader {
+    about: Format {
+        name: NAME,
+        description: "NVIDIA MDL measured BSDF (.mbsdf)",
+        extensions: &["mbsdf"],
+        reads: true,
+        writes: false,
+    },
+    options: &[],
+    probe: |sample: &Sample<'_>| if sample.bytes.starts_with(b"NVIDIA ARC MBSDF") { 100 } else { 0 },
+    read,
+};
+
+const VERSION: &[u8] = b"NVIDIA ARC MBSDF V1\n";
+const MAX_LINE: usize = 1 << 12;
+const MAX_LINES: usize = 1000;
+
+/// One table of values.
+struct Block {
+    theta: usize,
+    phi: usize,
+    rgb: bool,
+    values: Vec<f32>,
+}
+
+fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
+    let mut report = ParseReport::default();
+    let (reflection, transmission) = blocks(bytes, &mut report)?;
+    if reflection.is_none() && transmission.is_none() {
+        return Err(malformed(
+            bytes.len(),
+            "no measurement data, expected a line MBSDF_DATA_REFLECTION= or MBSDF_DATA_TRANSMISSION=",
+        ));
+    }
+    let needs = |message: &str| FormatError::new(FormatErrorKind::NeedsOption, NAME, message);
+    if how.unit.is_some_and(|unit| unit != Unit::PerSteradian) {
+        return Err(needs("a unit was asked for that this format does not have, its values are in 1/sr"));
+    }
+    let sides = match (&reflection, &transmission) {
+        (Some(_), Some(_)) => "reflection and transmission",
+        (Some(_), None) => "reflection",
+        _ => "transmission",
+    };
+    let has_both = reflection.is_some() && transmission.is_some();
+    let (quantity, block) = match (how.quantity, reflection, transmission) {
+        (None | Some(Quantity::Brdf), Some(block), _) => (Quantity::Brdf, block),
+        (None | Some(Quantity::Btdf), _, Some(block)) => (Quantity::Btdf, block),
+        (Some(Quantity::Bsdf), Some(above), Some(below)) => (Quantity::Bsdf, joined(above, &below)?),
+        (Some(quantity), ..) => {
+            return Err(needs(&format!("quantity {quantity} was asked for, the file holds {sides}")));
+        }
+        // Without a quantity one of the first two arms holds: a block exists.
+        (None, None, None) => return Err(needs("the file holds no measurement data")),
+    };
+    if has_both && how.quantity.is_none() {
+        report.note(
+            NoteKind::Warning,
+            "the file holds reflection and transmission; this is the reflection, ask for quantity btdf or bsdf otherwise",
+        );
+    }
+    report.note(NoteKind::Assumed, "polar angles at i · 90°/n from the normal, held from the last one to 90°");
+    let dialect = format!(
+        "V1, {} of {sides}, {} × {} × {}",
+        if block.rgb { "RGB" } else { "scalar" },
+        block.theta,
+        block.theta,
+        block.phi
+    );
+    count_negatives(&block.values, &mut report);
+    Ok(Acquisition {
+        format: NAME,
+        dialect,
+        quantity,
+        unit: Unit::PerSteradian,
+        samples: Samples::Grid(grid(quantity, block, &mut report)),
+        spectral_factor: None,
+        report,
+    })
+}
+
+fn malformed(offset: usize, message: impl Into<String>) -> FormatError {
+    FormatError::at_byte(FormatErrorKind::Malformed, NAME, offset, message)
+}
+
+fn count_negatives(values: &[f32], report: &mut ParseReport) {
+    let negative = values.iter().filter(|v| **v < 0.0).count();
+    if negative > 0 {
+        let lowest = values.iter().copied().fold(0.0, f32::min);
+        let all = values.len();
+        report.note(
+            NoteKind::Warning,
+            format!("{negative} of {all} values are negative, down to {lowest}; kept as they are"),
+        );
+    }
+}
+
+/// The reflection and the transmission of a file.
+fn blocks(bytes: &[u8], report: &mut ParseReport) -> Result<(Option<Block>, Option<Block>), FormatError> {
+    if !bytes.starts_with(VERSION) {
+        let message = "another version of the format, expected `NVIDIA ARC MBSDF V1`";
+        return Err(FormatError::at_byte(FormatErrorKind::Unsupported, NAME, 0, message));
+    }
+    let (mut reflection, mut transmission) = (None, None);
+    let mut at = VERSION.len();
+    let mut lines = 0;
+    while at < bytes.len() {
+        let rest = &bytes[at..];
+        let line = rest.iter().take(MAX_LINE).position(|&b| b == b'\n').map(|end| &rest[..end]);
+        let found = String::from_utf8_lossy(line.unwrap_or(&rest[..rest.len().min(64)])).into_owned();
+        let expected = "a line of metadata or MBSDF_DATA_REFLECTION=, MBSDF_DATA_TRANSMISSION=";
+        let Some(line) = line.filter(|line| !line.contains(&0)) else {
+            return Err(malformed(at, format!("found {}, expected {expected}", snippet(&found))));
+        };
+        let start = at;
+        at += line.len() + 1;
+        let side = match line.trim_ascii_end() {
+            b"MBSDF_DATA=" | b"MBSDF_DATA_REFLECTION=" => &mut reflection,
+            b"MBSDF_DATA_TRANSMISSION=" => &mut transmission,
+            _ => {
+                let is_metadata = reflection.is_none() && transmission.is_none() && lines < MAX_LINES;
+                if !is_metadata || found.starts_with("MBSDF_DATA") {
+                    return Err(malformed(start, format!("found {}, expected {expected}", snippet(&found))));
+                }
+                lines += 1;
+                let (key, value) = found.split_once('=').unwrap_or(("comment", &found));
+                report.metadata.push((key.trim().trim_matches('"').to_owned(), value.trim().to_owned()));
+                continue;
+            }
+        };
+        let (block, end) = block(bytes, at)?;
+        if side.replace(block).is_some() {
+            return Err(malformed(start, "the same side of the surface twice, expected each once"));
+        }
+        at = end;
+    }
+    Ok((reflection, transmission))
+}
+
+/// A block from `at` on, and where it ends.
+fn block(bytes: &[u8], at: usize) -> Result<(Block, usize), FormatError> {
+    let head = bytes.get(at..at + 12).ok_or_else(|| malformed(bytes.len(), "the file ends in the head of a block"))?;
+    let word = |i: usize| u32::from_le_bytes([head[4 * i], head[4 * i + 1], head[4 * i + 2], head[4 * i + 3]]);
+    let rgb = match word(0) {
+        0 => false,
+        1 => true,
+        other => return Err(malformed(at, format!("type {other} of values, expected 0 (scalar) or 1 (RGB)"))),
+    };
+    let (theta, phi) = (word(1) as usize, word(2) as usize);
+    if theta == 0 || phi == 0 {
+        return Err(malformed(at + 4, format!("{theta} polar and {phi} azimuth angles, expected at least 1 of each")));
+    }
+    let count = [theta, theta, phi, if rgb { 3 } else { 1 }].into_iter().try_fold(1_usize, usize::checked_mul);
+    let Some(count) = count.filter(|&n| n <= MAX_SAMPLES) else {
+        let message = format!("{theta} × {theta} × {phi} values are more than the limit of {MAX_SAMPLES}");
+        return Err(FormatError::at_byte(FormatErrorKind::OverLimit, NAME, at + 4, message));
+    };
+    let start = at + 12;
+    let body = bytes.get(start..start + 4 * count).ok_or_else(|| {
+        malformed(
+            bytes.len(),
+            format!("{} bytes of values, expected {} for {theta} × {theta} × {phi}", bytes.len() - start, 4 * count),
+        )
+    })?;
+    let mut values = Vec::with_capacity(count);
+    for (i, chunk) in body.as_chunks::<4>().0.iter().enumerate() {
+        let value = f32::from_le_bytes(*chunk);
+        if !value.is_finite() {
+            return Err(malformed(start + 4 * i, format!("value {i} is {value}, expected a finite number")));
+        }
+        values.push(value);
+    }
+    Ok((Block { theta, phi, rgb, values }, start + 4 * count))
+}
+
+fn polar_angles(n: usize) -> impl DoubleEndedIterator<Item = f64> {
+    (0..n).map(move |i| i as f64 * 90.0 / n as f64)
+}
+
+/// The horizon of the transmitted side, told apart from that of the reflected side, both listed in a joined table.
+const BELOW_HORIZON: f64 = 90.000_001;
+
+/// Reflection above, transmission below: per incoming angle the rows theta_out 0..90°, the horizon twice, then 180°
+/// down to it reversed, so that theta_out increases.
+fn joined(above: Block, below: &Block) -> Result<Block, FormatError> {
+    if (above.theta, above.phi, above.rgb) != (below.theta, below.phi, below.rgb) {
+        let message =
+            "reflection and transmission differ in resolution, expected the same to join them; ask for brdf or btdf";
+        return Err(FormatError::new(FormatErrorKind::Unsupported, NAME, message));
+    }
+    let row = above.phi * if above.rgb { 3 } else { 1 };
+    let side = above.theta * row;
+    let mut values = Vec::with_capacity(2 * above.values.len() + 2 * side);
+    for (up, down) in above.values.chunks_exact(side).zip(below.values.chunks_exact(side)) {
+        values.extend_from_slice(up);
+        values.extend_from_slice(&up[side - row..]);
+        values.extend_from_slice(&down[side - row..]);
+        values.extend(down.chunks_exact(row).rev().flatten());
+    }
+    Ok(Block { values, ..above })
+}
+
+fn grid(quantity: Quantity, block: Block, report: &mut ParseReport) -> AngleGrid {
+    let Block { theta: n, phi: m, rgb, mut values } = block;
+    let incoming: Vec<f64> = polar_angles(n).collect();
+    let below = || polar_angles(n).rev().map(|theta| 180.0 - theta);
+    let (outgoing, covers): (Vec<f64>, _) = match quantity {
+        Quantity::Btdf => {
+            let row = m * if rgb { 3 } else { 1 };
+            values = values
+                .chunks_exact(n * row)
+                .flat_map(|table| table.chunks_exact(row).rev().flatten())
+                .copied()
+                .collect();
+            (below().collect(), (90.0, 180.0))
+        }
+        Quantity::Bsdf => {
+            report
+                .note(NoteKind::Filled, "the rows nearest to the horizon repeated at it, so that the sides do not mix");
+            (polar_angles(n).chain([90.0, BELOW_HORIZON]).chain(below()).collect(), (0.0, 180.0))
+        }
+        _ => (incoming.clone(), (0.0, 90.0)),
+    };
+    let phi = (m > 1).then(|| Azimuths {
+        phi: (0..m).map(|j| j as f64 * 180.0 / (m - 1) as f64).collect(),
+        extent: AzimuthExtent::Mirrored,
+    });
+    AngleGrid {
+        index: Vec::new(),
+        incoming: Some(Angles { theta: incoming, covers: (0.0, 90.0), phi: None }),
+        outgoing: Some(Angles { theta: outgoing, covers, phi }),
+        spectral: rgb.then_some(Axis::Rgb),
+        outside: Outside::Masked,
+        values,
+    }
+}

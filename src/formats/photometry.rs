@@ -1,0 +1,198 @@
+//! A luminaire and the spectrum of its lamp joined: intensity by direction becomes spectral intensity.
+
+use super::acquisition::{Acquisition, NoteKind, Samples, SpectralFactor};
+use super::error::{FormatError, FormatErrorKind};
+use crate::domain::{Axis, Quantity, Unit, WavelengthGrid};
+use std::sync::OnceLock;
+
+/// Luminous efficacy of monochromatic radiation at the maximum of V(λ), lm/W (CIE 018:2019, 683 lm/W at 540 THz).
+const LUMENS_PER_WATT: f64 = 683.002;
+
+/// Joins `spectrum` (one column of wavelengths and values) with the luminaire in `acquisition`.
+///
+/// A radiometric or relative intensity is spread over the spectrum S: factor = S(λ) / ∫S dλ, unit per nm. Candela are
+/// traced back through V(λ): factor = S(λ) / (683.002 · ∫S·V dλ), W·sr⁻¹·nm⁻¹. Integrals are trapezoidal, that over V
+/// on the union of both grids.
+pub fn attach_spectrum(acquisition: &mut Acquisition, spectrum: &Acquisition) -> Result<(), FormatError> {
+    check_luminaire(acquisition)?;
+    let (lambda, values) = column(spectrum)?;
+    let masked = values.iter().filter(|v| v.is_nan()).count();
+    let (lambda, values): (Vec<f64>, Vec<f64>) =
+        lambda.values().into_iter().zip(values).filter(|(_, v)| !v.is_nan()).map(|(l, &v)| (l, f64::from(v))).unzip();
+    if values.len() < 2 {
+        return Err(refused(spectrum, format!("{} values, expected a spectrum of at least two", values.len())));
+    }
+    let (unit, denominator) = match (acquisition.unit, acquisition.unit.per_nanometre()) {
+        (_, Some(unit)) => {
+            let total = integral(&lambda, &values);
+            if total <= 0.0 {
+                return Err(refused(spectrum, format!("the spectrum integrates to {total}, expected more than 0")));
+            }
+            (unit, total)
+        }
+        (Unit::Candela, _) => {
+            let luminous = luminous_integral(&lambda, &values);
+            if luminous <= 0.0 {
+                return Err(refused(
+                    spectrum,
+                    format!(
+                        "the spectrum weighted by V(lambda) integrates to {luminous}, expected more than 0 for values in candela"
+                    ),
+                ));
+            }
+            (Unit::WattPerSteradianNanometre, LUMENS_PER_WATT * luminous)
+        }
+        (unit, _) => {
+            return Err(FormatError::new(
+                FormatErrorKind::NeedsOption,
+                acquisition.format,
+                format!("values in {unit} take no spectrum, expected cd, W/sr, mW/sr, uW/sr, umol/s/sr or relative"),
+            ));
+        }
+    };
+    let factors: Vec<f64> = values.iter().map(|value| value / denominator).collect();
+    if let Some(bad) = factors.iter().find(|factor| !factor.is_finite()) {
+        return Err(refused(spectrum, format!("a spectral factor of {bad}, expected finite numbers")));
+    }
+    let grid = WavelengthGrid::listed(lambda.clone()).map_err(|e| refused(spectrum, e.to_string()))?;
+    let report = &mut acquisition.report;
+    for note in &spectrum.report.notes {
+        report.note(note.kind, format!("spectrum: {}", note.message));
+    }
+    if masked > 0 {
+        report.note(
+            NoteKind::Filled,
+            format!("spectrum: {masked} masked wavelengths left out, bridged by their neighbours"),
+        );
+    }
+    let negative = values.iter().filter(|v| **v < 0.0).count();
+    if negative > 0 {
+        report.note(NoteKind::Warning, format!("spectrum: {negative} negative values enter as they are"));
+    }
+    let (first, last) = grid.range();
+    if acquisition.unit == Unit::Candela && (first > 400.0 || last < 700.0) {
+        report.note(
+            NoteKind::Warning,
+            format!("the spectrum covers {first} to {last} nm only; light outside counts as none in the candela"),
+        );
+    }
+    acquisition.unit = unit;
+    acquisition.spectral_factor = Some(SpectralFactor { grid, factors });
+    Ok(())
+}
+
+fn refused(spectrum: &Acquisition, message: impl Into<String>) -> FormatError {
+    FormatError::new(FormatErrorKind::NeedsOption, spectrum.format, message)
+}
+
+/// Only an emission distribution without a spectral axis of its own takes a spectrum.
+fn check_luminaire(acquisition: &Acquisition) -> Result<(), FormatError> {
+    let spectral = acquisition.spectral_factor.is_some()
+        || match &acquisition.samples {
+            Samples::OnAxes { tensor, .. } => tensor.axes().iter().any(Axis::is_spectral),
+            Samples::Grid(grid) => grid.spectral.is_some(),
+        };
+    let reason = if acquisition.quantity != Quantity::Edf {
+        format!("a spectrum joins an emission distribution (edf), this is a {}", acquisition.quantity)
+    } else if spectral {
+        "the distribution has a spectrum already".to_owned()
+    } else {
+        return Ok(());
+    };
+    Err(FormatError::new(FormatErrorKind::NeedsOption, acquisition.format, reason))
+}
+
+/// The wavelengths and values of a file with one spectrum.
+fn column(spectrum: &Acquisition) -> Result<(&WavelengthGrid, &[f32]), FormatError> {
+    if spectrum.quantity != Quantity::Spectrum {
+        return Err(refused(spectrum, format!("a {} is no spectrum of a lamp", spectrum.quantity)));
+    }
+    let Samples::OnAxes { tensor, .. } = &spectrum.samples else {
+        return Err(refused(spectrum, "a grid of angles, expected one column of wavelengths and values"));
+    };
+    match tensor.axes() {
+        [Axis::Wavelength(grid)] => Ok((grid, tensor.samples())),
+        [Axis::Index { labels, count }, Axis::Wavelength(_)] => {
+            const SHOWN: usize = 8;
+            let names: Vec<String> = labels.iter().take(SHOWN).map(|label| super::text::snippet(label)).collect();
+            let more = if *count > SHOWN { ", …" } else { "" };
+            let names = names.join(", ");
+            Err(refused(
+                spectrum,
+                format!("{count} spectra ({names}{more}), expected one: keep one column in the file"),
+            ))
+        }
+        _ => Err(refused(spectrum, "no wavelengths and values, expected one column of each")),
+    }
+}
+
+/// `∫ S dλ` by the trapezoidal rule, exact for the polyline through the values.
+fn integral(lambda: &[f64], values: &[f64]) -> f64 {
+    lambda.array_windows().zip(values.array_windows()).map(|([a, b], [s, t])| 0.5 * (b - a) * (s + t)).sum()
+}
+
+/// `∫ S·V dλ` by the trapezoidal rule on the union of both grids, so that neither lines nor V are stepped over.
+fn luminous_integral(lambda: &[f64], values: &[f64]) -> f64 {
+    let (v_lambda, v) = luminous_efficiency();
+    let (first, last) = (lambda[0], lambda[lambda.len() - 1]);
+    let mut union: Vec<f64> = v_lambda.iter().copied().filter(|l| (first..=last).contains(l)).collect();
+    union.extend_from_slice(lambda);
+    union.sort_by(f64::total_cmp);
+    union.dedup();
+    let product: Vec<f64> = union.iter().map(|&l| polyline(lambda, values, l) * polyline(v_lambda, v, l)).collect();
+    integral(&union, &product)
+}
+
+/// The polyline through the values at `x`, 0 outside.
+fn polyline(xs: &[f64], ys: &[f64], x: f64) -> f64 {
+    match xs.partition_point(|&known| known <= x) {
+        0 => 0.0,
+        n if n == xs.len() => {
+            if xs[n - 1] == x {
+                ys[n - 1]
+            } else {
+                0.0
+            }
+        }
+        n => ys[n - 1] + (ys[n] - ys[n - 1]) * (x - xs[n - 1]) / (xs[n] - xs[n - 1]),
+    }
+}
+
+/// V(λ): the second colour-matching function of the CIE 1931 observer, wavelengths in nm and values.
+///
+/// The table is the CIE's, CC BY-SA 4.0, kept as data beside the program (`data/SOURCES.md`).
+fn luminous_efficiency() -> (&'static [f64], &'static [f64]) {
+    const TABLE: &str = include_str!("../../data/cmfs_CIE_1931_2_Degree_Standard_Observer.csv");
+    static PARSED: OnceLock<(Vec<f64>, Vec<f64>)> = OnceLock::new();
+    let (lambda, v) = PARSED.get_or_init(|| {
+        let row = |line: &'static str| -> Option<(f64, f64)> {
+            let mut cells = line.split(',');
+            let lambda = cells.next()?.parse().ok()?;
+            let v = cells.nth(1)?.parse().ok()?;
+            Some((lambda, v))
+        };
+        TABLE.lines().skip(1).filter_map(row).unzip()
+    });
+    (lambda, v)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_efficiency_curve_is_whole() {
+        let (lambda, v) = luminous_efficiency();
+        assert_eq!((lambda.len(), lambda[0], lambda[470]), (471, 360.0, 830.0));
+        assert_eq!(polyline(lambda, v, 555.0), 1.0);
+        assert!((integral(lambda, v) - 106.856_895).abs() < 1e-3, "{}", integral(lambda, v));
+    }
+
+    #[test]
+    fn a_narrow_line_is_weighted_by_its_efficiency() {
+        let (lambda, values) = ([549.9, 550.0, 550.1], [0.0, 1.0, 0.0]);
+        let (grid, v) = luminous_efficiency();
+        let ratio = luminous_integral(&lambda, &values) / integral(&lambda, &values);
+        assert!((ratio - polyline(grid, v, 550.0)).abs() < 1e-3, "{ratio}");
+    }
+}

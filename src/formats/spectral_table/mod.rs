@@ -1,0 +1,203 @@
+//! Spectral tables: wavelengths and one or more columns of values as text, from CSV to instrument exports.
+//!
+//! Gives `[lambda]`, or `[index, lambda]` for several columns; a blank cell is masked, a negative one is kept.
+
+mod rows;
+mod wavelength_unit;
+
+use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
+use super::error::{FormatError, FormatErrorKind};
+use super::text::{Source, snippet};
+use super::{Format, Interpretation, Reader, Sample};
+use crate::domain::limits::MAX_WAVELENGTHS;
+use crate::domain::{Axis, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
+use rows::Table;
+
+const NAME: &str = "spectral-table";
+
+pub(super) const READER: Reader = Reader {
+    about: Format {
+        name: NAME,
+        description: "spectral table: wavelengths and columns of values as CSV, TSV or blank separated text (.csv, .spd, .txt)",
+        extensions: &["csv", "tsv", "spd", "txt", "dat"],
+        reads: true,
+        writes: false,
+    },
+    options: &["wavelength_unit", "column"],
+    probe: |sample: &Sample<'_>| if sample.head.contains('\0') { 0 } else { rows::probe(&sample.head) },
+    read,
+};
+
+fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
+    let source = Source::decode(bytes, NAME);
+    let mut report = ParseReport::default();
+    if let Some(encoding) = source.odd_encoding() {
+        report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
+    }
+    let mut table = rows::read(&source, &mut report)?;
+    let quantity = quantity(&table, how, &mut report)?;
+    let unit = how.unit.unwrap_or(if quantity == Quantity::Reflectance { Unit::One } else { Unit::Relative });
+    let grid = wavelengths(&mut table, how, &source, &mut report)?;
+    if let Some(column) = &how.column {
+        table.pick(column)?;
+    }
+    percent(&mut table, quantity, &mut report);
+    remarks(&table, &source, &mut report)?;
+    let lambda = Axis::Wavelength(grid);
+    let (n, columns) = (table.wavelengths.len(), table.names.len());
+    let dialect = format!("{}, {columns} column(s)", table.dialect);
+    let (axes, samples) = if columns == 1 {
+        (vec![lambda], table.values)
+    } else {
+        let by_column = (0..columns).flat_map(|c| (0..n).map(move |row| (row, c)));
+        let samples = by_column.map(|(row, c)| table.values[row * columns + c]).collect();
+        (vec![Axis::Index { count: columns, labels: table.names }, lambda], samples)
+    };
+    let tensor =
+        Tensor::new(axes, samples).map_err(|e| FormatError::new(FormatErrorKind::OverLimit, NAME, e.to_string()))?;
+    let samples = Samples::OnAxes { tensor, sampling: Sampling::default() };
+    Ok(Acquisition { format: NAME, dialect, quantity, unit, samples, spectral_factor: None, report })
+}
+
+fn quantity(table: &Table, how: &Interpretation, report: &mut ParseReport) -> Result<Quantity, FormatError> {
+    match how.quantity {
+        Some(quantity @ (Quantity::Spectrum | Quantity::Reflectance)) => Ok(quantity),
+        Some(other) => Err(FormatError::new(
+            FormatErrorKind::NeedsOption,
+            NAME,
+            format!("quantity {other} was asked for, a spectral table holds a spectrum or a reflectance"),
+        )),
+        None if table.says(&["reflectance", "reflectivity", "transmittance", "transmissivity"]) => {
+            Ok(Quantity::Reflectance)
+        }
+        None => {
+            report.note(NoteKind::Assumed, "the header names no quantity, taken as spectrum in relative values");
+            Ok(Quantity::Spectrum)
+        }
+    }
+}
+
+/// Converts the wavelengths to nm and both axes to increasing order.
+fn wavelengths(
+    table: &mut Table,
+    how: &Interpretation,
+    source: &Source,
+    report: &mut ParseReport,
+) -> Result<WavelengthGrid, FormatError> {
+    let n = table.wavelengths.len();
+    if n > MAX_WAVELENGTHS {
+        let message = format!("{n} wavelengths, expected at most {MAX_WAVELENGTHS}");
+        return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));
+    }
+    let falling = n > 1 && table.wavelengths[1].0 < table.wavelengths[0].0;
+    for pair in table.wavelengths.array_windows() {
+        let [(a, _), (b, offset)] = *pair;
+        if a == b {
+            return Err(source.malformed(offset, format!("wavelength {b} twice, expected each once")));
+        }
+        if (b < a) != falling {
+            let direction = if falling { "decreasing" } else { "increasing" };
+            return Err(source.malformed(offset, format!("wavelength {b} after {a}, expected {direction} wavelengths")));
+        }
+    }
+    let stated: Vec<f64> = table.wavelengths.iter().map(|&(value, _)| value).collect();
+    let unit = wavelength_unit::of(&stated, table.wavelength_name.as_deref(), how, report)?;
+    if let Some(&(value, offset)) = table.wavelengths.iter().find(|(value, _)| *value <= 0.0) {
+        return Err(source.malformed(offset, format!("wavelength {value}, expected a positive number")));
+    }
+    let mut nanometres: Vec<f64> = stated.iter().map(|&value| unit.to_nanometres(value)).collect();
+    if n > 1 && nanometres[1] < nanometres[0] {
+        nanometres.reverse();
+        table.reverse();
+        report.note(NoteKind::Assumed, "the rows were turned round, so that wavelengths increase");
+    }
+    WavelengthGrid::listed(nanometres).map_err(|e| FormatError::new(FormatErrorKind::Malformed, NAME, e.to_string()))
+}
+
+/// Reflectance and transmittance in percent become fractions; a spectrum that is relative anyhow stays as it is.
+fn percent(table: &mut Table, quantity: Quantity, report: &mut ParseReport) {
+    let in_percent = |name: &String| name.contains('%') || name.to_lowercase().contains("percent");
+    let declared = table.names.iter().any(in_percent);
+    if quantity != Quantity::Reflectance {
+        if declared {
+            report.note(NoteKind::Assumed, "the header says percent; relative values are kept as they stand");
+        }
+        return;
+    }
+    let largest = table.values.iter().copied().filter(|v| !v.is_nan()).fold(f32::MIN, f32::max);
+    let looks_like_it = largest > 1.5 && largest <= 120.0;
+    if declared || looks_like_it {
+        for value in &mut table.values {
+            *value = (f64::from(*value) / 100.0) as f32;
+        }
+        let why = if declared {
+            "the header says percent".to_owned()
+        } else {
+            format!("reflectance up to {largest} taken as percent")
+        };
+        report.note(NoteKind::Warning, format!("{why}: divided by 100"));
+    } else if largest > 1.5 {
+        report
+            .note(NoteKind::Warning, format!("reflectance up to {largest}, expected 0 to 1 or percent; kept as it is"));
+    }
+}
+
+/// Counts what is missing and what is negative.
+fn remarks(table: &Table, source: &Source, report: &mut ParseReport) -> Result<(), FormatError> {
+    let masked = table.values.iter().filter(|v| v.is_nan()).count();
+    if masked == table.values.len() {
+        return Err(source.malformed(0, "every value is blank, expected numbers"));
+    }
+    if masked > 0 {
+        report.note(NoteKind::Warning, format!("{masked} blank cells are masked"));
+    }
+    let negative = table.values.iter().filter(|v| **v < 0.0).count();
+    if negative > 0 {
+        let lowest = table.values.iter().copied().filter(|v| *v < 0.0).fold(0.0, f32::min);
+        report.note(NoteKind::Warning, format!("{negative} values are negative, down to {lowest}; kept as they are"));
+    }
+    Ok(())
+}
+
+impl Table {
+    /// Whether the header or the comments contain one of `words`.
+    fn says(&self, words: &[&str]) -> bool {
+        words.iter().any(|word| self.prose.contains(word))
+    }
+
+    fn reverse(&mut self) {
+        let columns = self.names.len();
+        self.values = self.values.chunks_exact(columns).rev().flatten().copied().collect();
+        self.wavelengths.reverse();
+    }
+
+    /// Keeps one column, by its name or by its number from 1.
+    fn pick(&mut self, wanted: &str) -> Result<(), FormatError> {
+        let wanted = wanted.trim();
+        let columns = self.names.len();
+        let by_name = |same: fn(&str, &str) -> bool| self.names.iter().position(|name| same(name, wanted));
+        let by_number = || wanted.parse().ok().filter(|n| (1..=columns).contains(n)).map(|n| n - 1);
+        let picked = by_name(|a, b| a == b)
+            .or_else(|| by_name(str::eq_ignore_ascii_case))
+            .or_else(by_number)
+            .ok_or_else(|| {
+                let names = self.column_list();
+                let message =
+                    format!("no column {}, expected a number from 1 to {columns} or one of: {names}", snippet(wanted));
+                FormatError::new(FormatErrorKind::NeedsOption, NAME, message)
+            })?;
+        self.values = self.values.chunks_exact(columns).map(|row| row[picked]).collect();
+        self.names = vec![self.names.swap_remove(picked)];
+        Ok(())
+    }
+
+    /// The names of the first columns.
+    fn column_list(&self) -> String {
+        const SHOWN: usize = 8;
+        let mut list = self.names.iter().take(SHOWN).map(|name| snippet(name)).collect::<Vec<_>>().join(", ");
+        if self.names.len() > SHOWN {
+            list.push_str(", …");
+        }
+        list
+    }
+}

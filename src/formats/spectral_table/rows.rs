@@ -1,0 +1,323 @@
+//! Lines of text → the rows of a table: delimiter, decimal mark, header and comments found from the content.
+
+use super::NAME;
+use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
+use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::text::{Source, Token, number, snippet};
+
+/// A table as written: wavelengths with their place in the text, values row by row.
+pub(super) struct Table {
+    pub(super) wavelengths: Vec<(f64, usize)>,
+    /// `[row, column]`; NaN = blank.
+    pub(super) values: Vec<f32>,
+    /// One name for each column of values.
+    pub(super) names: Vec<String>,
+    /// The name of the first column, if there is a header.
+    pub(super) wavelength_name: Option<String>,
+    /// All text around the numbers, lower case.
+    pub(super) prose: String,
+    pub(super) dialect: &'static str,
+}
+
+/// What separates the cells of a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Delimiter {
+    Tab,
+    Semicolon,
+    Comma,
+    Blank,
+}
+
+impl Delimiter {
+    /// In the order tried.
+    const ALL: [Self; 4] = [Self::Tab, Self::Semicolon, Self::Comma, Self::Blank];
+
+    fn dialect(self) -> &'static str {
+        match self {
+            Self::Tab => "tab separated",
+            Self::Semicolon => "semicolon separated",
+            Self::Comma => "comma separated",
+            Self::Blank => "blank separated",
+        }
+    }
+
+    /// The cells of `line`, without the blanks around them.
+    fn cells<'a>(self, line: Token<'a>) -> Vec<Token<'a>> {
+        let separates = |c: char| match self {
+            Self::Tab => c == '\t',
+            Self::Semicolon => c == ';',
+            Self::Comma => c == ',',
+            Self::Blank => c.is_whitespace(),
+        };
+        let mut at = line.offset;
+        line.text
+            .split_inclusive(separates)
+            .map(|cell| {
+                let start = at;
+                at += cell.len();
+                let cell = cell.strip_suffix(separates).unwrap_or(cell);
+                let offset = start + cell.len() - cell.trim_start().len();
+                Token { text: cell.trim(), offset }
+            })
+            // A delimiter at the end opens one more, empty cell.
+            .chain(
+                (self != Self::Blank && line.text.ends_with(separates))
+                    .then(|| Token { text: "", offset: line.offset + line.text.len() }),
+            )
+            .filter(|cell| self != Self::Blank || !cell.text.is_empty())
+            .collect()
+    }
+
+    /// The number in a cell; a comma is the decimal mark wherever it does not separate cells.
+    fn number(self, cell: &str) -> Option<f64> {
+        number(cell).or_else(|| {
+            let decimal_comma = self != Self::Comma && !cell.contains('.') && cell.matches(',').count() == 1;
+            if decimal_comma { number(&cell.replace(',', ".")) } else { None }
+        })
+    }
+
+    /// How many cells `line` has if it is a row of numbers (blank cells allowed after the first).
+    fn numeric_cells(self, line: Token<'_>) -> Option<usize> {
+        let cells = self.cells(line);
+        let numeric = self.number(cells.first()?.text).is_some()
+            && cells.iter().all(|cell| cell.text.is_empty() || self.number(cell.text).is_some());
+        numeric.then_some(cells.len())
+    }
+}
+
+/// Lines looked at for the delimiter, and before the first row of numbers.
+const LOOKED_AT: usize = 20;
+const MAX_PREAMBLE: usize = 1000;
+
+/// The part of a line before a `#` comment, and the comment. In a header `#` may be part of a name.
+fn split_comment(line: Token<'_>) -> (Token<'_>, Option<&str>) {
+    let header =
+        line.text.trim_start().starts_with(|c: char| !c.is_ascii_digit() && !matches!(c, '#' | '+' | '-' | '.'));
+    match line.text.split_once('#').filter(|_| !header) {
+        None => (line, None),
+        Some((content, comment)) => (Token { text: content, ..line }, Some(comment)),
+    }
+}
+
+/// How much the beginning of a file looks like a table: rows of numbers, or one column of them.
+pub(super) fn probe(head: &str) -> u8 {
+    // Any format name does: no message of this source is shown.
+    let source = Source::decode(head.as_bytes(), NAME);
+    let mut lines: Vec<Token<'_>> = contents(&source).take(MAX_PREAMBLE + 1).collect();
+    if lines.len() > 1 && head.len() >= super::super::HEAD_BYTES / 2 {
+        // The last line may be cut.
+        lines.pop();
+    }
+    if delimiter(&lines).is_some() {
+        return 30;
+    }
+    let single = lines.iter().filter(|line| Delimiter::Blank.numeric_cells(**line) == Some(1)).count();
+    if single >= 3 && 2 * single > lines.len() { 10 } else { 0 }
+}
+
+/// Lines with content besides comments.
+fn contents(source: &Source) -> impl Iterator<Item = Token<'_>> {
+    source.lines().map(|line| split_comment(line).0).filter(|line| !line.text.trim().is_empty())
+}
+
+/// The first delimiter under which the first numeric lines have one count of at least 2 cells, and this count.
+fn delimiter(lines: &[Token<'_>]) -> Option<(Delimiter, usize)> {
+    Delimiter::ALL.into_iter().find_map(|delimiter| {
+        let width = |line: &Token<'_>| delimiter.numeric_cells(*line);
+        let (start, first) =
+            lines.iter().enumerate().find_map(|(i, line)| Some((i, width(line).filter(|&n| n >= 2)?)))?;
+        let constant = lines[start..]
+            .iter()
+            .take(LOOKED_AT)
+            .take_while(|line| !line.text.trim_start().starts_with(">>>>>"))
+            .all(|line| width(line).is_none_or(|n| n == first));
+        (constant && start < MAX_PREAMBLE).then_some((delimiter, first))
+    })
+}
+
+/// Reads the table of a text.
+pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Table, FormatError> {
+    let looked_at: Vec<Token<'_>> = contents(source).take(MAX_PREAMBLE + LOOKED_AT).collect();
+    let Some((delimiter, width)) = delimiter(&looked_at) else {
+        let at = looked_at.first().map_or(0, |line| line.offset);
+        let single = looked_at.iter().all(|line| Delimiter::Blank.numeric_cells(*line) == Some(1));
+        return Err(source.malformed(
+            at,
+            if single {
+                "one column of numbers without wavelengths, expected two or more columns: wavelength and values"
+            } else {
+                "no rows of numbers with the same number of cells, expected wavelength and values separated by tab, `;`, `,` or blanks"
+            },
+        ));
+    };
+    let mut parser = Parser { delimiter, width, source, preamble: Vec::new(), prose: String::new(), table: None };
+    let mut lines = source.lines();
+    for line in lines.by_ref() {
+        let (content, comment) = split_comment(line);
+        if let Some(comment) = comment {
+            parser.comment(content, comment, report);
+        }
+        if content.text.trim().is_empty() {
+            continue;
+        }
+        if parser.table.is_some() && content.text.trim_start().starts_with(">>>>>") {
+            break;
+        }
+        parser.content(content, report)?;
+    }
+    let after = lines.filter(|line| !line.text.trim().is_empty()).count();
+    if after > 0 {
+        report.note(NoteKind::Skipped, format!("{after} lines after the end mark of the data"));
+    }
+    parser.finish(report)
+}
+
+struct Parser<'a> {
+    delimiter: Delimiter,
+    /// Cells of a row.
+    width: usize,
+    source: &'a Source,
+    /// Lines before the first row: text, and whether it was a comment.
+    preamble: Vec<(Token<'a>, bool)>,
+    prose: String,
+    table: Option<Table>,
+}
+
+impl<'a> Parser<'a> {
+    fn comment(&mut self, content: Token<'a>, comment: &'a str, report: &mut ParseReport) {
+        let comment = comment.trim_start_matches('#');
+        if comment.trim().is_empty() {
+            return;
+        }
+        // A comment inside the data says nothing about the columns.
+        if self.table.is_none() && self.preamble.len() < MAX_PREAMBLE {
+            self.prose.push_str(&comment.to_lowercase());
+            self.prose.push('\n');
+            report.metadata.push(("comment".to_owned(), comment.trim().chars().take(4096).collect()));
+            if content.text.trim().is_empty() {
+                self.preamble.push((Token { text: comment, offset: content.offset }, true));
+            }
+        }
+    }
+
+    fn content(&mut self, line: Token<'a>, report: &mut ParseReport) -> Result<(), FormatError> {
+        let cells = self.delimiter.cells(line);
+        if self.table.is_none() {
+            // A row begins the data even if it holds something that is no number: that is an error, not a header.
+            let is_row = cells.len() == self.width && self.delimiter.number(cells[0].text).is_some();
+            if !is_row {
+                if self.preamble.len() < MAX_PREAMBLE {
+                    self.prose.push_str(&line.text.to_lowercase());
+                    self.prose.push('\n');
+                    self.preamble.push((line, false));
+                }
+                return Ok(());
+            }
+            self.table = Some(self.start(report)?);
+        }
+        let Some(table) = &mut self.table else { return Ok(()) };
+        let expected = table.names.len() + 1;
+        if cells.len() != expected {
+            return Err(self.source.malformed(
+                line.offset,
+                format!("a row of {} cells, expected {expected} as in the rows before", cells.len()),
+            ));
+        }
+        for (i, cell) in cells.iter().enumerate() {
+            let refused = |expected: &str| {
+                self.source.malformed(cell.offset, format!("found {}, expected {expected}", snippet(cell.text)))
+            };
+            let value = self.delimiter.number(cell.text);
+            if i == 0 {
+                table.wavelengths.push((value.ok_or_else(|| refused("a wavelength"))?, cell.offset));
+                continue;
+            }
+            let sample = match value {
+                None if cell.text.is_empty() => f32::NAN,
+                None => return Err(refused("a number or a blank cell")),
+                Some(value) => value as f32,
+            };
+            if sample.is_infinite() {
+                return Err(refused("a number within the range of float32"));
+            }
+            table.values.push(sample);
+        }
+        if table.values.len() > MAX_SAMPLES {
+            let message = format!("more than the limit of {MAX_SAMPLES} values");
+            return Err(self.source.error(FormatErrorKind::OverLimit, line.offset, message));
+        }
+        Ok(())
+    }
+
+    /// Begins the table: the last line before it is its header if it has as many cells.
+    fn start(&mut self, report: &mut ParseReport) -> Result<Table, FormatError> {
+        let width = self.width;
+        if width - 1 > MAX_ENTRIES {
+            let message = format!("{} columns, expected at most {MAX_ENTRIES}", width - 1);
+            return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));
+        }
+        let header = match self.preamble.last() {
+            Some(&(line, _)) => {
+                let cells = self.delimiter.cells(line);
+                (cells.len() == width).then(|| cells.iter().map(|cell| unquoted(cell.text)).collect::<Vec<String>>())
+            }
+            None => None,
+        };
+        if let Some(header) = &header {
+            self.preamble.pop();
+            report.metadata.push(("columns".to_owned(), header.join(" | ").chars().take(4096).collect()));
+        }
+        let skipped = self.preamble.iter().filter(|(_, comment)| !comment).count();
+        if skipped > 0 {
+            report.note(NoteKind::Skipped, format!("{skipped} lines of text before the data"));
+        }
+        let mut names = header.unwrap_or_default().into_iter();
+        let wavelength_name = names.next();
+        let mut names: Vec<String> = names.collect();
+        if names.is_empty() {
+            names = (1..width).map(|n| n.to_string()).collect();
+        }
+        Ok(Table {
+            wavelengths: Vec::new(),
+            values: Vec::new(),
+            names,
+            wavelength_name,
+            prose: String::new(),
+            dialect: self.delimiter.dialect(),
+        })
+    }
+
+    fn finish(self, report: &mut ParseReport) -> Result<Table, FormatError> {
+        let end = self.source.text().len();
+        let Some(mut table) = self.table else {
+            return Err(self.source.malformed(end, "no row of numbers, expected wavelength and values"));
+        };
+        table.prose = self.prose;
+        table.drop_empty_columns(report);
+        if table.wavelength_name.is_none() && table.names.len() > 1 {
+            let columns = table.names.len();
+            report
+                .note(NoteKind::Warning, format!("{columns} columns of values without a header, named 1 to {columns}"));
+        }
+        Ok(table)
+    }
+}
+
+impl Table {
+    /// A delimiter at the end of every row makes a nameless column without a value.
+    fn drop_empty_columns(&mut self, report: &mut ParseReport) {
+        let columns = self.names.len();
+        let nameless = self.names[columns - 1].is_empty() || self.wavelength_name.is_none();
+        if columns < 2 || !nameless || !self.values.chunks_exact(columns).all(|row| row[columns - 1].is_nan()) {
+            return;
+        }
+        self.values = self.values.chunks_exact(columns).flat_map(|row| &row[..columns - 1]).copied().collect();
+        self.names.pop();
+        report.note(NoteKind::Skipped, "the last column, which is blank throughout");
+    }
+}
+
+fn unquoted(cell: &str) -> String {
+    cell.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).unwrap_or(cell).trim().chars().take(256).collect()
+}

@@ -1,0 +1,119 @@
+//! The unit of a column of wavelengths: as asked, as the header says, else as the numbers look.
+
+use super::NAME;
+use crate::formats::Interpretation;
+use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::text::snippet;
+
+/// What the first column counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum WavelengthUnit {
+    Nanometre,
+    Micrometre,
+    Angstrom,
+    /// cm⁻¹.
+    Wavenumber,
+}
+
+impl WavelengthUnit {
+    const ALL: [Self; 4] = [Self::Nanometre, Self::Micrometre, Self::Angstrom, Self::Wavenumber];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Nanometre => "nm",
+            Self::Micrometre => "um",
+            Self::Angstrom => "angstrom",
+            Self::Wavenumber => "1/cm",
+        }
+    }
+
+    pub(super) fn to_nanometres(self, value: f64) -> f64 {
+        match self {
+            Self::Nanometre => value,
+            Self::Micrometre => value * 1000.0,
+            Self::Angstrom => value / 10.0,
+            Self::Wavenumber => 1e7 / value,
+        }
+    }
+
+    fn of_name(name: &str) -> Option<Self> {
+        match name.trim().to_lowercase().replace(['µ', 'μ'], "u").as_str() {
+            "nm" | "nanometer" | "nanometers" | "nanometre" | "nanometres" => Some(Self::Nanometre),
+            "um" | "micron" | "microns" | "micrometer" | "micrometers" | "micrometre" | "micrometres" => {
+                Some(Self::Micrometre)
+            }
+            "angstrom" | "angstroms" | "å" | "ångström" => Some(Self::Angstrom),
+            "1/cm" | "cm-1" | "cm^-1" | "cm⁻¹" | "wavenumber" | "wavenumbers" => Some(Self::Wavenumber),
+            _ => None,
+        }
+    }
+
+    /// The unit in a column name such as `Wavelength (nm)`, `lambda_um` or `wavenumber [cm-1]`.
+    fn of_header(name: &str) -> Option<Self> {
+        let separators =
+            |c: char| c.is_whitespace() || matches!(c, '(' | ')' | '[' | ']' | '_' | ',' | ':' | '{' | '}');
+        name.split(separators).filter(|word| !word.is_empty()).rev().find_map(Self::of_name)
+    }
+}
+
+/// The unit of monotone `values`, first column of a table with the header `name`.
+pub(super) fn of(
+    values: &[f64],
+    name: Option<&str>,
+    how: &Interpretation,
+    report: &mut ParseReport,
+) -> Result<WavelengthUnit, FormatError> {
+    let known = || WavelengthUnit::ALL.map(WavelengthUnit::name).join(", ");
+    let needs = |message: String| FormatError::new(FormatErrorKind::NeedsOption, NAME, message);
+    if let Some(asked) = &how.wavelength_unit {
+        return WavelengthUnit::of_name(asked)
+            .ok_or_else(|| needs(format!("wavelength unit {}, expected one of {}", snippet(asked), known())));
+    }
+    if let Some(unit) = name.and_then(WavelengthUnit::of_header) {
+        return Ok(unit);
+    }
+    let (first, last) = (values[0], values[values.len() - 1]);
+    let (low, high) = (first.min(last), first.max(last));
+    let within = |a: f64, b: f64| a <= low && high <= b;
+    let unit = if within(0.2, 25.0) {
+        WavelengthUnit::Micrometre
+    } else if within(150.0, 3000.0) {
+        WavelengthUnit::Nanometre
+    } else if within(1500.0, 30_000.0) && first <= last {
+        WavelengthUnit::Angstrom
+    } else if within(400.0, 50_000.0) && first > last {
+        // Spectrometers that count wavenumbers list them falling, so that wavelengths increase.
+        WavelengthUnit::Wavenumber
+    } else {
+        return Err(needs(format!(
+            "wavelengths from {first} to {last} fit no unit, expected the option wavelength_unit: {}",
+            known()
+        )));
+    };
+    report.note(NoteKind::Assumed, format!("no wavelength unit stated, {first} to {last} taken as {}", unit.name()));
+    Ok(unit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn inferred(values: &[f64], name: Option<&str>) -> Option<WavelengthUnit> {
+        of(values, name, &Interpretation::default(), &mut ParseReport::default()).ok()
+    }
+
+    #[test]
+    fn units_are_read_or_inferred() {
+        use WavelengthUnit::{Angstrom, Micrometre, Nanometre, Wavenumber};
+        assert_eq!(inferred(&[0.35, 2.5], None), Some(Micrometre));
+        assert_eq!(inferred(&[780.0, 380.0], None), Some(Nanometre));
+        assert_eq!(inferred(&[3800.0, 7800.0], None), Some(Angstrom));
+        assert_eq!(inferred(&[26000.0, 12800.0], None), Some(Wavenumber));
+        assert_eq!(inferred(&[1.0, 1000.0], None), None);
+        assert_eq!(inferred(&[4000.0, 7000.0], Some("Wavenumber [cm-1]")), Some(Wavenumber));
+        assert_eq!(inferred(&[1.0, 2.0], Some("Wavelength (nm)")), Some(Nanometre));
+        assert_eq!(inferred(&[1.0, 2.0], Some("lambda_um")), Some(Micrometre));
+        assert_eq!(inferred(&[1.0, 1000.0], Some("wavelength")), None);
+    }
+}

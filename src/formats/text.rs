@@ -1,0 +1,287 @@
+//! Bytes of any age and country → text with lines, tokens and positions, and the clamp that keeps a file out of messages.
+
+use super::error::{FormatError, FormatErrorKind, Position};
+use std::borrow::Cow;
+use std::fmt::Write as _;
+
+/// Decoded text of one file, and the format that its errors speak for.
+pub(super) struct Source {
+    format: &'static str,
+    text: String,
+    encoding: &'static str,
+}
+
+/// A piece of a line: no separators inside, where it starts in the text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Token<'a> {
+    /// The characters; empty where two commas enclose nothing.
+    pub(super) text: &'a str,
+    /// Byte offset in the decoded text.
+    pub(super) offset: usize,
+}
+
+impl Source {
+    /// Decodes UTF-8 or UTF-16 by byte order mark, else UTF-8 if valid, else Windows-1252; cuts a DOS end-of-file mark.
+    pub(super) fn decode(bytes: &[u8], format: &'static str) -> Self {
+        let (text, encoding) = decode(bytes);
+        let mut text = text.into_owned();
+        let kept = text.trim_end_matches(|c: char| c == '\u{1a}' || c == '\0' || c.is_whitespace()).len();
+        if let Some(mark) = text[kept..].find('\u{1a}') {
+            text.truncate(kept + mark);
+        }
+        Self { format, text, encoding }
+    }
+
+    /// The text.
+    pub(super) fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// The encoding if it is not plain UTF-8, for a note.
+    pub(super) fn odd_encoding(&self) -> Option<&'static str> {
+        (self.encoding != "UTF-8").then_some(self.encoding)
+    }
+
+    /// The lines with their offsets; they end with CR LF, LF or a lone CR.
+    pub(super) fn lines(&self) -> Lines<'_> {
+        Lines { text: &self.text, at: 0 }
+    }
+
+    /// Line and column of a byte offset.
+    pub(super) fn position(&self, offset: usize) -> Position {
+        let before = self.text.get(..offset).unwrap_or(&self.text).as_bytes();
+        let mut line = 1;
+        let mut start = 0;
+        for (i, &byte) in before.iter().enumerate() {
+            // The CR of a CR LF pair counts with its LF.
+            let ends = byte == b'\n' || (byte == b'\r' && self.text.as_bytes().get(i + 1) != Some(&b'\n'));
+            if ends {
+                line += 1;
+                start = i + 1;
+            }
+        }
+        let column = 1 + self.text[start..before.len()].chars().count();
+        Position::Text { line, column }
+    }
+
+    /// A refusal at `offset`.
+    pub(super) fn error(&self, kind: FormatErrorKind, offset: usize, message: impl Into<String>) -> FormatError {
+        FormatError { kind, format: self.format, position: Some(self.position(offset)), message: message.into() }
+    }
+
+    /// A refusal of malformed text at `offset`.
+    pub(super) fn malformed(&self, offset: usize, message: impl Into<String>) -> FormatError {
+        self.error(FormatErrorKind::Malformed, offset, message)
+    }
+
+    /// The number that `token` is, or a refusal that says what was expected of it.
+    pub(super) fn number(&self, token: Token<'_>, expected: &str) -> Result<f64, FormatError> {
+        number(token.text)
+            .ok_or_else(|| self.malformed(token.offset, format!("found {}, expected {expected}", snippet(token.text))))
+    }
+}
+
+/// Lines and where each starts.
+#[derive(Clone)]
+pub(super) struct Lines<'a> {
+    text: &'a str,
+    at: usize,
+}
+
+impl<'a> Iterator for Lines<'a> {
+    type Item = Token<'a>;
+
+    fn next(&mut self) -> Option<Token<'a>> {
+        let rest = &self.text[self.at..];
+        if rest.is_empty() {
+            return None;
+        }
+        let offset = self.at;
+        let bytes = rest.as_bytes();
+        let end = bytes.iter().position(|&b| b == b'\n' || b == b'\r').unwrap_or(rest.len());
+        let mark = match bytes.get(end..) {
+            Some([b'\r', b'\n', ..]) => 2,
+            Some([_, ..]) => 1,
+            _ => 0,
+        };
+        self.at += end + mark;
+        Some(Token { text: &rest[..end], offset })
+    }
+}
+
+/// Tokens between blanks, line ends and single commas; a comma with blanks around it is one separator.
+#[derive(Clone)]
+pub(super) struct Tokens<'a> {
+    text: &'a str,
+    at: usize,
+}
+
+impl<'a> Tokens<'a> {
+    /// The tokens of `text` from byte `at` on.
+    pub(super) fn new(text: &'a str, at: usize) -> Self {
+        Self { text, at }
+    }
+
+    /// Where the next separator or token starts.
+    pub(super) fn offset(&self) -> usize {
+        self.at
+    }
+}
+
+impl<'a> Iterator for Tokens<'a> {
+    type Item = Token<'a>;
+
+    fn next(&mut self) -> Option<Token<'a>> {
+        let is_blank = |c: char| c.is_whitespace() || c == '\0';
+        let mut commas = 0;
+        for (i, c) in self.text[self.at..].char_indices() {
+            if c == ',' {
+                commas += 1;
+                if commas == 2 {
+                    // The second comma stays, to separate what follows from the empty token.
+                    self.at += i;
+                    return Some(Token { text: "", offset: self.at });
+                }
+            } else if !is_blank(c) {
+                let offset = self.at + i;
+                let rest = &self.text[offset..];
+                let end = rest.find(|c: char| c == ',' || is_blank(c)).unwrap_or(rest.len());
+                self.at = offset + end;
+                return Some(Token { text: &rest[..end], offset });
+            }
+        }
+        self.at = self.text.len();
+        None
+    }
+}
+
+/// The finite decimal number that the whole of `text` is; no `nan`, `inf` or hexadecimal.
+pub(super) fn number(text: &str) -> Option<f64> {
+    if !text.bytes().all(|b| b.is_ascii_digit() || matches!(b, b'+' | b'-' | b'.' | b'e' | b'E')) {
+        return None;
+    }
+    text.parse().ok().filter(|value: &f64| value.is_finite())
+}
+
+/// A short quotation of the file for a message: at most 40 characters, nothing that could disturb a terminal.
+pub(super) fn snippet(text: &str) -> String {
+    const LONGEST: usize = 40;
+    if text.is_empty() {
+        return "nothing".to_owned();
+    }
+    let mut quoted = String::from("`");
+    for (i, c) in text.chars().enumerate() {
+        if i == LONGEST {
+            quoted.push('…');
+            break;
+        }
+        quoted.push(if c.is_control() { '\u{fffd}' } else { c });
+    }
+    quoted.push('`');
+    quoted
+}
+
+/// A list of numbers for metadata, shortened where it is long.
+pub(super) fn listed(values: &[f64]) -> String {
+    const LONGEST: usize = 4096;
+    let mut list = String::new();
+    for (i, value) in values.iter().enumerate() {
+        if i == LONGEST {
+            let _ = write!(list, " … ({} in all)", values.len());
+            break;
+        }
+        let _ = write!(list, "{}{value}", if i == 0 { "" } else { " " });
+    }
+    list
+}
+
+/// The beginning of a file as text, for probing.
+pub(super) fn head(bytes: &[u8], longest: usize) -> String {
+    let cut = &bytes[..bytes.len().min(longest)];
+    let whole_characters = match std::str::from_utf8(cut) {
+        Err(error) if error.error_len().is_none() => &cut[..error.valid_up_to()],
+        _ => cut,
+    };
+    decode(whole_characters).0.into_owned()
+}
+
+fn decode(bytes: &[u8]) -> (Cow<'_, str>, &'static str) {
+    if let Some((encoding, mark)) = encoding_rs::Encoding::for_bom(bytes) {
+        let (text, _) = encoding.decode_without_bom_handling(&bytes[mark..]);
+        let name = if encoding == encoding_rs::UTF_8 { "UTF-8" } else { encoding.name() };
+        return (text, name);
+    }
+    match std::str::from_utf8(bytes) {
+        Ok(text) => (Cow::Borrowed(text), "UTF-8"),
+        Err(_) => (encoding_rs::WINDOWS_1252.decode_without_bom_handling(bytes).0, "Windows-1252"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn utf16(text: &str, little: bool) -> Vec<u8> {
+        let unit = |u: u16| if little { u.to_le_bytes() } else { u.to_be_bytes() };
+        std::iter::once(0xFEFF).chain(text.encode_utf16()).flat_map(unit).collect()
+    }
+
+    #[test]
+    fn every_encoding_gives_the_same_text() {
+        let text = "Straße 5 µm\n";
+        let windows: Vec<u8> = text.chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect();
+        for bytes in [
+            text.as_bytes().to_vec(),
+            [b"\xef\xbb\xbf", text.as_bytes()].concat(),
+            windows,
+            utf16(text, true),
+            utf16(text, false),
+        ] {
+            assert_eq!(Source::decode(&bytes, "t").text(), text);
+        }
+    }
+
+    #[test]
+    fn the_dos_end_mark_is_cut_and_nothing_else() {
+        assert_eq!(Source::decode(b"400\t\x1a\r\n", "t").text(), "400\t");
+        assert_eq!(Source::decode(b"400\t\n", "t").text(), "400\t\n");
+        assert_eq!(Source::decode(b"4\x1a5\n", "t").text(), "4\u{1a}5\n");
+    }
+
+    #[test]
+    fn lines_and_positions_know_three_line_ends() {
+        let source = Source::decode("a\r\nbé c\rd\n\ne".as_bytes(), "t");
+        let lines: Vec<&str> = source.lines().map(|l| l.text).collect();
+        assert_eq!(lines, ["a", "bé c", "d", "", "e"]);
+        let at = |needle: &str| source.position(source.text().find(needle).unwrap());
+        assert_eq!(at("c"), Position::Text { line: 2, column: 4 });
+        assert_eq!(at("d"), Position::Text { line: 3, column: 1 });
+        assert_eq!(at("e"), Position::Text { line: 5, column: 1 });
+    }
+
+    #[test]
+    fn a_comma_with_blanks_is_one_separator_and_two_commas_enclose_nothing() {
+        let tokens = |text| Tokens::new(text, 0).map(|t| t.text).collect::<Vec<_>>();
+        assert_eq!(tokens("1,1000 , 3\n,4,\n5  6,"), ["1", "1000", "3", "4", "5", "6"]);
+        assert_eq!(tokens("1,,2"), ["1", "", "2"]);
+        assert_eq!(tokens("1, ,,2"), ["1", "", "", "2"]);
+        assert!(tokens(" \n\t").is_empty());
+    }
+
+    #[test]
+    fn numbers_are_decimal_and_finite() {
+        for (text, value) in [("1", 1.0), (".292", 0.292), ("5.", 5.0), ("+1e3", 1000.0), ("-0", 0.0)] {
+            assert_eq!(number(text), Some(value));
+        }
+        for text in ["", "nan", "NaN", "inf", "-inf", "1e999", "0x10", "1,5", "1O", "e", "-", "."] {
+            assert_eq!(number(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn quotations_are_short_and_harmless() {
+        assert_eq!(snippet("ab\u{1b}[31m"), "`ab\u{fffd}[31m`");
+        assert!(snippet(&"x".repeat(1000)).chars().count() <= 43);
+        assert_eq!(snippet(""), "nothing");
+    }
+}
