@@ -38,6 +38,17 @@ fn describe(axis: &Axis) -> Value {
     }
 }
 
+/// The lengths of the axes that `manifest` describes, for data that are made to fit it.
+pub(super) fn shape(manifest: &Value, how: &Interpretation) -> Result<Vec<usize>, FormatError> {
+    let Some(axes) = manifest.get("axes").and_then(Value::as_array) else {
+        return Err(unfit("no list `axes`, expected {\"quantity\": …, \"axes\": […]}"));
+    };
+    let bare = how.wavelengths.as_deref().and_then(|range| WavelengthGrid::parse_range(range).ok());
+    let length = bare.map_or(1, |grid| grid.len());
+    let lengths = axes.iter().enumerate().map(|(i, axis)| Ok(described(i, axis, length, how)?.len()));
+    lengths.collect()
+}
+
 /// Gives `samples` of `shape` (row-major) the axes, quantity and unit that the manifest and the user name.
 pub(super) fn interpret(
     manifest: &Value,
@@ -174,6 +185,15 @@ enum Entry {
     Angle(Angle),
 }
 
+impl Entry {
+    fn len(&self) -> usize {
+        match self {
+            Self::Axis(axis) => axis.len(),
+            Self::Angle(angle) => angle.values.len(),
+        }
+    }
+}
+
 struct Angle {
     /// Position of the axis, for messages.
     axis: usize,
@@ -213,7 +233,8 @@ impl Role {
 const KINDS: &str = "\"hemi:LEVEL\", \"lower:LEVEL\", \"sphere:LEVEL\", \"lambda:START:STEP:COUNT\", \"rgb\", \"index\", or \
                      an object with `kind` triangles, wavelength, elevation, theta_i, phi_i, theta_o, phi_o or index";
 
-fn entry(axis: usize, value: &Value, length: usize, how: &Interpretation) -> Result<Entry, FormatError> {
+/// What `value` describes; `length` is that of an axis that does not say its own.
+fn described(axis: usize, value: &Value, length: usize, how: &Interpretation) -> Result<Entry, FormatError> {
     let unknown = |found: &str| unfit(format!("axis {axis}: found {}, expected {KINDS}", snippet(found)));
     let entry = match value {
         Value::String(short) => short_form(axis, short, length, how)?.map(Entry::Axis),
@@ -229,11 +250,17 @@ fn entry(axis: usize, value: &Value, length: usize, how: &Interpretation) -> Res
         }
         _ => None,
     };
-    let entry = entry.ok_or_else(|| unknown(&value.to_string()))?;
-    let (found, what) = match &entry {
-        Entry::Axis(axis) => (axis.len(), axis.describe()),
-        Entry::Angle(angle) => (angle.values.len(), "the angles listed".to_owned()),
+    entry.ok_or_else(|| unknown(&value.to_string()))
+}
+
+/// What `value` describes, for an array of `length` there.
+fn entry(axis: usize, value: &Value, length: usize, how: &Interpretation) -> Result<Entry, FormatError> {
+    let entry = described(axis, value, length, how)?;
+    let what = match &entry {
+        Entry::Axis(axis) => axis.describe(),
+        Entry::Angle(_) => "the angles listed".to_owned(),
     };
+    let found = entry.len();
     if found != length {
         return Err(unfit(format!("axis {axis}: {found} entries ({what}), the array has {length} there")));
     }
@@ -445,13 +472,7 @@ fn grid(
     mut values: Vec<f32>,
     report: &mut ParseReport,
 ) -> Result<AngleGrid, FormatError> {
-    let mut lengths: Vec<usize> = entries
-        .iter()
-        .map(|entry| match entry {
-            Entry::Axis(axis) => axis.len(),
-            Entry::Angle(angle) => angle.values.len(),
-        })
-        .collect();
+    let mut lengths: Vec<usize> = entries.iter().map(Entry::len).collect();
     let (mut index, mut spectral, mut angles) = (Vec::new(), None, [const { None::<Angle> }; 4]);
     let mut last = Role::Index;
     for (i, entry) in entries.into_iter().enumerate() {
