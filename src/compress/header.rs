@@ -173,7 +173,7 @@ mod tests {
 
     #[test]
     fn errors_are_never_rounded_down() {
-        for error in [0.0, 1e-3, 0.01, 1.0 / 3.0, 1e-30, 12345.678_9] {
+        for error in [0.0, 1e-3, 0.01, 1.0 / 3.0, 1e-30, 12_345.678_9] {
             let up = f64::from(rounded_up(error));
             assert!(up >= error && up <= error * (1.0 + 2e-7) + 1e-44);
         }

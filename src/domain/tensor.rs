@@ -2,12 +2,14 @@
 
 use super::axis::{Axis, AxisError, Layout, check_axes};
 use super::quantity::{Quantity, Sampling, Unit};
+use std::sync::Arc;
 
 /// Samples on axes: row-major, last axis contiguous, `f32`; a masked (unmeasured) sample is NaN, nothing else is.
+/// A clone shares the samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tensor {
     axes: Vec<Axis>,
-    samples: Vec<f32>,
+    samples: Arc<Vec<f32>>,
 }
 
 /// Why axes and samples do not make a tensor.
@@ -45,7 +47,7 @@ impl Tensor {
         if let Some(index) = samples.iter().position(|s| s.is_infinite()) {
             return Err(TensorError::Infinite { index });
         }
-        Ok(Self { axes, samples })
+        Ok(Self { axes, samples: Arc::new(samples) })
     }
 
     /// The axes, outermost first.
@@ -63,9 +65,9 @@ impl Tensor {
         &self.samples
     }
 
-    /// The samples alone.
+    /// The samples alone; copied only if another tensor shares them.
     pub fn into_samples(self) -> Vec<f32> {
-        self.samples
+        Arc::unwrap_or_clone(self.samples)
     }
 
     /// How many samples there are; at least 1.

@@ -1,7 +1,26 @@
-//! A material in use: spectra, pdf and importance samples; no allocation per query.
+//! A material in use: spectra, pdf, importance samples and albedo; no allocation per query.
+//!
+//! # Rules
+//! * **Piecewise constant** is what was measured: a sample holds over its whole triangle. The smooth form is made from it:
+//!   a vertex value is the mean of the triangles around the vertex by solid angle (one-sided at the horizon), a direction
+//!   lies barycentrically between the three vertices of its triangle. It is continuous, keeps constants, and never leaves
+//!   the range of the samples around.
+//! * **Masked** cells are left out and the others weigh more; where all are masked the answer is NaN.
+//! * **Outside**: `wi` outside the incoming domain is refused. `wo` outside the outgoing domain has value 0 and pdf 0: the
+//!   material sends nothing there. Wavelengths outside the measured range are masked.
+//! * **Isotropic** data (incoming elevations): the azimuth of `wi` is taken from `wo` too. Elevations beyond the ends of
+//!   the axis take the value of its end.
 
-use crate::compress::{DecodeError, Summary};
-use crate::domain::{Direction, Measurement};
+mod albedo;
+mod lookup;
+mod material;
+mod sampling;
+mod spectrum;
+
+pub use material::Material;
+
+use crate::compress::DecodeError;
+use crate::domain::Direction;
 
 /// Where in a material to look.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -17,9 +36,9 @@ pub struct Place<'a> {
 /// How samples become a function of direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
-    /// The value of the triangle that holds the direction, as the paper has it.
+    /// The value of the triangle that holds the direction, as the paper has it; of the nearest incoming elevation.
     Constant,
-    /// Continuous over directions: barycentric between vertex means.
+    /// Continuous over directions: barycentric between vertex means; linear between incoming elevations.
     #[default]
     Smooth,
 }
@@ -31,7 +50,8 @@ pub struct DirectionSample {
     pub direction: Direction,
     /// Its probability density, sr⁻¹.
     pub pdf: f64,
-    /// f · |cos θo| / pdf for a BRDF or BTDF, f / pdf otherwise; f piecewise constant, the mean over wavelengths.
+    /// f · |cos θo| / pdf for a BRDF, BTDF or BSDF, f / pdf otherwise; f piecewise constant, the mean over wavelengths
+    /// (of the samples that are not masked; 0 where that mean is negative).
     pub weight: f64,
 }
 
@@ -46,78 +66,9 @@ pub enum EvaluateError {
     Unfit(String),
 }
 
-/// An opened material; cheap to share between threads.
-#[derive(Debug)]
-pub struct Material {
-    #[allow(dead_code)]
-    measurement: Measurement,
-    #[allow(dead_code)]
-    summary: Option<Summary>,
+fn unfit<T>(message: impl Into<String>) -> Result<T, EvaluateError> {
+    Err(EvaluateError::Unfit(message.into()))
 }
 
-impl Material {
-    /// Opens a compressed material.
-    pub fn open(bytes: &[u8]) -> Result<Self, EvaluateError> {
-        let _ = bytes;
-        unimplemented!()
-    }
-    /// Uses a measurement as it is.
-    pub fn of(measurement: Measurement) -> Result<Self, EvaluateError> {
-        let _ = measurement;
-        unimplemented!()
-    }
-    /// The decoded samples and what they are.
-    pub fn measurement(&self) -> &Measurement {
-        unimplemented!()
-    }
-    /// Samples in one spectrum.
-    pub fn lambdas(&self) -> usize {
-        unimplemented!()
-    }
-    /// The wavelengths in nm, if the spectral axis has any.
-    pub fn wavelengths(&self) -> Option<Vec<f64>> {
-        unimplemented!()
-    }
-    /// Memory of the opened form in bytes.
-    pub fn memory(&self) -> usize {
-        unimplemented!()
-    }
-    /// The whole spectrum at `place` into `out` (`lambdas()` long); NaN = masked.
-    pub fn spectrum(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
-        let _ = (place, how, out);
-        unimplemented!()
-    }
-    /// Values at arbitrary wavelengths in nm, linear between samples, 0... (documented rule) outside.
-    pub fn at_wavelengths(
-        &self,
-        place: Place<'_>,
-        how: Interpolation,
-        wavelengths: &[f64],
-        out: &mut [f32],
-    ) -> Result<(), EvaluateError> {
-        let _ = (place, how, wavelengths, out);
-        unimplemented!()
-    }
-    /// The density with which [`Material::sample`] draws `wo`.
-    pub fn pdf(
-        &self,
-        index: &[usize],
-        wi: Option<Direction>,
-        wo: Direction,
-        level: Option<u8>,
-    ) -> Result<f64, EvaluateError> {
-        let _ = (index, wi, wo, level);
-        unimplemented!()
-    }
-    /// Draws an outgoing direction from the unit square's `u`; `None` where nothing is emitted or reflected.
-    pub fn sample(
-        &self,
-        index: &[usize],
-        wi: Option<Direction>,
-        u: [f64; 2],
-        level: Option<u8>,
-    ) -> Result<Option<DirectionSample>, EvaluateError> {
-        let _ = (index, wi, u, level);
-        unimplemented!()
-    }
-}
+#[cfg(test)]
+mod tests;

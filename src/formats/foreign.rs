@@ -183,3 +183,57 @@ fn xml(root: &str) -> String {
     };
     format!("this is {name}, which is not read: {advice}")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{FormatErrorKind, Interpretation, read};
+
+    #[test]
+    fn every_known_stranger_is_named() {
+        let mut merl = vec![90, 0, 0, 0, 2, 0, 0, 0, 1, 0, 0, 0];
+        merl.resize(12 + 24 * 180, 0);
+        let zip = |name: &[u8]| [b"PK\x03\x04\x14\0\0\0", name].concat();
+        for (bytes, word) in [
+            (b"\x1f\x8b\x08\0\0\0\0\0".to_vec(), "gzip"),
+            (b"\x28\xb5\x2f\xfd\0\0".to_vec(), "zstd"),
+            (zip(b"arr_0.npy"), ".npz"),
+            (zip(b"product.xml"), "GLDF"),
+            (zip(b"a.txt"), "zip"),
+            (b"\x89HDF\r\n\x1a\n\0\0".to_vec(), "HDF5"),
+            (b"CDF\x01\0\0".to_vec(), "NetCDF-3"),
+            (b"PAR1\x15\x04".to_vec(), "Parquet"),
+            (b"ARROW1\0\0".to_vec(), "Arrow"),
+            (b"\xff\xff\xff\xff\x10\0\0\0".to_vec(), "Arrow"),
+            (b"tensor_file\0\x01\0".to_vec(), "tensor file"),
+            (b"\x89PNG\r\n\x1a\n".to_vec(), "PNG"),
+            (b"\xff\xd8\xff\xe0".to_vec(), "JPEG"),
+            (b"%PDF-1.7".to_vec(), "PDF"),
+            (b"as7\0\0\0\0".to_vec(), "ASD"),
+            (merl, "MERL"),
+            (vec![0; 1_990_656], "UTIA"),
+            (b"##TITLE=x\n".to_vec(), "JCAMP"),
+            (b"ENVI\nsamples = 3\n".to_vec(), "ENVI"),
+            (b"CTI3\nBEGIN_DATA_FORMAT\n".to_vec(), "CGATS"),
+            (b"OPTIS - Anisotropic BSDF\n".to_vec(), "Speos"),
+            (b"\xef\xbb\xbf<?xml version=\"1.0\"?>\n<!-- x -->\n<cc:CxF xmlns:cc=\"u\">".to_vec(), "CxF3"),
+            (b"<!DOCTYPE html><html>".to_vec(), "web page"),
+            (b"<WindowElement>".to_vec(), "WINDOW"),
+            (b"<IESTM33-22/>".to_vec(), "TM-33"),
+            (b"<item></item>".to_vec(), "`item`"),
+            (b"{\"quantity\": \"brdf\", \"axes\": []}".to_vec(), "manifest"),
+        ] {
+            let error = read(&bytes, &Interpretation::default()).unwrap_err();
+            assert_eq!(error.kind, FormatErrorKind::Unsupported, "{word}: {error}");
+            assert!(error.message.contains(word), "{word}: {error}");
+        }
+    }
+
+    #[test]
+    fn anything_else_is_unrecognised() {
+        for bytes in [&b""[..], b" ", b"<", b"<!--", b"Lorem ipsum", b"\0\0\0\0", b"\xff\xfe\xff"] {
+            let error = read(bytes, &Interpretation::default()).unwrap_err();
+            assert_eq!(error.kind, FormatErrorKind::Unrecognised, "{error}");
+        }
+        assert!(read(b"", &Interpretation::default()).unwrap_err().message.contains("empty"));
+    }
+}

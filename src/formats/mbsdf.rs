@@ -24,7 +24,12 @@ pub(super) const READER: Reader = Reader {
         writes: false,
     },
     options: &[],
-    probe: |sample: &Sample<'_>| if sample.bytes.starts_with(b"NVIDIA ARC MBSDF") { 100 } else { 0 },
+    probe: |sample: &Sample<'_>| match sample.head.find("NVIDIA ARC MBSDF") {
+        Some(0) => 100,
+        // Something was put before the signature.
+        Some(1..=64) => 60,
+        _ => 0,
+    },
     read,
 };
 
@@ -62,7 +67,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let (quantity, block) = match (how.quantity, reflection, transmission) {
         (None | Some(Quantity::Brdf), Some(block), _) => (Quantity::Brdf, block),
         (None | Some(Quantity::Btdf), _, Some(block)) => (Quantity::Btdf, block),
-        (Some(Quantity::Bsdf), Some(above), Some(below)) => (Quantity::Bsdf, joined(above, &below)?),
+        (Some(Quantity::Bsdf), Some(above), Some(below)) => (Quantity::Bsdf, joined(&above, &below)?),
         (Some(quantity), ..) => {
             return Err(needs(&format!("quantity {quantity} was asked for, the file holds {sides}")));
         }
@@ -113,6 +118,10 @@ fn count_negatives(values: &[f32], report: &mut ParseReport) {
 
 /// The reflection and the transmission of a file.
 fn blocks(bytes: &[u8], report: &mut ParseReport) -> Result<(Option<Block>, Option<Block>), FormatError> {
+    if !bytes.starts_with(b"NVIDIA ARC MBSDF") {
+        let found = String::from_utf8_lossy(&bytes[..bytes.len().min(64)]).into_owned();
+        return Err(malformed(0, format!("found {}, expected `NVIDIA ARC MBSDF V1`", snippet(&found))));
+    }
     if !bytes.starts_with(VERSION) {
         let message = "another version of the format, expected `NVIDIA ARC MBSDF V1`";
         return Err(FormatError::at_byte(FormatErrorKind::Unsupported, NAME, 0, message));
@@ -196,9 +205,9 @@ fn polar_angles(n: usize) -> impl DoubleEndedIterator<Item = f64> {
 /// The horizon of the transmitted side, told apart from that of the reflected side, both listed in a joined table.
 const BELOW_HORIZON: f64 = 90.000_001;
 
-/// Reflection above, transmission below: per incoming angle the rows theta_out 0..90°, the horizon twice, then 180°
-/// down to it reversed, so that theta_out increases.
-fn joined(above: Block, below: &Block) -> Result<Block, FormatError> {
+/// Reflection above, transmission below: per incoming angle the rows 0..90°, the horizon twice, then 180°
+/// down to it reversed, so that the outgoing angle increases.
+fn joined(above: &Block, below: &Block) -> Result<Block, FormatError> {
     if (above.theta, above.phi, above.rgb) != (below.theta, below.phi, below.rgb) {
         let message =
             "reflection and transmission differ in resolution, expected the same to join them; ask for brdf or btdf";
@@ -213,7 +222,7 @@ fn joined(above: Block, below: &Block) -> Result<Block, FormatError> {
         values.extend_from_slice(&down[side - row..]);
         values.extend(down.chunks_exact(row).rev().flatten());
     }
-    Ok(Block { values, ..above })
+    Ok(Block { theta: above.theta, phi: above.phi, rgb: above.rgb, values })
 }
 
 fn grid(quantity: Quantity, block: Block, report: &mut ParseReport) -> AngleGrid {
@@ -248,5 +257,92 @@ fn grid(quantity: Quantity, block: Block, report: &mut ParseReport) -> AngleGrid
         spectral: rgb.then_some(Axis::Rgb),
         outside: Outside::Masked,
         values,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(blocks: &[(&str, [u32; 3], usize)]) -> Vec<u8> {
+        let mut bytes = VERSION.to_vec();
+        for (line, head, count) in blocks {
+            bytes.extend_from_slice(line.as_bytes());
+            bytes.push(b'\n');
+            bytes.extend(head.iter().flat_map(|word| word.to_le_bytes()));
+            bytes.extend((0..*count).flat_map(|i| (i as f32).to_le_bytes()));
+        }
+        bytes
+    }
+
+    const UP: &str = "MBSDF_DATA_REFLECTION=";
+    const DOWN: &str = "MBSDF_DATA_TRANSMISSION=";
+
+    fn grid_as(bytes: &[u8], quantity: Option<Quantity>) -> Result<(Quantity, AngleGrid), FormatError> {
+        let how = Interpretation { quantity, ..Interpretation::default() };
+        let acquisition = read(bytes, &how)?;
+        match acquisition.samples {
+            Samples::Grid(grid) => Ok((acquisition.quantity, grid)),
+            Samples::OnAxes { .. } => panic!("expected a grid"),
+        }
+    }
+
+    #[test]
+    fn the_sides_are_picked_by_quantity() {
+        let both = file(&[(UP, [0, 2, 2], 8), (DOWN, [0, 2, 2], 8)]);
+        let (quantity, grid) = grid_as(&both, None).unwrap();
+        assert_eq!((quantity, grid.values[1]), (Quantity::Brdf, 1.0));
+        let (_, grid) = grid_as(&both, Some(Quantity::Btdf)).unwrap();
+        let outgoing = grid.outgoing.unwrap();
+        assert_eq!((outgoing.theta, outgoing.covers), (vec![135.0, 180.0], (90.0, 180.0)));
+        assert_eq!(grid.values, [2.0, 3.0, 0.0, 1.0, 6.0, 7.0, 4.0, 5.0]);
+        let (_, grid) = grid_as(&both, Some(Quantity::Bsdf)).unwrap();
+        assert_eq!(grid.outgoing.unwrap().theta, [0.0, 45.0, 90.0, BELOW_HORIZON, 135.0, 180.0]);
+        assert_eq!(grid.values[..12], [0.0, 1.0, 2.0, 3.0, 2.0, 3.0, 2.0, 3.0, 2.0, 3.0, 0.0, 1.0]);
+        let up = file(&[(UP, [0, 2, 2], 8)]);
+        for quantity in [Quantity::Btdf, Quantity::Bsdf, Quantity::Edf] {
+            assert_eq!(grid_as(&up, Some(quantity)).unwrap_err().kind, FormatErrorKind::NeedsOption);
+        }
+        let uneven = file(&[(UP, [0, 2, 2], 8), (DOWN, [0, 2, 3], 12)]);
+        assert_eq!(grid_as(&uneven, Some(Quantity::Bsdf)).unwrap_err().kind, FormatErrorKind::Unsupported);
+    }
+
+    #[test]
+    fn sizes_are_checked_against_the_bytes_that_follow() {
+        use FormatErrorKind::{Malformed, OverLimit};
+        for (bytes, kind) in [
+            (file(&[(UP, [0, 8192, 5], 100)]), OverLimit),
+            (file(&[(UP, [1, u32::MAX, u32::MAX], 100)]), OverLimit),
+            (file(&[(UP, [0, 4096, 4], 200)]), Malformed),
+            (file(&[(UP, [0, 2, 2], 7)]), Malformed),
+            (file(&[(UP, [0, 2, 2], 9)]), Malformed),
+            (file(&[(UP, [2, 2, 2], 8)]), Malformed),
+            (file(&[(UP, [0, 0, 2], 0)]), Malformed),
+            (file(&[(UP, [0, 2, 2], 8), (UP, [0, 2, 2], 8)]), Malformed),
+            (file(&[("MBSDF_DATA_SIDEWAYS=", [0, 2, 2], 8)]), Malformed),
+            ([VERSION, b"MBSDF_DATA=\n\0\0"].concat(), Malformed),
+            ([VERSION, b"a line that does not end"].concat(), Malformed),
+        ] {
+            let error = grid_as(&bytes, None).unwrap_err();
+            assert_eq!(error.kind, kind, "{error}");
+            assert!(error.position.is_some(), "{error}");
+        }
+        let mut version = file(&[(UP, [0, 2, 2], 8)]);
+        version[18] = b'9';
+        assert_eq!(grid_as(&version, None).unwrap_err().kind, FormatErrorKind::Unsupported);
+        let mut infinite = file(&[(UP, [0, 2, 2], 8)]);
+        let end = infinite.len();
+        infinite[end - 4..].copy_from_slice(&f32::INFINITY.to_le_bytes());
+        assert_eq!(grid_as(&infinite, None).unwrap_err().position, Some(super::super::Position::Byte(end - 4)));
+    }
+
+    #[test]
+    fn lines_before_the_data_are_metadata() {
+        let mut bytes = VERSION.to_vec();
+        bytes.extend_from_slice(b"material=\"carpaint\"\nmeasured somewhere\n");
+        bytes.extend_from_slice(&file(&[("MBSDF_DATA=", [0, 1, 1], 1)])[VERSION.len()..]);
+        let acquisition = read(&bytes, &Interpretation::default()).unwrap();
+        assert_eq!(acquisition.report.metadata[0], ("material".to_owned(), "\"carpaint\"".to_owned()));
+        assert_eq!(acquisition.report.metadata[1], ("comment".to_owned(), "measured somewhere".to_owned()));
     }
 }

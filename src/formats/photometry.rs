@@ -2,6 +2,7 @@
 
 use super::acquisition::{Acquisition, NoteKind, Samples, SpectralFactor};
 use super::error::{FormatError, FormatErrorKind};
+use super::text::Brief;
 use crate::domain::{Axis, Quantity, Unit, WavelengthGrid};
 use std::sync::OnceLock;
 
@@ -26,7 +27,10 @@ pub fn attach_spectrum(acquisition: &mut Acquisition, spectrum: &Acquisition) ->
         (_, Some(unit)) => {
             let total = integral(&lambda, &values);
             if total <= 0.0 {
-                return Err(refused(spectrum, format!("the spectrum integrates to {total}, expected more than 0")));
+                return Err(refused(
+                    spectrum,
+                    format!("the spectrum integrates to {total}, expected more than 0", total = Brief(total)),
+                ));
             }
             (unit, total)
         }
@@ -36,7 +40,8 @@ pub fn attach_spectrum(acquisition: &mut Acquisition, spectrum: &Acquisition) ->
                 return Err(refused(
                     spectrum,
                     format!(
-                        "the spectrum weighted by V(lambda) integrates to {luminous}, expected more than 0 for values in candela"
+                        "the spectrum weighted by V(lambda) integrates to {luminous}, expected more than 0 for values in candela",
+                        luminous = Brief(luminous)
                     ),
                 ));
             }
@@ -52,7 +57,10 @@ pub fn attach_spectrum(acquisition: &mut Acquisition, spectrum: &Acquisition) ->
     };
     let factors: Vec<f64> = values.iter().map(|value| value / denominator).collect();
     if let Some(bad) = factors.iter().find(|factor| !factor.is_finite()) {
-        return Err(refused(spectrum, format!("a spectral factor of {bad}, expected finite numbers")));
+        return Err(refused(
+            spectrum,
+            format!("a spectral factor of {bad}, expected finite numbers", bad = Brief(*bad)),
+        ));
     }
     let grid = WavelengthGrid::listed(lambda.clone()).map_err(|e| refused(spectrum, e.to_string()))?;
     let report = &mut acquisition.report;
@@ -73,7 +81,11 @@ pub fn attach_spectrum(acquisition: &mut Acquisition, spectrum: &Acquisition) ->
     if acquisition.unit == Unit::Candela && (first > 400.0 || last < 700.0) {
         report.note(
             NoteKind::Warning,
-            format!("the spectrum covers {first} to {last} nm only; light outside counts as none in the candela"),
+            format!(
+                "the spectrum covers {first} to {last} nm only; light outside counts as none in the candela",
+                first = Brief(first),
+                last = Brief(last)
+            ),
         );
     }
     acquisition.unit = unit;

@@ -2,7 +2,7 @@
 
 use super::error::{FormatError, FormatErrorKind, Position};
 use std::borrow::Cow;
-use std::fmt::Write as _;
+use std::fmt::{self, Write as _};
 
 /// Decoded text of one file, and the format that its errors speak for.
 pub(super) struct Source {
@@ -181,16 +181,26 @@ pub(super) fn snippet(text: &str) -> String {
     quoted
 }
 
+/// A number for a message: in scientific notation where it would be long otherwise.
+pub(super) struct Brief(pub(super) f64);
+
+impl fmt::Display for Brief {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let size = self.0.abs();
+        if size == 0.0 || (1e-4..1e15).contains(&size) { self.0.fmt(f) } else { write!(f, "{:e}", self.0) }
+    }
+}
+
 /// A list of numbers for metadata, shortened where it is long.
 pub(super) fn listed(values: &[f64]) -> String {
     const LONGEST: usize = 4096;
     let mut list = String::new();
-    for (i, value) in values.iter().enumerate() {
+    for (i, &value) in values.iter().enumerate() {
         if i == LONGEST {
             let _ = write!(list, " … ({} in all)", values.len());
             break;
         }
-        let _ = write!(list, "{}{value}", if i == 0 { "" } else { " " });
+        let _ = write!(list, "{}{}", if i == 0 { "" } else { " " }, Brief(value));
     }
     list
 }
@@ -283,5 +293,9 @@ mod tests {
         assert_eq!(snippet("ab\u{1b}[31m"), "`ab\u{fffd}[31m`");
         assert!(snippet(&"x".repeat(1000)).chars().count() <= 43);
         assert_eq!(snippet(""), "nothing");
+        assert_eq!(
+            [90.0, -0.5, 0.0, 1e300, 1e-300].map(|x| Brief(x).to_string()),
+            ["90", "-0.5", "0", "1e300", "1e-300"]
+        );
     }
 }

@@ -1,7 +1,7 @@
 //! What a user asks for, whole: bytes of a measurement and a request in, a compressed material with its report out.
 
 use crate::compress::{self, CompressError, Policy, Settings, Target};
-use crate::domain::{Axis, ErrorReport, Measurement, Progress, Quantity, Unit, WavelengthError, WavelengthGrid};
+use crate::domain::{Axis, ErrorReport, Progress, Quantity, Unit, WavelengthError, WavelengthGrid};
 use crate::formats::{self, Acquisition, FormatError, Interpretation, Note};
 use crate::projection::{self, AxesRequest, Coverage, Projected, ProjectionError};
 use serde::{Deserialize, Serialize};
@@ -147,14 +147,25 @@ pub struct Report {
     pub notes: Vec<Note>,
 }
 
+/// A measurement that was read, with its own bytes no longer needed.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// The samples and everything the parser has to say.
+    pub acquisition: Acquisition,
+    /// Digest of the file's bytes.
+    pub content_digest: String,
+    /// Digest of the joined spectrum's bytes.
+    pub spectrum_digest: Option<String>,
+}
+
 /// Reads a measurement and joins its spectrum.
-pub fn read(input: &Input<'_>) -> Result<Acquisition, PipelineError> {
+pub fn read(input: &Input<'_>) -> Result<Source, PipelineError> {
     let mut acquisition = formats::read(input.bytes, input.interpretation)?;
     if let Some(bytes) = input.spectrum {
         let spectrum = formats::read(bytes, &Interpretation::default()).map_err(PipelineError::Spectrum)?;
         formats::attach_spectrum(&mut acquisition, &spectrum).map_err(PipelineError::Spectrum)?;
     }
-    Ok(acquisition)
+    Ok(Source { acquisition, content_digest: digest(input.bytes), spectrum_digest: input.spectrum.map(digest) })
 }
 
 /// Puts a measurement on the axes that `request` asks for.
@@ -162,31 +173,35 @@ pub fn project(acquisition: &Acquisition, request: &Request) -> Result<Projected
     Ok(projection::project(acquisition, &request.axes()?)?)
 }
 
-/// Reads, projects and compresses.
-pub fn compress(input: &Input<'_>, request: &Request, progress: &dyn Progress) -> Result<Outcome, PipelineError> {
-    let acquisition = read(input)?;
-    let Projected { measurement, coverage } = project(&acquisition, request)?;
+/// Projects and compresses a measurement that was read.
+pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> Result<Outcome, PipelineError> {
+    let acquisition = &source.acquisition;
+    let Projected { measurement, coverage } = project(acquisition, request)?;
     let settings = Settings {
         target: request.target,
         policy: request.policy,
         basis: request.basis.clone(),
         floor: request.floor,
-        metadata: request.metadata.then(|| provenance(input, &acquisition, request)),
+        metadata: request.metadata.then(|| provenance(source, request)),
     };
     let compressed = compress::compress(&measurement, &settings, progress)?;
-    let report = report(&acquisition, &measurement, coverage, &compressed);
+    // The measurement is not needed any more, and decoding needs the memory.
+    let samples = measurement.tensor.len();
+    drop(measurement);
+    let report = report(acquisition, samples, coverage, &compressed);
     Ok(Outcome { bytes: compressed.bytes, report })
 }
 
 /// Where a material comes from: no clock, path, host, timing or thread count, so that equal inputs give equal bytes.
-fn provenance(input: &Input<'_>, acquisition: &Acquisition, request: &Request) -> String {
+fn provenance(source: &Source, request: &Request) -> String {
+    let acquisition = &source.acquisition;
     serde_json::json!({
         "generator": concat!("wavelume ", env!("CARGO_PKG_VERSION")),
         "source": {
             "format": acquisition.format,
             "dialect": acquisition.dialect,
-            "content_digest": digest(input.bytes),
-            "spectrum_digest": input.spectrum.map(digest),
+            "content_digest": source.content_digest,
+            "spectrum_digest": source.spectrum_digest,
             "metadata": acquisition.report.metadata,
             "notes": acquisition.report.notes,
         },
@@ -200,15 +215,12 @@ pub fn digest(bytes: &[u8]) -> String {
     format!("b3-{}", blake3::hash(bytes).to_hex())
 }
 
-fn report(
-    acquisition: &Acquisition,
-    measurement: &Measurement,
-    coverage: Coverage,
-    compressed: &compress::Compressed,
-) -> Report {
+fn report(acquisition: &Acquisition, samples: usize, coverage: Coverage, compressed: &compress::Compressed) -> Report {
     let summary = &compressed.summary;
-    let samples = measurement.tensor.len() as f64;
-    let decoded = compress::decode(&compressed.bytes).ok();
+    let samples = samples as f64;
+    // Samples on their final axes are the tensor's own: there is nothing more to measure.
+    let projected = matches!(acquisition.samples, formats::Samples::Grid(_));
+    let decoded = projected.then(|| compress::decode(&compressed.bytes).ok()).flatten();
     Report {
         digest: digest(&compressed.bytes),
         payload_digest: compress::payload_digest(&compressed.bytes)

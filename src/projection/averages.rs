@@ -8,7 +8,10 @@ use rayon::prelude::*;
 
 /// Each cell is divided into at least 4 to this power parts.
 const MIN_DIVISIONS: u32 = 2;
-/// Levels below which cells are not divided further for the sake of narrow spacings.
+/// Each cell is divided into 4 to this power parts where that stays above [`FINEST_LEVEL`]: a beam that peaks within one
+/// cell then keeps its flux to a thousandth.
+const USUAL_DIVISIONS: u32 = 3;
+/// The level of parts below which cells are not divided for the sake of narrow spacings.
 const FINEST_LEVEL: u32 = 9;
 /// How much further parts are divided that the rim of what is covered runs through: the jump there is all their error.
 const RIM_DIVISIONS: u32 = 4;
@@ -159,7 +162,7 @@ pub(super) fn divisions(mesh: TriangleMesh, angles: &Angles) -> u32 {
     let level = u32::from(mesh.level());
     let wanted = libm::ceil(libm::log2(2.0 * OCTANT_DEGREES / finest_spacing(angles)));
     let finest = wanted.clamp(0.0, f64::from(FINEST_LEVEL)) as u32;
-    finest.saturating_sub(level).max(MIN_DIVISIONS)
+    finest.max((level + USUAL_DIVISIONS).min(FINEST_LEVEL)).saturating_sub(level).max(MIN_DIVISIONS)
 }
 
 /// Adds up the weights of the samples over one cell.

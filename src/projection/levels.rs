@@ -9,8 +9,6 @@ use crate::formats::Angles;
 
 /// The finest level that is chosen without being asked for.
 const MAX_CHOSEN_LEVEL: u8 = 6;
-/// A cell is chosen at most this many times larger than the finer of the two spacings.
-const MAX_COARSENING: f64 = 2.0;
 
 /// A mesh and why it is this one.
 #[derive(Clone, Debug)]
@@ -24,8 +22,7 @@ pub(super) struct Choice {
 }
 
 /// The mesh of `domain` for samples on `angles`: at the `requested` level, or at the level whose mean cell size (the
-/// square root of its solid angle) is nearest in ratio to the geometric mean of the two spacings, or to twice the finer
-/// one where that is less.
+/// square root of its solid angle) is nearest in ratio to the finer of the two spacings.
 pub(super) fn choose(
     what: &str,
     domain: Domain,
@@ -64,8 +61,7 @@ impl Choice {
         } else if level < self.wanted {
             format!("level {} would fit the samples, but makes the tensor too large", self.wanted)
         } else {
-            "the level whose mean cell size is nearest to the geometric mean of the spacings or to twice the finer one"
-                .to_owned()
+            "the level whose mean cell size is nearest to the finer spacing".to_owned()
         };
         format!(
             "{what} level {level} on the {}: cells of {size:.1}° for samples every {} ({why})",
@@ -76,10 +72,7 @@ impl Choice {
 }
 
 fn natural_level(theta: f64, phi: Option<f64>) -> u8 {
-    let spacing = match phi {
-        Some(phi) => libm::sqrt(theta * phi).min(MAX_COARSENING * theta.min(phi)),
-        None => theta,
-    };
+    let spacing = phi.map_or(theta, |phi| theta.min(phi));
     libm::round(libm::log2(OCTANT_DEGREES / spacing)).clamp(0.0, f64::from(MAX_CHOSEN_LEVEL)) as u8
 }
 
@@ -96,11 +89,11 @@ mod tests {
     #[test]
     fn levels_follow_the_spacings() {
         for (theta, phi, expected) in [
-            (2.5, Some(11.25), 4),
+            (2.5, Some(11.25), 5),
             (2.0, Some(2.0), 5),
             (15.0, Some(30.0), 2),
-            (2.5, Some(90.0), 4),
-            (5.0, Some(15.0), 3),
+            (2.5, Some(90.0), 5),
+            (5.0, Some(15.0), 4),
             (5.0, None, 4),
             (0.1, Some(0.1), 6),
             (90.0, Some(180.0), 0),
@@ -119,11 +112,11 @@ mod tests {
         let mut choice = choose("outgoing", Domain::Sphere, &angles, None).unwrap();
         let note = choice.note("outgoing");
         assert!(
-            note.starts_with("outgoing level 4 on the sphere: cells of 4.5° for samples every 2.5° × 11.25° ("),
+            note.starts_with("outgoing level 5 on the sphere: cells of 2.2° for samples every 2.5° × 11.25° ("),
             "{note}"
         );
         assert!(choice.lower());
-        assert!(choice.note("outgoing").contains("level 4 would fit"));
+        assert!(choice.note("outgoing").contains("level 5 would fit"));
         let mut fixed = choose("outgoing", Domain::Sphere, &angles, Some(7)).unwrap();
         assert!(!fixed.lower() && fixed.note("outgoing").contains("as requested"));
         let error = choose("outgoing", Domain::Sphere, &angles, Some(9)).unwrap_err();

@@ -28,19 +28,19 @@ pub(super) fn project(
     check_axes(&axes)?;
     let averaged = [&incoming, &outgoing].iter().any(|d| matches!(d, Directions::Averaged { .. }));
     let resampling = Resampling { outer, incoming, outgoing, channels: spectral.channels };
-    let samples = if resampling.is_identity() {
+    let tensor = if resampling.is_identity() {
         notes.push("the axes and samples of the file".to_owned());
-        tensor.samples().to_vec()
+        tensor.clone()
     } else {
-        resampling.apply(tensor.samples(), tensor.masked() > 0)
+        Tensor::new(axes, resampling.apply(tensor.samples(), tensor.masked() > 0))?
     };
+    let samples = tensor.samples();
 
     let width = resampling.channels.to();
     let cells = samples.len() / width;
     let empty = samples.chunks(width).filter(|spectrum| spectrum.iter().all(|s| s.is_nan())).count();
     let coverage =
         Coverage { cells: cells as u64, measured: (cells - empty) as u64, interpolated: 0, empty: empty as u64, notes };
-    let tensor = Tensor::new(axes, samples)?;
     let sampling = if averaged { Sampling::Average } else { sampling };
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, sampling, tensor)?;
     Ok(Projected { measurement, coverage })

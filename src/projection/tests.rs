@@ -204,7 +204,7 @@ fn flux_is_the_grids_own_quadrature() {
     let f = |t: f64, p: f64| (100.0 * (1.0 + t.to_radians().cos()) + 20.0 * p.to_radians().sin() + 30.0) as f32;
     let mut acquired = edf(whole(5.0), Outside::Zero, f);
     let projected = project(&acquired, &AxesRequest::default()).unwrap();
-    let m = mesh(Domain::Sphere, 3);
+    let m = mesh(Domain::Sphere, 4);
     let Axis::Triangles(chosen) = &projected.measurement.tensor.axes()[0] else { panic!() };
     assert_eq!(chosen.level(), m.level());
     let samples = projected.measurement.tensor.samples();

@@ -1,8 +1,9 @@
 //! The generic wavelet transform: a tensor's axes, each with its own basis, transformed in place between rows.
 //!
-//! A *generic coefficient* over an axis ([CPB06] section 4, equations 11–12) is the contiguous row behind one index of
-//! that axis; a transform over the axis is arithmetic between such rows, whatever they hold. Transforming axis after
-//! axis is the *standard* decomposition (a tensor product of one-space transforms), not the square one.
+//! A *generic coefficient* over an axis (Claustres, Paulin & Boucher 2006, section 4, equations 11–12) is the contiguous
+//! row behind one index of that axis; a transform over the axis is arithmetic between such rows, whatever they hold.
+//! Transforming axis after axis is the *standard* decomposition (a tensor product of one-space transforms), not the
+//! square one.
 //!
 //! Coefficients stay where the tree has them: nothing moves. [`AxisTree`] says which level each index belongs to, who its
 //! parent is, and in which order to read them coarse to fine.

@@ -3,7 +3,7 @@
 use crate::formats::acquisition::{AngleGrid, Angles, AzimuthExtent, Azimuths, NoteKind, Outside, ParseReport};
 use crate::formats::azimuth::{Closing, circle, closing, merge_repeated};
 use crate::formats::error::FormatError;
-use crate::formats::text::Source;
+use crate::formats::text::{Brief, Source};
 
 /// Which coordinates the angles are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,7 +78,7 @@ fn increasing(
     let Axis { angles, range: (low, high), what, outer, inner } = axis;
     let n = angles.len();
     if let Some(&(angle, offset)) = angles.iter().find(|(angle, _)| !(low..=high).contains(angle)) {
-        let message = format!("{what} angle {angle}°, expected {low}° to {high}°");
+        let message = format!("{what} angle {angle}°, expected {low}° to {high}°", angle = Brief(angle));
         return Err(source.malformed(offset, message));
     }
     let falling = angles[n - 1].0 < angles[0].0;
@@ -87,7 +87,10 @@ fn increasing(
         let [(a, _), (b, offset)] = *pair;
         if (falling && b > a) || (!falling && b < a) {
             let expected = if falling { "decreasing" } else { "increasing" };
-            return Err(source.malformed(offset, format!("{what} angle {b}° after {a}°, expected {expected} angles")));
+            return Err(source.malformed(
+                offset,
+                format!("{what} angle {b}° after {a}°, expected {expected} angles", a = Brief(a), b = Brief(b)),
+            ));
         }
     }
     if falling {
@@ -142,7 +145,11 @@ pub(super) fn type_c(
     if !((first == 0.0 || first == 90.0) && (last == 90.0 || last == 180.0)) {
         report.note(
             NoteKind::Warning,
-            format!("vertical angles {first}° to {last}°, the standard has 0–90, 90–180 or 0–180; 0 outside"),
+            format!(
+                "vertical angles {first}° to {last}°, the standard has 0–90, 90–180 or 0–180; 0 outside",
+                first = Brief(first),
+                last = Brief(last)
+            ),
         );
     }
     average_poles(&vertical, horizontal.len(), &mut values, report);
@@ -215,7 +222,10 @@ fn planes(
     let mirrored = Some(AzimuthExtent::Mirrored);
     if horizontal.len() == 1 {
         if first != 0.0 {
-            report.note(NoteKind::Assumed, format!("one plane at C{first}, taken to hold all round"));
+            report.note(
+                NoteKind::Assumed,
+                format!("one plane at C{first}, taken to hold all round", first = Brief(first)),
+            );
         }
         return Some(Planes { columns: listed(&horizontal), extent: None, symmetry: "axially symmetric" });
     }
@@ -244,7 +254,11 @@ fn planes(
                 let percent = 100.0 * difference;
                 report.note(
                     NoteKind::Warning,
-                    format!("the planes C{first} and C{last} are one, but differ by up to {percent:.2} %: averaged"),
+                    format!(
+                        "the planes C{first} and C{last} are one, but differ by up to {percent:.2} %: averaged",
+                        first = Brief(first),
+                        last = Brief(last)
+                    ),
                 );
             }
         }
@@ -260,8 +274,10 @@ fn assume_closed(first: f64, last: f64, report: &mut ParseReport) {
     report.note(
         NoteKind::Assumed,
         format!(
-            "the planes go from C{first} to C{last} without closing; C{last} taken to be followed by C{}",
-            first + 360.0
+            "the planes go from C{} to C{last} without closing; C{last} taken to be followed by C{}",
+            Brief(first),
+            Brief(first + 360.0),
+            last = Brief(last)
         ),
     );
 }
@@ -273,8 +289,9 @@ pub(super) fn check_flux(grid: &AngleGrid, lamp_lumens: f64, report: &mut ParseR
         report.note(
             NoteKind::Warning,
             format!(
-                "the intensities make {:.1} % of the {lamp_lumens} lm of the lamps, expected 5 to 105 %",
-                100.0 * efficiency
+                "the intensities make {} % of the {} lm of the lamps, expected 5 to 105 %",
+                Brief((1000.0 * efficiency).round() / 10.0),
+                Brief(lamp_lumens)
             ),
         );
     }

@@ -10,9 +10,9 @@ mod native;
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
-use super::text::{Source, Token, Tokens, listed, snippet};
+use super::text::{Brief, Source, Token, Tokens, listed, snippet};
 use super::{Format, Interpretation, Reader, Sample};
-use crate::domain::limits::MAX_SAMPLES;
+use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use crate::domain::{Quantity, Unit};
 use distribution::{Photometry, Stated};
 use labels::{Labels, Revision};
@@ -130,10 +130,19 @@ fn unit(labels: &Labels, header: &Header, how: &Interpretation, report: &mut Par
         };
     }
     let unit = labels.unit(report);
-    if unit == Unit::Candela && header.lumens >= 0.0 {
+    if unit == Unit::Candela && header.lumens == 0.0 {
+        report.note(
+            NoteKind::Warning,
+            "0 lumens per lamp, expected -1 for absolute photometry; candela kept as they are",
+        );
+    } else if unit == Unit::Candela && header.lumens > 0.0 {
         report.note(
             NoteKind::Assumed,
-            format!("relative photometry: candela hold for {} lamp(s) of {} lm each", header.lamps, header.lumens),
+            format!(
+                "relative photometry: candela hold for {} lamp(s) of {} lm each",
+                header.lamps,
+                Brief(header.lumens)
+            ),
         );
     }
     Ok(unit)
@@ -165,7 +174,7 @@ impl<'a> Numbers<'a> {
     /// A count of things that follow, each at least one token.
     fn count(&mut self, expected: &str) -> Result<usize, FormatError> {
         let remaining = self.tokens.clone().count().saturating_sub(1);
-        self.whole(expected, 1, remaining.max(1))
+        self.whole(expected, 1, remaining.clamp(1, MAX_ENTRIES))
     }
 
     /// The block of TILT=INCLUDE: how the whole luminaire dims when it is installed at an angle, not part of its shape.
@@ -252,7 +261,10 @@ impl<'a> Numbers<'a> {
             factor *= header.field_12;
         }
         if factor <= 0.0 {
-            report.note(NoteKind::Warning, format!("the multipliers of this file make {factor}, expected more than 0"));
+            report.note(
+                NoteKind::Warning,
+                format!("the multipliers of this file make {factor}, expected more than 0", factor = Brief(factor)),
+            );
         }
         let mut values = Vec::with_capacity(v * h);
         let (mut negative, mut lowest) = (0_usize, 0.0_f32);
@@ -261,7 +273,11 @@ impl<'a> Numbers<'a> {
             let value = self.source.number(token, "an intensity")?;
             let intensity = (value * factor) as f32;
             if !intensity.is_finite() {
-                let message = format!("intensity {} × {factor} is too large for float32", snippet(token.text));
+                let message = format!(
+                    "intensity {} × {factor} is too large for float32",
+                    snippet(token.text),
+                    factor = Brief(factor)
+                );
                 return Err(self.source.malformed(token.offset, message));
             }
             if intensity < 0.0 {
@@ -300,20 +316,20 @@ impl Header {
         let unit = if self.feet { "ft" } else { "m" };
         let mut add = |key: &str, value: String| report.metadata.push((key.to_owned(), value));
         add("lamps", self.lamps.to_string());
-        add("lumens_per_lamp", self.lumens.to_string());
-        add("candela_multiplier", self.multiplier.to_string());
+        add("lumens_per_lamp", Brief(self.lumens).to_string());
+        add("candela_multiplier", Brief(self.multiplier).to_string());
         add("photometric_type", self.photometry.name().to_owned());
         add("luminous_opening", opening_shape(revision, self.opening).to_owned());
-        add("luminous_width", format!("{width} {unit}"));
-        add("luminous_length", format!("{length} {unit}"));
-        add("luminous_height", format!("{height} {unit}"));
-        add("ballast_factor", self.ballast_factor.to_string());
-        add(revision.field_12_name(), generation.to_owned());
-        add("input_watts", self.watts.to_string());
+        add("luminous_width", format!("{} {unit}", Brief(width)));
+        add("luminous_length", format!("{} {unit}", Brief(length)));
+        add("luminous_height", format!("{} {unit}", Brief(height)));
+        add("ballast_factor", Brief(self.ballast_factor).to_string());
+        add(revision.field_12_name(), generation.chars().take(40).collect());
+        add("input_watts", Brief(self.watts).to_string());
         if self.lumens < 0.0 && self.lumens != -1.0 {
             report.note(
                 NoteKind::Warning,
-                format!("{} lumens per lamp, taken as absolute photometry (which is written -1)", self.lumens),
+                format!("{} lumens per lamp, taken as absolute photometry (which is written -1)", Brief(self.lumens)),
             );
         }
         if matches!(revision, Revision::Lm63_1995 | Revision::Lm63_2002) && self.field_12 != 1.0 {
@@ -321,7 +337,7 @@ impl Header {
                 NoteKind::Warning,
                 format!(
                     "field 12 is {}, expected 1 in {}; it does not enter the intensities",
-                    self.field_12,
+                    Brief(self.field_12),
                     revision.name()
                 ),
             );

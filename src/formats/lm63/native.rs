@@ -45,13 +45,8 @@ pub(super) fn convert(
     let mut values = Vec::with_capacity(theta.len() * phi.len());
     for &t in &theta {
         for &c in &phi {
-            let [x, y, z] = Direction::from_degrees(t, c).xyz();
-            let (vertical, horizontal) = match photometry {
-                Photometry::B => (libm::atan2(x, -z), libm::asin((-y).clamp(-1.0, 1.0))),
-                _ => (libm::asin(z.clamp(-1.0, 1.0)), libm::atan2(-y, x)),
-            };
-            let horizontal = horizontal.to_degrees();
-            values.push(table.at(vertical.to_degrees(), if lateral { horizontal.abs() } else { horizontal }));
+            let (vertical, horizontal) = native_angles(photometry, Direction::from_degrees(t, c));
+            values.push(table.at(vertical, if lateral { horizontal.abs() } else { horizontal }));
         }
     }
     report.note(
@@ -70,6 +65,17 @@ pub(super) fn convert(
     }
     let symmetry = if lateral { "laterally symmetric" } else { "no symmetry" };
     Ok((luminaire(theta, (lowest, 180.0), Some(circle(phi)), values), symmetry))
+}
+
+/// V and H of a direction in degrees. Where all planes meet the angle of the plane is 0.
+fn native_angles(photometry: Photometry, direction: Direction) -> (f64, f64) {
+    let [x, y, z] = direction.xyz();
+    let azimuth = |y: f64, x: f64| if libm::hypot(x, y) < 1e-12 { 0.0 } else { libm::atan2(y, x) };
+    let (vertical, horizontal) = match photometry {
+        Photometry::B => (azimuth(x, -z), libm::asin((-y).clamp(-1.0, 1.0))),
+        _ => (libm::asin(z.clamp(-1.0, 1.0)), azimuth(-y, x)),
+    };
+    (vertical.to_degrees(), horizontal.to_degrees())
 }
 
 /// The coarsest step that is no coarser than the stated angles.
@@ -111,6 +117,23 @@ fn locate(angles: &[f64], angle: f64) -> Option<(usize, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn native_angles_invert_their_directions() {
+        let (sin, cos) = (|d: f64| libm::sin(d.to_radians()), |d: f64| libm::cos(d.to_radians()));
+        for v in [-80.0, -30.0, 0.0, 45.0, 89.0] {
+            for h in [-89.0, -10.0, 0.0, 20.0, 75.0] {
+                let b = Direction::new(cos(h) * sin(v), -sin(h), -cos(h) * cos(v)).unwrap();
+                let a = Direction::new(cos(v) * cos(h), -cos(v) * sin(h), sin(v)).unwrap();
+                for (photometry, d) in [(Photometry::A, a), (Photometry::B, b)] {
+                    let (found_v, found_h) = native_angles(photometry, d);
+                    assert!((found_v - v).abs() < 1e-9 && (found_h - h).abs() < 1e-9, "{photometry:?} {v} {h}");
+                }
+            }
+        }
+        assert_eq!(native_angles(Photometry::B, Direction::from_degrees(90.0, 90.0)), (0.0, -90.0));
+        assert_eq!(native_angles(Photometry::A, Direction::from_degrees(180.0, 180.0)), (-90.0, 0.0));
+    }
 
     #[test]
     fn tables_are_bilinear_inside_and_dark_outside() {

@@ -7,7 +7,7 @@ mod wavelength_unit;
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
-use super::text::{Source, snippet};
+use super::text::{Brief, Source, snippet};
 use super::{Format, Interpretation, Reader, Sample};
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Axis, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
@@ -93,17 +93,22 @@ fn wavelengths(
     for pair in table.wavelengths.array_windows() {
         let [(a, _), (b, offset)] = *pair;
         if a == b {
-            return Err(source.malformed(offset, format!("wavelength {b} twice, expected each once")));
+            return Err(source.malformed(offset, format!("wavelength {b} twice, expected each once", b = Brief(b))));
         }
         if (b < a) != falling {
             let direction = if falling { "decreasing" } else { "increasing" };
-            return Err(source.malformed(offset, format!("wavelength {b} after {a}, expected {direction} wavelengths")));
+            return Err(source.malformed(
+                offset,
+                format!("wavelength {b} after {a}, expected {direction} wavelengths", a = Brief(a), b = Brief(b)),
+            ));
         }
     }
     let stated: Vec<f64> = table.wavelengths.iter().map(|&(value, _)| value).collect();
     let unit = wavelength_unit::of(&stated, table.wavelength_name.as_deref(), how, report)?;
     if let Some(&(value, offset)) = table.wavelengths.iter().find(|(value, _)| *value <= 0.0) {
-        return Err(source.malformed(offset, format!("wavelength {value}, expected a positive number")));
+        return Err(
+            source.malformed(offset, format!("wavelength {value}, expected a positive number", value = Brief(value)))
+        );
     }
     let mut nanometres: Vec<f64> = stated.iter().map(|&value| unit.to_nanometres(value)).collect();
     if n > 1 && nanometres[1] < nanometres[0] {

@@ -43,7 +43,7 @@ impl Delimiter {
     }
 
     /// The cells of `line`, without the blanks around them.
-    fn cells<'a>(self, line: Token<'a>) -> Vec<Token<'a>> {
+    fn cells(self, line: Token<'_>) -> Vec<Token<'_>> {
         let separates = |c: char| match self {
             Self::Tab => c == '\t',
             Self::Semicolon => c == ';',
@@ -66,6 +66,8 @@ impl Delimiter {
                     .then(|| Token { text: "", offset: line.offset + line.text.len() }),
             )
             .filter(|cell| self != Self::Blank || !cell.text.is_empty())
+            // One more than a row may have with its wavelength: enough to refuse it.
+            .take(MAX_ENTRIES + 2)
             .collect()
     }
 

@@ -4,7 +4,7 @@ use super::NAME;
 use crate::formats::Interpretation;
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
-use crate::formats::text::snippet;
+use crate::formats::text::{Brief, snippet};
 
 /// What the first column counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,7 +31,12 @@ impl WavelengthUnit {
     pub(super) fn to_nanometres(self, value: f64) -> f64 {
         match self {
             Self::Nanometre => value,
-            Self::Micrometre => value * 1000.0,
+            // 0.55 um is 550 nm, not 550.0000000000001: the last bit of the product is no information.
+            Self::Micrometre => {
+                let product = value * 1000.0;
+                let rounded = (product * 1e6).round() / 1e6;
+                if (rounded - product).abs() <= 1e-12 * product { rounded } else { product }
+            }
             Self::Angstrom => value / 10.0,
             Self::Wavenumber => 1e7 / value,
         }
@@ -75,6 +80,7 @@ pub(super) fn of(
     }
     let (first, last) = (values[0], values[values.len() - 1]);
     let (low, high) = (first.min(last), first.max(last));
+    let range = format!("{} to {}", Brief(first), Brief(last));
     let within = |a: f64, b: f64| a <= low && high <= b;
     let unit = if within(0.2, 25.0) {
         WavelengthUnit::Micrometre
@@ -87,11 +93,11 @@ pub(super) fn of(
         WavelengthUnit::Wavenumber
     } else {
         return Err(needs(format!(
-            "wavelengths from {first} to {last} fit no unit, expected the option wavelength_unit: {}",
+            "wavelengths from {range} fit no unit, expected the option wavelength_unit: {}",
             known()
         )));
     };
-    report.note(NoteKind::Assumed, format!("no wavelength unit stated, {first} to {last} taken as {}", unit.name()));
+    report.note(NoteKind::Assumed, format!("no wavelength unit stated, {range} taken as {}", unit.name()));
     Ok(unit)
 }
 

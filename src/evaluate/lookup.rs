@@ -1,0 +1,374 @@
+//! From a direction to the entries of an axis and their weights: tables of a mesh, without search or allocation.
+
+use crate::domain::vector::{Vector, cross, dot};
+use crate::domain::{Direction, Domain, TriangleMesh};
+
+/// A vertex has at most 6 triangles around it; three vertices have at most this many.
+const MOST: usize = 18;
+
+/// Entries of an axis and their weights: positive, adding up to 1.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stencil {
+    length: usize,
+    entries: [(u32, f32); MOST],
+}
+
+impl Stencil {
+    pub(super) fn one(entry: usize) -> Self {
+        let mut stencil = Self { length: 1, entries: [(0, 0.0); MOST] };
+        stencil.entries[0] = (entry as u32, 1.0);
+        stencil
+    }
+
+    fn empty() -> Self {
+        Self { length: 0, entries: [(0, 0.0); MOST] }
+    }
+
+    /// The entries and weights.
+    pub(super) fn entries(&self) -> impl Iterator<Item = (usize, f32)> + Clone + '_ {
+        self.entries[..self.length].iter().map(|&(entry, weight)| (entry as usize, weight))
+    }
+
+    fn add(&mut self, entry: u32, weight: f32) {
+        if let Some(known) = self.entries[..self.length].iter_mut().find(|known| known.0 == entry) {
+            known.1 += weight;
+        } else {
+            self.entries[self.length] = (entry, weight);
+            self.length += 1;
+        }
+    }
+}
+
+/// The tables of a mesh. The octants of the octahedron are images of the first under exchanges and changes of sign of
+/// coordinates, so geometry is stored for one octant and directions are folded into it.
+#[derive(Debug)]
+pub(super) struct MeshLookup {
+    mesh: TriangleMesh,
+    /// For each inner node, level by level: the planes that cut off its corners, positive on the corner's side.
+    cuts: Vec<[Vector; 3]>,
+    /// For each leaf: the inner product of entry k with a direction is in proportion to its k-th barycentric coordinate.
+    opposite: Vec<[Vector; 3]>,
+    /// The vertices of every triangle of the mesh.
+    corners: Vec<[u32; 3]>,
+    /// Where each vertex' triangles start in `around`.
+    starts: Vec<u32>,
+    /// Triangles around the vertices, and their part of the solid angle around.
+    around: Vec<(u32, f32)>,
+}
+
+impl MeshLookup {
+    pub(super) fn new(mesh: TriangleMesh) -> Self {
+        let mut cuts = Vec::new();
+        for level in 0..mesh.level() {
+            // The centre child of a node has the midpoints of its edges as vertices: (m12, m02, m01).
+            for node in octant(mesh.domain(), level).zip(octant(mesh.domain(), level + 1).skip(3).step_by(4)) {
+                let ([v0, v1, v2], [m12, m02, m01]) = node;
+                cuts.push([cut(m01, m02, v0), cut(m12, m01, v1), cut(m02, m12, v2)]);
+            }
+        }
+        let opposite =
+            octant(mesh.domain(), mesh.level()).map(|[a, b, c]| [cut(b, c, a), cut(c, a, b), cut(a, b, c)]).collect();
+        let (corners, vertices) = corners(mesh);
+        let (starts, around) = rings(&corners, vertices, &mesh.solid_angles());
+        Self { mesh, cuts, opposite, corners, starts, around }
+    }
+
+    pub(super) fn mesh(&self) -> TriangleMesh {
+        self.mesh
+    }
+
+    pub(super) fn memory(&self) -> usize {
+        size_of_val(&*self.cuts)
+            + size_of_val(&*self.opposite)
+            + size_of_val(&*self.corners)
+            + size_of_val(&*self.starts)
+            + size_of_val(&*self.around)
+    }
+
+    /// The triangle that holds `direction`; `None` outside the domain.
+    pub(super) fn locate(&self, direction: Direction) -> Option<usize> {
+        self.descend(direction).map(|(triangle, _)| triangle)
+    }
+
+    /// The triangles that make the smooth value at `direction`; `None` outside the domain.
+    pub(super) fn stencil(&self, direction: Direction) -> Option<Stencil> {
+        let (triangle, folded) = self.descend(direction)?;
+        let opposite = &self.opposite[triangle % self.opposite.len()];
+        let coordinates = opposite.map(|plane| dot(plane, folded).max(0.0));
+        let total = coordinates[0] + coordinates[1] + coordinates[2];
+        let mut stencil = Stencil::empty();
+        for (&vertex, coordinate) in self.corners[triangle].iter().zip(coordinates) {
+            let share = (coordinate / total) as f32;
+            if share > 0.0 {
+                let ring = self.starts[vertex as usize] as usize..self.starts[vertex as usize + 1] as usize;
+                for &(neighbour, weight) in &self.around[ring] {
+                    stencil.add(neighbour, share * weight);
+                }
+            }
+        }
+        Some(stencil)
+    }
+
+    fn descend(&self, direction: Direction) -> Option<(usize, Vector)> {
+        let [x, y, z] = direction.xyz();
+        let outside = match self.mesh.domain() {
+            Domain::Hemisphere => z < 0.0,
+            Domain::Lower => z > 0.0,
+            Domain::Sphere => false,
+        };
+        if outside {
+            return None;
+        }
+        let (quadrant, a, b) = match (x, y) {
+            (x, y) if x <= 0.0 && y > 0.0 => (1, y, -x),
+            (x, y) if x < 0.0 && y <= 0.0 => (2, -x, -y),
+            (x, y) if x >= 0.0 && y < 0.0 => (3, -y, x),
+            _ => (0, x, y),
+        };
+        // The stored octant is the mesh's own first: on the lower hemisphere its z is negative.
+        let lower = self.mesh.domain() == Domain::Lower;
+        let folded = [a, b, if lower { -z.abs() } else { z.abs() }];
+        let base = if self.mesh.domain() == Domain::Sphere && z < 0.0 { quadrant + 4 } else { quadrant };
+        let (mut node, mut offset, mut width) = (0, 0, 1);
+        for _ in 0..self.mesh.level() {
+            // All three planes and no branches: which corner it is cannot be predicted.
+            let [beyond0, beyond1, beyond2] = self.cuts[offset + node].map(|plane| dot(plane, folded) > 0.0);
+            let mut child = if beyond2 { 2 } else { 3 };
+            child = if beyond1 { 1 } else { child };
+            child = if beyond0 { 0 } else { child };
+            node = 4 * node + child;
+            offset += width;
+            width *= 4;
+        }
+        Some((base * width + node, folded))
+    }
+}
+
+/// The entry nearest to `theta` (degrees) on a strictly increasing axis of elevations; of two, the lower.
+pub(super) fn nearest_elevation(values: &[f64], theta: f64) -> usize {
+    let (below, t) = elevation(values, theta);
+    if t > 0.5 { below + 1 } else { below }
+}
+
+/// Where `theta` (degrees) lies between the elevations of an axis, held at its ends.
+pub(super) fn elevation_stencil(values: &[f64], theta: f64) -> Stencil {
+    let (below, t) = elevation(values, theta);
+    let mut stencil = Stencil::one(below);
+    if t > 0.0 {
+        stencil.entries[0].1 = (1.0 - t) as f32;
+        stencil.add(below as u32 + 1, t as f32);
+    }
+    stencil
+}
+
+fn elevation(values: &[f64], theta: f64) -> (usize, f64) {
+    let above = values.partition_point(|&v| v <= theta);
+    if above == 0 || above == values.len() {
+        return (above.saturating_sub(1), 0.0);
+    }
+    (above - 1, (theta - values[above - 1]) / (values[above] - values[above - 1]))
+}
+
+/// The triangles of the first octant of a domain.
+fn octant(domain: Domain, level: u8) -> impl Iterator<Item = [Vector; 3]> {
+    let mesh = TriangleMesh::new(domain, level);
+    mesh.into_iter().flat_map(move |mesh| (0..1_usize << (2 * u32::from(level))).map(move |i| mesh.vertices(i)))
+}
+
+/// The plane through `a`, `b` and the origin, positive on the side of `corner`.
+fn cut(a: Vector, b: Vector, corner: Vector) -> Vector {
+    let plane = cross(a, b);
+    if dot(plane, corner) < 0.0 { plane.map(|x| -x) } else { plane }
+}
+
+/// The vertex numbers of every triangle, and how many vertices there are. On the flat octahedron |x| + |y| + |z| = 2^L
+/// the vertices are lattice points, so that equal ones are found without comparing floats.
+fn corners(mesh: TriangleMesh) -> (Vec<[u32; 3]>, usize) {
+    type Lattice = [i32; 3];
+    let size = 1_i32 << mesh.level();
+    let half = |a: Lattice, b: Lattice| [0, 1, 2].map(|k| i32::midpoint(a[k], b[k]));
+    let quadrants = [[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [1, 0, 0]];
+    let mut triangles: Vec<[Lattice; 3]> = (0..mesh.bases())
+        .map(|base| {
+            let down = mesh.domain() == Domain::Lower || base >= 4;
+            let pole = [0, 0, if down { -size } else { size }];
+            [pole, quadrants[base % 4].map(|x| x * size), quadrants[base % 4 + 1].map(|x| x * size)]
+        })
+        .collect();
+    for _ in 0..mesh.level() {
+        triangles = triangles
+            .into_iter()
+            .flat_map(|[a, b, c]| {
+                let (ab, bc, ac) = (half(a, b), half(b, c), half(a, c));
+                [[a, ab, ac], [ab, b, bc], [ac, bc, c], [bc, ac, ab]]
+            })
+            .collect();
+    }
+    let side = (2 * size + 1) as usize;
+    let mut numbers = vec![u32::MAX; 2 * side * side];
+    let mut count = 0;
+    let mut number = |[x, y, z]: Lattice| {
+        let place = (usize::from(z < 0) * side + (x + size) as usize) * side + (y + size) as usize;
+        if numbers[place] == u32::MAX {
+            numbers[place] = count;
+            count += 1;
+        }
+        numbers[place]
+    };
+    let corners = triangles.into_iter().map(|triangle| triangle.map(&mut number)).collect();
+    (corners, count as usize)
+}
+
+/// The triangles around every vertex in index order, with their share of the solid angle.
+fn rings(corners: &[[u32; 3]], vertices: usize, areas: &[f64]) -> (Vec<u32>, Vec<(u32, f32)>) {
+    let mut starts = vec![0_u32; vertices + 1];
+    let mut totals = vec![0.0; vertices];
+    for (triangle, area) in corners.iter().zip(areas) {
+        for &vertex in triangle {
+            starts[vertex as usize + 1] += 1;
+            totals[vertex as usize] += area;
+        }
+    }
+    for v in 0..vertices {
+        starts[v + 1] += starts[v];
+    }
+    let mut next = starts.clone();
+    let mut around = vec![(0, 0.0); 3 * corners.len()];
+    for (i, (triangle, area)) in corners.iter().zip(areas).enumerate() {
+        for &vertex in triangle {
+            let place = &mut next[vertex as usize];
+            around[*place as usize] = (i as u32, (area / totals[vertex as usize]) as f32);
+            *place += 1;
+        }
+    }
+    (starts, around)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::RngExt;
+    use rand_pcg::Pcg32;
+
+    fn meshes() -> impl Iterator<Item = TriangleMesh> {
+        Domain::ALL.iter().flat_map(|&domain| (0..=5).map(move |level| TriangleMesh::new(domain, level).unwrap()))
+    }
+
+    fn random_direction(rng: &mut Pcg32) -> Direction {
+        let (z, phi) = (2.0 * rng.random::<f64>() - 1.0, std::f64::consts::TAU * rng.random::<f64>());
+        Direction::from_radians(z.acos(), phi)
+    }
+
+    #[test]
+    fn the_tables_find_the_triangle_that_the_mesh_finds() {
+        let mut rng = Pcg32::new(1, 1);
+        for mesh in meshes() {
+            let lookup = MeshLookup::new(mesh);
+            for _ in 0..2000 {
+                let d = random_direction(&mut rng);
+                assert_eq!(lookup.locate(d), mesh.locate(d), "{mesh:?} {d:?}");
+            }
+            for i in 0..mesh.len() {
+                assert_eq!(lookup.locate(mesh.centroid(i)), Some(i));
+            }
+        }
+    }
+
+    #[test]
+    fn vertices_are_shared_as_on_a_closed_surface() {
+        for mesh in meshes() {
+            let lookup = MeshLookup::new(mesh);
+            let (n, vertices) = (mesh.len(), lookup.starts.len() - 1);
+            // Euler: V − E + F = 2 on the sphere (E = 3F/2), 1 on a disk with 4·2^L edges on its rim.
+            let rim = 4 << mesh.level();
+            let edges = if mesh.domain() == Domain::Sphere { 3 * n / 2 } else { usize::midpoint(3 * n, rim) };
+            let euler = if mesh.domain() == Domain::Sphere { 2 } else { 1 };
+            assert_eq!(vertices + n, edges + euler, "{mesh:?}");
+            // A vertex number stands for one point.
+            let mut points = vec![None; vertices];
+            for i in 0..n {
+                for (k, v) in mesh.vertices(i).into_iter().enumerate() {
+                    let known = points[lookup.corners[i][k] as usize].get_or_insert(v);
+                    assert!(known.iter().zip(v).all(|(a, b)| (a - b).abs() < 1e-14));
+                }
+            }
+            for v in 0..vertices {
+                let ring = lookup.starts[v] as usize..lookup.starts[v + 1] as usize;
+                assert!((1..=6).contains(&ring.len()));
+                let total: f32 = lookup.around[ring].iter().map(|entry| entry.1).sum();
+                assert!((total - 1.0).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn smooth_weights_are_a_partition_of_unity() {
+        let mut rng = Pcg32::new(2, 1);
+        for mesh in meshes() {
+            let lookup = MeshLookup::new(mesh);
+            for _ in 0..500 {
+                let d = random_direction(&mut rng);
+                let Some(stencil) = lookup.stencil(d) else {
+                    assert_eq!(lookup.locate(d), None);
+                    continue;
+                };
+                assert!(stencil.entries().all(|(entry, weight)| entry < mesh.len() && weight > 0.0));
+                assert!(stencil.entries().count() <= 13);
+                let total: f32 = stencil.entries().map(|(_, weight)| weight).sum();
+                assert!((total - 1.0).abs() < 1e-6, "{total}");
+            }
+        }
+    }
+
+    #[test]
+    fn at_a_vertex_the_triangles_around_it_weigh_by_solid_angle() {
+        let mesh = TriangleMesh::new(Domain::Hemisphere, 3).unwrap();
+        let lookup = MeshLookup::new(mesh);
+        let pole = lookup.stencil(Direction::from_degrees(0.0, 0.0)).unwrap();
+        let mut found: Vec<_> = pole.entries().collect();
+        found.sort_by_key(|entry| entry.0);
+        assert_eq!(found, [(0, 0.25), (64, 0.25), (128, 0.25), (192, 0.25)]);
+        // On the horizon only the upper side counts (others have the weight of a rounding error).
+        let horizon = lookup.stencil(Direction::from_degrees(90.0, 45.0)).unwrap();
+        assert_eq!(horizon.entries().filter(|entry| entry.1 > 1e-6).count(), 3);
+    }
+
+    #[test]
+    fn smooth_weights_do_not_jump_across_edges() {
+        for mesh in meshes() {
+            let lookup = MeshLookup::new(mesh);
+            for i in (0..mesh.len()).step_by(3) {
+                let centre = mesh.centroid(i).xyz();
+                let vertices = mesh.vertices(i);
+                for k in 0..3 {
+                    // A point on the edge and two points, one barely inside and one barely outside.
+                    let (a, b) = (vertices[k], vertices[(k + 1) % 3]);
+                    let at = |t: f64| {
+                        let p = [0, 1, 2].map(|j| 0.3 * a[j] + 0.7 * b[j] + t * (centre[j] - 0.3 * a[j] - 0.7 * b[j]));
+                        Direction::new(p[0], p[1], p[2]).unwrap()
+                    };
+                    let (Some(inside), Some(outside)) = (lookup.stencil(at(1e-7)), lookup.stencil(at(-1e-7))) else {
+                        continue;
+                    };
+                    for (entry, weight) in inside.entries() {
+                        let other = outside.entries().find(|e| e.0 == entry).map_or(0.0, |e| e.1);
+                        assert!((weight - other).abs() < 2e-6, "{mesh:?} {i}: {weight} {other}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn elevations_are_nearest_linear_and_held_at_the_ends() {
+        let values = [10.0, 20.0, 60.0];
+        let at = |theta| elevation_stencil(&values, theta).entries().collect::<Vec<_>>();
+        assert_eq!(at(0.0), [(0, 1.0)]);
+        assert_eq!(at(90.0), [(2, 1.0)]);
+        assert_eq!(at(60.0), [(2, 1.0)]);
+        assert_eq!(at(20.0), [(1, 1.0)]);
+        assert_eq!(at(30.0), [(1, 0.75), (2, 0.25)]);
+        let nearest = [0.0, 14.0, 15.0, 16.0, 39.0, 41.0, 90.0].map(|theta| nearest_elevation(&values, theta));
+        assert_eq!(nearest, [0, 0, 0, 1, 1, 2, 2]);
+    }
+}

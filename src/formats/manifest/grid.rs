@@ -1,0 +1,172 @@
+//! Axes of angles → a grid: their order, their ranges, and what azimuths stand for.
+
+use super::entry::{Angle, Entry, Role};
+use super::unfit;
+use crate::domain::{Axis, Quantity};
+use crate::formats::acquisition::{AngleGrid, Angles, AzimuthExtent, Azimuths, NoteKind, Outside, ParseReport};
+use crate::formats::azimuth::{Closing, circle, closing, merge_repeated};
+use crate::formats::error::FormatError;
+use crate::formats::text::Brief;
+
+/// Puts angle axes together; they must come in the order of [`Role`].
+pub(super) fn assemble(
+    quantity: Quantity,
+    entries: Vec<Entry>,
+    mut values: Vec<f32>,
+    report: &mut ParseReport,
+) -> Result<AngleGrid, FormatError> {
+    let mut lengths: Vec<usize> = entries.iter().map(Entry::len).collect();
+    let (mut index, mut spectral, mut angles) = (Vec::new(), None, [const { None::<Angle> }; 4]);
+    let mut last = Role::Index;
+    for (i, entry) in entries.into_iter().enumerate() {
+        let role = match &entry {
+            Entry::Angle(angle) => angle.role,
+            Entry::Axis(Axis::Index { .. }) => Role::Index,
+            Entry::Axis(axis) if axis.is_spectral() => Role::Spectral,
+            Entry::Axis(axis) => {
+                return Err(unfit(format!(
+                    "axis {i}: {} beside angles, expected angles for both directions",
+                    axis.describe()
+                )));
+            }
+        };
+        if role < last || (role == last && role != Role::Index) {
+            return Err(unfit(format!(
+                "axis {i}: expected the order index, theta_i, phi_i, theta_o, phi_o, wavelength, each once (transpose the array)"
+            )));
+        }
+        last = role;
+        match entry {
+            Entry::Angle(angle) => angles[role as usize - 1] = Some(angle),
+            Entry::Axis(axis) if role == Role::Index => index.push(axis),
+            Entry::Axis(axis) => spectral = Some(axis),
+        }
+    }
+    let [theta_i, phi_i, theta_o, phi_o] = angles;
+    let expected = match quantity {
+        Quantity::Spectrum => return Err(unfit("a spectrum has no angles")),
+        Quantity::Reflectance => (true, false),
+        Quantity::Edf => (false, true),
+        Quantity::Brdf | Quantity::Btdf | Quantity::Bsdf | Quantity::Phase => (true, true),
+    };
+    if (theta_i.is_some(), theta_o.is_some()) != expected {
+        let names = match expected {
+            (true, true) => "theta_i and theta_o",
+            (true, false) => "theta_i alone",
+            _ => "theta_o alone",
+        };
+        return Err(unfit(format!(
+            "a {quantity} on a grid of angles, expected {names} (with phi where it was measured)"
+        )));
+    }
+    let isotropic = expected == (true, true) && phi_i.is_none();
+    // The inner azimuths first: closing them changes the stride of the outer ones.
+    let phi_o = azimuths(phi_o, isotropic, &mut lengths, &mut values, report)?;
+    let phi_i = azimuths(phi_i, false, &mut lengths, &mut values, report)?;
+    let theta_range = |theta_o: bool| match (quantity, theta_o) {
+        (Quantity::Brdf, _) | (Quantity::Reflectance | Quantity::Btdf | Quantity::Bsdf, false) => (0.0, 90.0),
+        (Quantity::Btdf, true) => (90.0, 180.0),
+        _ => (0.0, 180.0),
+    };
+    let incoming = theta_i.map(|theta| polar(theta, phi_i, theta_range(false))).transpose()?;
+    let outgoing = theta_o.map(|theta| polar(theta, phi_o, theta_range(true))).transpose()?;
+    Ok(AngleGrid { index, incoming, outgoing, spectral, outside: Outside::Masked, values })
+}
+
+fn polar(theta: Angle, phi: Option<Azimuths>, (low, high): (f64, f64)) -> Result<Angles, FormatError> {
+    let Angle { axis, values, .. } = theta;
+    let (first, last) = (values[0], values[values.len() - 1]);
+    let covers = theta.covers.unwrap_or((first, last));
+    if first < low || last > high {
+        return Err(unfit(format!(
+            "axis {axis}: theta from {first}° to {last}°, expected within {low}° to {high}°",
+            first = Brief(first),
+            last = Brief(last)
+        )));
+    }
+    if !(low <= covers.0 && covers.0 <= first && last <= covers.1 && covers.1 <= high) {
+        return Err(unfit(format!(
+            "axis {axis}: covers {}° to {}°, expected a range from {low}° to {high}° around the angles",
+            Brief(covers.0),
+            Brief(covers.1)
+        )));
+    }
+    Ok(Angles { theta: values, covers, phi })
+}
+
+fn azimuths(
+    phi: Option<Angle>,
+    mirror: bool,
+    lengths: &mut [usize],
+    values: &mut Vec<f32>,
+    report: &mut ParseReport,
+) -> Result<Option<Azimuths>, FormatError> {
+    let Some(phi) = phi else { return Ok(None) };
+    let axis = phi.axis;
+    let azimuths = extent(phi, mirror, lengths[axis + 1..].iter().product(), values, report)?;
+    lengths[axis] = azimuths.phi.len();
+    Ok(Some(azimuths))
+}
+
+/// What the azimuths stand for: as stated, else as their spacing tells.
+fn extent(
+    phi: Angle,
+    mirror: bool,
+    inner: usize,
+    values: &mut Vec<f32>,
+    report: &mut ParseReport,
+) -> Result<Azimuths, FormatError> {
+    let Angle { axis, values: mut angles, extent, .. } = phi;
+    let (first, last) = (angles[0], angles[angles.len() - 1]);
+    if first < -360.0 || last > 720.0 || last - first > 360.0 {
+        return Err(unfit(format!(
+            "axis {axis}: azimuths from {first}° to {last}°, expected at most one turn",
+            first = Brief(first),
+            last = Brief(last)
+        )));
+    }
+    match (extent, closing(&angles)) {
+        (None | Some(AzimuthExtent::Circle | AzimuthExtent::Sector), Closing::Repeated) => {
+            let difference = merge_repeated(&mut angles, values, inner);
+            if difference > 0.0 {
+                let percent = 100.0 * difference;
+                report.note(
+                    NoteKind::Warning,
+                    format!(
+                        "axis {axis}: values at {first}° and {last}° differ by up to {percent:.2} %, averaged",
+                        first = Brief(first),
+                        last = Brief(last)
+                    ),
+                );
+            }
+            Ok(circle(angles))
+        }
+        (Some(AzimuthExtent::Circle), _) | (None, Closing::Open) => Ok(circle(angles)),
+        (Some(AzimuthExtent::Mirrored), _) if first < 0.0 || last > 180.0 => Err(unfit(format!(
+            "axis {axis}: mirrored azimuths from {first}° to {last}°, expected 0° to 180°",
+            first = Brief(first),
+            last = Brief(last)
+        ))),
+        (None, Closing::Gap) if mirror && first == 0.0 && last == 180.0 => {
+            report.note(
+                NoteKind::Assumed,
+                format!(
+                    "axis {axis}: isotropic, azimuths 0° to 180° taken as mirrored (else say \"extent\": \"sector\")"
+                ),
+            );
+            Ok(Azimuths { phi: angles, extent: AzimuthExtent::Mirrored })
+        }
+        (None, Closing::Gap) => {
+            report.note(
+                NoteKind::Assumed,
+                format!(
+                    "axis {axis}: azimuths {first}° to {last}° taken as all there is, the rest of the circle is masked",
+                    first = Brief(first),
+                    last = Brief(last)
+                ),
+            );
+            Ok(Azimuths { phi: angles, extent: AzimuthExtent::Sector })
+        }
+        (Some(extent), _) => Ok(Azimuths { phi: angles, extent }),
+    }
+}
