@@ -75,7 +75,6 @@ impl Dictionary {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::compress::selection::line_dictionaries;
 
     #[test]
