@@ -1,13 +1,24 @@
 //! wavelume: acquired radiometric measurements, compressed with generic wavelet transforms to a promised error.
 //!
 //! Data flow downward; nothing imports upward:
-//! file → [`formats`] → [`projection`] → tensor ([`domain`]) → [`transform`] → `codec` → [`compress`] → [`evaluate`].
+//! file → [`formats`] → [`projection`] → tensor ([`domain`]) → [`transform`] → [`codec`] → [`compress`] → [`evaluate`].
+//! The service stands on these: `store` (bytes under their digest) → `catalog` (what is known of them) → `jobs` → `api`.
 
+#[cfg(feature = "service")]
+pub mod api;
+#[cfg(feature = "service")]
+pub mod catalog;
+#[cfg(feature = "service")]
+pub mod cli;
 pub mod codec;
 pub mod compress;
 pub mod domain;
 pub mod evaluate;
 pub mod formats;
+#[cfg(feature = "service")]
+pub mod jobs;
 pub mod pipeline;
 pub mod projection;
+#[cfg(feature = "service")]
+pub mod store;
 pub mod transform;

@@ -1,8 +1,9 @@
 //! Files → samples: the one place that says what a decoder computes for each sample.
 //!
 //! Every operation is specified, so that a reader in another language can be bit-exact: f32 additions and multiplications
-//! in the order written here and in `transform`, `exp` of the pure Rust `libm` in f64, rounded once to f32.
+//! in the order written here and in `transform`, and the `exponential` of this room in f64, rounded once to f32.
 
+use super::exponential::exp;
 use super::file::lanes;
 use super::header::Header;
 use super::rd::Scales;
@@ -163,7 +164,7 @@ pub(crate) fn add_corrections(step: f32, steps: &[i32], logs: &mut [f32]) {
 pub(crate) fn exponentiate(logs: &mut [f32]) {
     logs.par_chunks_mut(1 << 14).for_each(|chunk| {
         for value in chunk {
-            *value = libm::exp(f64::from(*value)) as f32;
+            *value = exp(f64::from(*value)) as f32;
         }
     });
 }

@@ -8,6 +8,7 @@
 
 mod conventional;
 mod decode;
+mod exponential;
 mod file;
 mod fill;
 mod header;

@@ -29,8 +29,21 @@ const FLOORED: f64 = 0.7;
 
 /// The norms of synthesis functions, by row and by lane: a coefficient times both is in units of the error it makes.
 pub(crate) struct Scales {
-    rows: Vec<f32>,
-    lanes: Vec<f32>,
+    rows: Vec<Scale>,
+    lanes: Vec<Scale>,
+}
+
+/// A norm and its inverse, so that the inner loops do not divide.
+#[derive(Clone, Copy)]
+struct Scale {
+    norm: f32,
+    inverse: f32,
+}
+
+impl Scale {
+    fn times(self, other: Self) -> Self {
+        Self { norm: self.norm * other.norm, inverse: self.inverse * other.inverse }
+    }
 }
 
 impl Scales {
@@ -42,12 +55,13 @@ impl Scales {
             rows = rows.iter().flat_map(|row| norms.iter().map(move |norm| row * norm)).collect();
         }
         let lanes = axes.len().checked_sub(1).map_or_else(|| vec![1.0], norms);
-        let single = |v: Vec<f64>| v.into_iter().map(|norm| norm as f32).collect();
+        let single =
+            |v: Vec<f64>| v.into_iter().map(|norm| Scale { norm: norm as f32, inverse: (1.0 / norm) as f32 }).collect();
         Self { rows: single(rows), lanes: single(lanes) }
     }
 
     /// Calls `each(coefficient, scale, out)` for every element, rows in parallel.
-    fn for_each<A: Sync, B: Send>(&self, from: &[A], to: &mut [B], each: impl Fn(&A, f32, &mut B) + Sync) {
+    fn for_each<A: Sync, B: Send>(&self, from: &[A], to: &mut [B], each: impl Fn(&A, Scale, &mut B) + Sync) {
         let n = self.lanes.len();
         // Blocks of whole rows, large enough to be worth a task.
         let block = (1_usize << 14).div_ceil(n);
@@ -55,14 +69,15 @@ impl Scales {
         rows.zip(from.par_chunks(block * n)).zip(to.par_chunks_mut(block * n)).for_each(|((rows, from), to)| {
             for ((row, from), to) in rows.iter().zip(from.chunks_exact(n)).zip(to.chunks_exact_mut(n)) {
                 for ((lane, from), to) in self.lanes.iter().zip(from).zip(to) {
-                    each(from, row * lane, to);
+                    each(from, row.times(*lane), to);
                 }
             }
         });
     }
 
     fn quantise(&self, step: f32, coefficients: &[f32], quantised: &mut [i32]) {
-        self.for_each(coefficients, quantised, |&c, scale, q| *q = quantise(c, scale, step));
+        let inverse = 1.0 / step;
+        self.for_each(coefficients, quantised, |&c, scale, q| *q = quantise(c, scale, inverse));
     }
 
     /// Coefficients of quantised integers.
@@ -72,43 +87,45 @@ impl Scales {
 
     /// What a decoder will have instead of `coefficients`.
     fn requantise(&self, step: f32, coefficients: &[f32], decoded: &mut [f32]) {
-        self.for_each(coefficients, decoded, |&c, scale, d| *d = dequantise(quantise(c, scale, step), scale, step));
+        let inverse = 1.0 / step;
+        self.for_each(coefficients, decoded, |&c, scale, d| *d = dequantise(quantise(c, scale, inverse), scale, step));
     }
 
     /// Coefficients whose normalised magnitude reaches `threshold`, 0 for the others.
     pub(crate) fn threshold(&self, threshold: f32, coefficients: &[f32], kept: &mut [f32]) {
-        self.for_each(coefficients, kept, |&c, scale, k| *k = if c.abs() * scale >= threshold { c } else { 0.0 });
+        self.for_each(coefficients, kept, |&c, scale, k| *k = if c.abs() * scale.norm >= threshold { c } else { 0.0 });
     }
 
     /// How many coefficients have a normalised magnitude of at least `threshold` and are not 0.
     pub(crate) fn count_above(&self, threshold: f32, coefficients: &[f32]) -> u64 {
-        self.count(coefficients, |c, scale| c != 0.0 && c.abs() * scale >= threshold)
+        self.count(coefficients, |c, scale| c != 0.0 && c.abs() * scale.norm >= threshold)
     }
 
     fn count_kept(&self, step: f32, coefficients: &[f32]) -> u64 {
-        self.count(coefficients, |c, scale| quantise(c, scale, step) != 0)
+        let inverse = 1.0 / step;
+        self.count(coefficients, |c, scale| quantise(c, scale, inverse) != 0)
     }
 
-    fn count(&self, coefficients: &[f32], counts: impl Fn(f32, f32) -> bool + Sync) -> u64 {
+    fn count(&self, coefficients: &[f32], counts: impl Fn(f32, Scale) -> bool + Sync) -> u64 {
         let n = self.lanes.len();
         let rows = self.rows.par_iter().zip(coefficients.par_chunks_exact(n));
-        rows.map(|(row, c)| c.iter().zip(&self.lanes).filter(|(c, lane)| counts(**c, row * **lane)).count() as u64)
+        rows.map(|(row, c)| c.iter().zip(&self.lanes).filter(|(c, lane)| counts(**c, row.times(**lane))).count() as u64)
             .sum()
     }
 }
 
-fn quantise(coefficient: f32, scale: f32, step: f32) -> i32 {
-    let x = coefficient * scale / step;
+fn quantise(coefficient: f32, scale: Scale, inverse_step: f32) -> i32 {
+    let x = coefficient * scale.norm * inverse_step;
     let magnitude = (x.abs() + (0.5 - DEAD_ZONE)).min(LARGEST) as i32;
     if x < 0.0 { -magnitude } else { magnitude }
 }
 
-fn dequantise(quantised: i32, scale: f32, step: f32) -> f32 {
-    match quantised {
-        0 => 0.0,
-        q if q > 0 => (q as f32 - RECONSTRUCTION_OFFSET) * step / scale,
-        q => (q as f32 + RECONSTRUCTION_OFFSET) * step / scale,
-    }
+fn dequantise(quantised: i32, scale: Scale, step: f32) -> f32 {
+    let offset = match quantised.signum() {
+        0 => return 0.0,
+        sign => sign as f32 * RECONSTRUCTION_OFFSET,
+    };
+    (quantised as f32 - offset) * step * scale.inverse
 }
 
 /// Compresses with every candidate basis to the same step and keeps the smallest file.
@@ -125,12 +142,14 @@ pub(crate) fn compress(
     let bases = candidate_bases(axes, settings);
     let work = |basis| Work::new(measurement, &classes, basis, settings, floor, has_classes);
     progress.step(0.05)?;
-    let chosen = match bases.as_slice() {
-        [only] => *only,
+    let (work, steps) = match bases.as_slice() {
+        [only] => {
+            let work = work(*only)?;
+            let steps = work.find_steps(progress)?;
+            (work, steps)
+        }
         several => cheapest(&work, several, progress)?,
     };
-    let work = work(chosen)?;
-    let steps = work.find_steps(progress)?;
     let parts = work.encode(steps, classes_coded);
     // Decoding needs the memory.
     drop(work);
@@ -139,27 +158,26 @@ pub(crate) fn compress(
     finish(parts, measurement, settings.metadata.as_deref())
 }
 
-/// The basis whose coefficients take the fewest bytes at the step that the first one needs.
+/// The basis whose coefficients take the fewest bytes at the step that the first one needs, and its own steps.
 fn cheapest<'a>(
     work: &impl Fn(LineBasis) -> Result<Work<'a>, CompressError>,
     bases: &[LineBasis],
     progress: &dyn Progress,
-) -> Result<LineBasis, CompressError> {
-    let mut best: Option<(usize, LineBasis)> = None;
-    let mut step = None;
-    for (i, &basis) in bases.iter().enumerate() {
-        let work = work(basis)?;
-        let step = match step {
-            Some(step) => step,
-            None => *step.insert(work.find_first_step(progress)?),
-        };
-        let bytes = work.coefficients_chunk(step).1.len();
-        if best.is_none_or(|(least, _)| bytes < least) {
-            best = Some((bytes, basis));
+) -> Result<(Work<'a>, Steps), CompressError> {
+    let first = work(bases[0])?;
+    let steps = first.find_steps(progress)?;
+    let mut best = (first.coefficients_chunk(steps.step).1.len(), bases[0]);
+    drop(first);
+    for (i, &basis) in bases.iter().enumerate().skip(1) {
+        progress.step(0.05 + 0.4 * i as f64 / bases.len() as f64)?;
+        let bytes = work(basis)?.coefficients_chunk(steps.step).1.len();
+        if bytes < best.0 {
+            best = (bytes, basis);
         }
-        progress.step(0.05 + 0.4 * (i + 1) as f64 / bases.len() as f64)?;
     }
-    Ok(best.map_or(LineBasis::Bior44, |(_, basis)| basis))
+    let chosen = work(best.1)?;
+    let steps = if best.1 == bases[0] { steps } else { chosen.find_steps(progress)? };
+    Ok((chosen, steps))
 }
 
 /// The logarithms of magnitudes, smooth where there is none.
@@ -236,14 +254,6 @@ impl<'a> Work<'a> {
 
     fn original(&self) -> &[f32] {
         self.measurement.tensor.samples()
-    }
-
-    /// The step that meets the target, or what the search for it starts from where a second layer meets it.
-    fn find_first_step(&self, progress: &dyn Progress) -> Result<f32, CompressError> {
-        match self.settings.target {
-            Target::MaxRelativeError(error) => Ok((2.0 * libm::log1p(error)) as f32),
-            _ => Ok(self.find_steps(progress)?.step),
-        }
     }
 
     fn find_steps(&self, progress: &dyn Progress) -> Result<Steps, CompressError> {

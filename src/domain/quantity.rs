@@ -24,10 +24,12 @@ macro_rules! named {
                 match self { $(Self::$variant => $name),+ }
             }
 
+            #[allow(dead_code, reason = "not every list is stored")]
             pub(crate) fn code(self) -> u8 {
                 self as u8
             }
 
+            #[allow(dead_code, reason = "not every list is stored")]
             pub(crate) fn from_code(code: u8) -> Option<Self> {
                 Self::ALL.get(usize::from(code)).copied()
             }

@@ -24,6 +24,7 @@ pub struct Acquisition {
 
 /// Samples in the form the instrument took them.
 #[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant, reason = "there is one of it, and its data are on the heap")]
 pub enum Samples {
     /// Already on their final axes.
     OnAxes {

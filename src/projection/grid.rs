@@ -5,7 +5,6 @@ use super::averages::{Averages, divisions};
 use super::levels::{self, Choice, rounded};
 use super::resampling::{Directions, Resampling};
 use super::{AxesRequest, Coverage, Projected, ProjectionError, on_axes, spectral};
-use crate::domain::limits::MAX_SAMPLES;
 use crate::domain::{Axis, Domain, Layout, Measurement, Quantity, Sampling, Tensor, TensorError, check_axes};
 use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Outside};
 
@@ -132,9 +131,12 @@ fn outgoing_side(quantity: Quantity, angles: Option<&Angles>, level: Option<u8>)
     Ok(Side::Triangles(angles, levels::choose("outgoing", domain, angles, level)?))
 }
 
+/// A tensor on chosen levels has at most this many samples (128 MiB): finer ones are for who asks for them.
+const MAX_CHOSEN_SAMPLES: usize = 1 << 25;
+
 /// Lowers chosen levels, the finer one first, until the tensor is within its limit; what the user named stays.
 fn lower_to_fit<'a>(incoming: &mut Side<'a>, outgoing: &mut Side<'a>, others: usize) {
-    while incoming.len().saturating_mul(outgoing.len()).saturating_mul(others) > MAX_SAMPLES {
+    while incoming.len().saturating_mul(outgoing.len()).saturating_mul(others) > MAX_CHOSEN_SAMPLES {
         let incoming_first = incoming.len() > outgoing.len();
         let (first, second) =
             if incoming_first { (&mut *incoming, &mut *outgoing) } else { (&mut *outgoing, &mut *incoming) };
@@ -290,12 +292,12 @@ mod tests {
         };
         let (mut a, mut b) = (side(None), side(None));
         lower_to_fit(&mut a, &mut b, 1);
-        assert_eq!((level(&a), level(&b)), (6, 6));
+        assert_eq!((level(&a), level(&b)), (5, 5));
         lower_to_fit(&mut a, &mut b, 3);
-        assert_eq!((level(&a), level(&b)), (6, 5));
+        assert_eq!((level(&a), level(&b)), (5, 4));
         let (mut a, mut b) = (side(None), side(Some(7)));
         lower_to_fit(&mut a, &mut b, 16);
-        assert_eq!((level(&a), level(&b)), (3, 7));
+        assert_eq!((level(&a), level(&b)), (1, 7));
         let (mut a, mut b) = (side(Some(7)), side(Some(7)));
         lower_to_fit(&mut a, &mut b, 1);
         assert_eq!((level(&a), level(&b)), (7, 7));

@@ -1,0 +1,19 @@
+# wavelume as a service: built with the official Rust image, run as an ordinary user on a small Debian.
+FROM rust:1.95-slim AS build
+RUN apt-get update && apt-get install -y --no-install-recommends gcc libc6-dev && rm -rf /var/lib/apt/lists/*
+WORKDIR /build
+COPY . .
+RUN cargo build --locked --release && strip -o /wavelume target/release/wavelume
+
+FROM debian:stable-slim
+RUN useradd --system --uid 10001 --no-create-home wavelume && install -d -o wavelume -g wavelume /data
+COPY --from=build /wavelume /usr/local/bin/wavelume
+COPY LICENSE-MIT LICENSE-APACHE /usr/share/doc/wavelume/
+COPY data/SOURCES.md /usr/share/doc/wavelume/
+USER wavelume
+VOLUME /data
+EXPOSE 8080
+HEALTHCHECK --interval=30s --timeout=6s --start-period=10s CMD ["wavelume", "health"]
+STOPSIGNAL SIGTERM
+ENTRYPOINT ["wavelume"]
+CMD ["serve", "--data", "/data", "--listen", "0.0.0.0:8080"]

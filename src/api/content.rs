@@ -1,0 +1,182 @@
+//! Bytes under their digest over HTTP: strong `ETag`, immutable, ranges, conditions.
+
+use super::problem::{Kind, Problem};
+use super::state::App;
+use crate::store::{Digest, StoreExt, WHOLE};
+use axum::body::Body;
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// The media type of a material.
+pub(crate) const MATERIAL: &str = "application/vnd.wavelume.material";
+
+/// The blob `digest`, or the part, the headers or the 304 that `headers` ask for.
+pub(crate) async fn respond(
+    app: &App,
+    digest: Digest,
+    media_type: &'static str,
+    file_name: Option<&str>,
+    method: &Method,
+    headers: &HeaderMap,
+) -> Result<Response, Problem> {
+    let store = Arc::clone(&app.engine.archive.store);
+    let size = store.size(digest).await?.ok_or(crate::store::StoreError::NotFound(digest))?;
+    let etag = format!("\"{digest}\"");
+    let mut response = if not_modified(headers, &etag) {
+        StatusCode::NOT_MODIFIED.into_response()
+    } else {
+        let part = if current(headers, &etag) { part(headers, size) } else { Part::Whole };
+        let (status, range) = match part {
+            Part::Whole => (StatusCode::OK, 0..size),
+            Part::Some(range) => (StatusCode::PARTIAL_CONTENT, range),
+            Part::None => {
+                let problem = Problem::new(Kind::RangeNotSatisfiable, format!("the content has {size} bytes"));
+                return Err(problem.with(header::CONTENT_RANGE, &format!("bytes */{size}")));
+            }
+        };
+        let body = if method == Method::HEAD {
+            Body::empty()
+        } else if size <= WHOLE {
+            Body::from(store.get(digest).await?.slice(range.start as usize..range.end as usize))
+        } else {
+            Body::from_stream(store.stream(digest, range.clone(), size))
+        };
+        let mut response = (status, body).into_response();
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_LENGTH, HeaderValue::from(range.end - range.start));
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type));
+        if status == StatusCode::PARTIAL_CONTENT {
+            let text = format!("bytes {}-{}/{size}", range.start, range.end - 1);
+            headers.extend(HeaderValue::from_str(&text).ok().map(|value| (header::CONTENT_RANGE, value)));
+        }
+        // Uploaded bytes are never shown as a page of this origin.
+        headers.insert(header::CONTENT_DISPOSITION, disposition(file_name));
+        response
+    };
+    let headers = response.headers_mut();
+    headers.extend(HeaderValue::from_str(&etag).ok().map(|value| (header::ETAG, value)));
+    headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("public, max-age=31536000, immutable"));
+    Ok(response)
+}
+
+#[derive(Debug, PartialEq, Eq)]
+enum Part {
+    Whole,
+    Some(Range<u64>),
+    None,
+}
+
+/// RFC 9110 section 14: one range is served; several, another unit or nonsense are answered with the whole.
+fn part(headers: &HeaderMap, size: u64) -> Part {
+    let Some(text) = headers.get(header::RANGE).and_then(|value| value.to_str().ok()) else { return Part::Whole };
+    let Some((unit, set)) = text.split_once('=') else { return Part::Whole };
+    if !unit.trim().eq_ignore_ascii_case("bytes") || set.contains(',') {
+        return Part::Whole;
+    }
+    let Some((first, last)) = set.trim().split_once('-') else { return Part::Whole };
+    let digits = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    let number = |text: &str| text.parse::<u64>().unwrap_or(u64::MAX);
+    match (first, last) {
+        ("", last) if digits(last) => match number(last).min(size) {
+            0 => Part::None,
+            suffix => Part::Some(size - suffix..size),
+        },
+        (first, "") if digits(first) => {
+            let first = number(first);
+            if first < size { Part::Some(first..size) } else { Part::None }
+        }
+        (first, last) if digits(first) && digits(last) => {
+            let (first, last) = (number(first), number(last));
+            if last < first {
+                Part::Whole
+            } else if first < size {
+                Part::Some(first..last.saturating_add(1).min(size))
+            } else {
+                Part::None
+            }
+        }
+        _ => Part::Whole,
+    }
+}
+
+/// Whether `If-Range`, if there is one, names these bytes. A date never does: there are none to compare with.
+fn current(headers: &HeaderMap, etag: &str) -> bool {
+    headers.get(header::IF_RANGE).is_none_or(|value| value == etag)
+}
+
+/// Whether `If-None-Match` names these bytes (weak comparison).
+fn not_modified(headers: &HeaderMap, etag: &str) -> bool {
+    headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok()).any(|text| {
+        text.split(',').map(str::trim).any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag) == etag)
+    })
+}
+
+fn disposition(file_name: Option<&str>) -> HeaderValue {
+    let plain = HeaderValue::from_static("attachment");
+    let Some(name) = file_name else { return plain };
+    // RFC 8187: anything but unreserved ASCII is percent-encoded.
+    let encoded: String = name
+        .bytes()
+        .map(|b| match b {
+            b'.' | b'-' | b'_' => char::from(b).to_string(),
+            b if b.is_ascii_alphanumeric() => char::from(b).to_string(),
+            b => format!("%{b:02X}"),
+        })
+        .collect();
+    HeaderValue::from_str(&format!("attachment; filename*=UTF-8''{encoded}")).unwrap_or(plain)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with(name: header::HeaderName, value: &'static str) -> HeaderMap {
+        HeaderMap::from_iter([(name, HeaderValue::from_static(value))])
+    }
+
+    #[test]
+    fn ranges_are_read_as_the_standard_says() {
+        let range = |value| part(&with(header::RANGE, value), 100);
+        for (value, expected) in [
+            ("bytes=0-9", Part::Some(0..10)),
+            ("bytes=90-", Part::Some(90..100)),
+            ("bytes=90-1000", Part::Some(90..100)),
+            ("bytes=-10", Part::Some(90..100)),
+            ("bytes=-1000", Part::Some(0..100)),
+            ("bytes=99-99999999999999999999999", Part::Some(99..100)),
+            ("bytes=100-", Part::None),
+            ("bytes=100-200", Part::None),
+            ("bytes=-0", Part::None),
+            ("bytes=9-0", Part::Whole),
+            ("bytes=0-1,5-6", Part::Whole),
+            ("lines=0-9", Part::Whole),
+            ("bytes=a-b", Part::Whole),
+            ("bytes=-", Part::Whole),
+            ("bytes", Part::Whole),
+        ] {
+            assert_eq!(range(value), expected, "{value}");
+        }
+        assert_eq!(part(&with(header::RANGE, "bytes=0-"), 0), Part::None);
+        assert_eq!(part(&HeaderMap::new(), 100), Part::Whole);
+    }
+
+    #[test]
+    fn conditions_compare_the_digest() {
+        let tag = "\"b3-1\"";
+        for (value, expected) in
+            [("\"b3-1\"", true), ("W/\"b3-1\"", true), ("\"x\", \"b3-1\"", true), ("*", true), ("\"x\"", false)]
+        {
+            assert_eq!(not_modified(&with(header::IF_NONE_MATCH, value), tag), expected, "{value}");
+        }
+        assert!(current(&HeaderMap::new(), tag) && current(&with(header::IF_RANGE, "\"b3-1\""), tag));
+        assert!(!current(&with(header::IF_RANGE, "Wed, 21 Oct 2026 07:28:00 GMT"), tag));
+    }
+
+    #[test]
+    fn file_names_cannot_break_the_header() {
+        assert_eq!(disposition(Some("a \"b\"\r\n.ies")), "attachment; filename*=UTF-8''a%20%22b%22%0D%0A.ies");
+    }
+}

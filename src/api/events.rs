@@ -1,0 +1,72 @@
+//! `/v1/jobs/{id}/events`: what happens to a job, as server-sent events.
+
+use super::extract::JobId;
+use super::jobs::{Job, change, find};
+use super::problem::Problem;
+use super::state::App;
+use crate::catalog::JobState;
+use axum::extract::State;
+use axum::response::sse::{Event, KeepAlive, Sse};
+use futures::Stream;
+use std::convert::Infallible;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::broadcast::Receiver;
+
+/// A line now and then keeps proxies from ending a quiet stream.
+const KEEP_ALIVE: Duration = Duration::from_secs(10);
+
+/// What was told last.
+struct Told {
+    app: App,
+    id: String,
+    changes: Receiver<Arc<str>>,
+    state: Option<JobState>,
+    progress: f64,
+}
+
+/// Follow a job: `state` events hold the job, `progress` events its progress; the stream ends with the final state.
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}/events", tag = "jobs", params(("id" = String, Path, description = "Its id")),
+    responses((status = 200, description = "Server-sent events", body = String, content_type = "text/event-stream"))
+)]
+pub(super) async fn get_events(
+    State(app): State<App>,
+    JobId(id): JobId,
+) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Problem> {
+    // Listening begins before the first look: nothing falls between.
+    let changes = app.engine.hub.listen();
+    find(&app, &id).await?;
+    let told = Told { app, id, changes, state: None, progress: 0.0 };
+    let events = futures::stream::unfold(Some(told), |told| async move { next(told?).await });
+    Ok(Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)))
+}
+
+async fn next(mut told: Told) -> Option<(Result<Event, Infallible>, Option<Told>)> {
+    loop {
+        if told.app.stop.is_cancelled() {
+            return None;
+        }
+        // A client that loses the stream asks again; a database that is busy is asked again.
+        if let Ok(row) = find(&told.app, &told.id).await {
+            let (state, progress) = (row.state, row.progress);
+            if told.state != Some(state) {
+                told.state = Some(state);
+                told.progress = progress;
+                let event = Event::default().event("state").json_data(Job::of(row)).unwrap_or_default();
+                return Some((Ok(event), (!state.is_final()).then_some(told)));
+            }
+            if progress != told.progress {
+                told.progress = progress;
+                let data = serde_json::json!({ "progress": progress });
+                let event = Event::default().event("progress").json_data(data).unwrap_or_default();
+                return Some((Ok(event), Some(told)));
+            }
+        }
+        let stop = told.app.stop.clone();
+        tokio::select! {
+            () = stop.cancelled() => return None,
+            () = change(&mut told.changes, &told.id) => {}
+        }
+    }
+}

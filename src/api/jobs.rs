@@ -1,0 +1,313 @@
+//! `/v1/jobs`: work that outlives a request.
+
+use super::extract::{JobId, Json as Body};
+use super::problem::{Kind, Problem, ProblemBody};
+use super::state::App;
+use crate::catalog::{Enqueued, JobRow, JobState};
+use crate::jobs::{CompressRequest, JobProblem};
+use crate::store::Digest;
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use std::time::Duration;
+use tokio::sync::broadcast::error::RecvError;
+use utoipa::ToSchema;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+/// The routes of this resource.
+pub(crate) fn routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(post))
+        .routes(routes!(get))
+        .routes(routes!(super::events::get_events))
+        .routes(routes!(cancel))
+}
+
+/// The longest that a client may wait for a job in one request.
+const LONGEST_WAIT: u64 = 60;
+
+/// How often a job of another process is looked at.
+pub(super) const LOOK: Duration = Duration::from_secs(1);
+
+/// A wish to compress, in the command line's names.
+#[derive(ToSchema)]
+#[schema(as = CompressRequest)]
+#[allow(dead_code, reason = "describes jobs::CompressRequest, whose types know nothing of OpenAPI")]
+struct RequestSchema {
+    /// `compress`, which is also what is done if nothing is said.
+    #[schema(nullable = false)]
+    kind: Option<String>,
+    /// The id of the measurement.
+    measurement: String,
+    /// The promise: one of `{"er_l2": 0.01}`, `{"max_relative_error": 0.02}`, `{"ratio": 64}`, `{"bytes": 4096}`, `"lossless"`.
+    #[schema(value_type = Value, example = json!({"er_l2": 0.01}))]
+    target: serde_json::Value,
+    /// `rd` or `conventional`.
+    #[schema(nullable = false)]
+    policy: Option<String>,
+    /// The spectral basis, or `auto`.
+    #[schema(nullable = false)]
+    basis: Option<String>,
+    /// Relative floor.
+    floor: Option<f64>,
+    /// Subdivision level of the incoming triangles.
+    incoming_level: Option<u8>,
+    /// Subdivision level of the outgoing triangles.
+    outgoing_level: Option<u8>,
+    /// `START:STOP:STEP` in nm.
+    wavelengths: Option<String>,
+    /// The axes of an array, as its manifest would say.
+    #[schema(value_type = Option<Value>)]
+    axes: Option<serde_json::Value>,
+    /// The quantity, where the file does not say.
+    quantity: Option<String>,
+    /// Whether the file carries its provenance.
+    #[schema(nullable = false)]
+    metadata: Option<bool>,
+    /// What to call the material.
+    name: Option<String>,
+    /// Under which licence it is.
+    licence: Option<String>,
+    /// Tags to find it by.
+    #[schema(nullable = false)]
+    tags: Option<Vec<String>>,
+}
+
+/// A job.
+#[derive(Debug, Serialize, ToSchema)]
+pub(super) struct Job {
+    id: String,
+    /// queued, running, succeeded, failed, dead or cancelled.
+    state: &'static str,
+    /// 0 to 1.
+    progress: f64,
+    /// What it reads.
+    #[schema(value_type = String)]
+    measurement: Digest,
+    /// What it made.
+    #[schema(value_type = Option<String>)]
+    material: Option<Digest>,
+    /// Why it failed or died.
+    problem: Option<ProblemBody>,
+    /// How often it was begun.
+    attempts: u32,
+    /// When it came, ms of the Unix epoch.
+    created_ms: i64,
+    /// When its state changed last, ms of the Unix epoch.
+    updated_ms: i64,
+    links: Links,
+}
+
+/// Where to go from a job.
+#[derive(Debug, Serialize, ToSchema)]
+struct Links {
+    #[serde(rename = "self")]
+    this: String,
+    events: String,
+    cancel: String,
+    material: Option<String>,
+}
+
+/// Queue a job.
+#[utoipa::path(
+    post, path = "/v1/jobs", tag = "jobs", request_body = RequestSchema,
+    params(
+        ("Idempotency-Key" = Option<String>, Header, description = "The same key and body are the same job for a day"),
+        ("Prefer" = Option<String>, Header, description = "`wait=N`: wait up to N (at most 60) seconds for the end"),
+    ),
+    responses(
+        (status = 202, description = "It waits or runs", body = Job, headers(("Location" = String, description = "The job"))),
+        (status = 200, description = "It has ended", body = Job, headers(("Location" = String, description = "The job"))),
+    )
+)]
+async fn post(
+    State(app): State<App>,
+    headers: HeaderMap,
+    Body(request): Body<CompressRequest>,
+) -> Result<Response, Problem> {
+    request.check().map_err(|detail| Problem::new(Kind::InvalidRequest, detail))?;
+    let wait = wait(&headers);
+    let key = idempotency_key(&headers)?;
+    let measurement = request.measurement;
+    // The body's meaning, not its white space, is what must be the same.
+    let meaning = serde_json::to_vec(&request).map_err(|error| Problem::internal(&error))?;
+    let enqueued = app.engine.enqueue(&request, key.map(|key| (key, Digest::of(&meaning)))).await?;
+    let (mut row, new) = match enqueued {
+        Enqueued::New(row) => (row, true),
+        Enqueued::Known(row) => (row, false),
+        Enqueued::KeyTaken => {
+            return Err(Problem::new(Kind::KeyReused, "the Idempotency-Key came with another body before"));
+        }
+        Enqueued::NoMeasurement => {
+            let detail = format!("measurement: there is no measurement {measurement}");
+            return Err(Problem::new(Kind::InvalidRequest, detail));
+        }
+        Enqueued::Full => {
+            let detail = format!("{} jobs are waiting already", app.engine.limits.queued_jobs);
+            return Err(Problem::new(Kind::TooManyJobs, detail));
+        }
+    };
+    if new {
+        tracing::info!(job = row.id, %measurement, "job queued");
+    }
+    if let Some(seconds) = wait {
+        row = until_final(&app, row, Duration::from_secs(seconds)).await?;
+    }
+    let ended = row.state.is_final();
+    let status = if ended { StatusCode::OK } else { StatusCode::ACCEPTED };
+    let job = Job::of(row);
+    let location = HeaderValue::from_str(&job.links.this).ok();
+    let mut response = (status, Json(job)).into_response();
+    let headers = response.headers_mut();
+    headers.extend(location.map(|value| (header::LOCATION, value)));
+    if let Some(seconds) = wait {
+        let applied = HeaderValue::from_str(&format!("wait={seconds}")).ok();
+        headers.extend(applied.map(|value| (HeaderName::from_static("preference-applied"), value)));
+    }
+    Ok(response)
+}
+
+/// How a job is doing.
+#[utoipa::path(
+    get, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = String, Path, description = "Its id")),
+    responses((status = 200, description = "The job", body = Job))
+)]
+async fn get(State(app): State<App>, JobId(id): JobId) -> Result<Json<Job>, Problem> {
+    Ok(Json(Job::of(find(&app, &id).await?)))
+}
+
+/// Ask a job to stop.
+#[utoipa::path(
+    post, path = "/v1/jobs/{id}/cancel", tag = "jobs", params(("id" = String, Path, description = "Its id")),
+    responses(
+        (status = 200, description = "It is cancelled", body = Job),
+        (status = 202, description = "Its worker was asked", body = Job),
+        (status = 409, description = "It has ended otherwise", body = ProblemBody, content_type = "application/problem+json"),
+    )
+)]
+async fn cancel(State(app): State<App>, JobId(id): JobId) -> Result<Response, Problem> {
+    let row = app.engine.cancel(&id).await?.ok_or_else(|| absent(&id))?;
+    match row.state {
+        JobState::Cancelled => Ok(Json(Job::of(row)).into_response()),
+        JobState::Queued | JobState::Running => Ok((StatusCode::ACCEPTED, Json(Job::of(row))).into_response()),
+        JobState::Succeeded | JobState::Failed | JobState::Dead => {
+            Err(Problem::new(Kind::JobFinished, format!("job {id} has {} already", row.state)))
+        }
+    }
+}
+
+/// The job, as of now.
+pub(super) async fn find(app: &App, id: &str) -> Result<JobRow, Problem> {
+    app.engine.job(id).await?.ok_or_else(|| absent(id))
+}
+
+fn absent(id: &str) -> Problem {
+    Problem::new(Kind::NotFound, format!("there is no job {id}"))
+}
+
+/// Waits for the end of a job, for some time.
+async fn until_final(app: &App, mut row: JobRow, time: Duration) -> Result<JobRow, Problem> {
+    let mut changes = app.engine.hub.listen();
+    let deadline = tokio::time::Instant::now() + time;
+    while !row.state.is_final() {
+        row = find(app, &row.id).await?;
+        if row.state.is_final() {
+            break;
+        }
+        tokio::select! {
+            () = tokio::time::sleep_until(deadline) => break,
+            () = app.stop.cancelled() => break,
+            () = change(&mut changes, &row.id) => {}
+        }
+    }
+    Ok(row)
+}
+
+/// Waits until something about the job may be new.
+pub(super) async fn change(changes: &mut tokio::sync::broadcast::Receiver<std::sync::Arc<str>>, id: &str) {
+    let told = async {
+        loop {
+            match changes.recv().await {
+                Ok(job) if *job == *id => return,
+                Ok(_) => {}
+                // Some news were missed: this job's may be among them.
+                Err(RecvError::Lagged(_)) => return,
+                Err(RecvError::Closed) => std::future::pending().await,
+            }
+        }
+    };
+    // Jobs of other processes are not told here.
+    let _ = tokio::time::timeout(LOOK, told).await;
+}
+
+/// RFC 7240: `wait=N` among the preferences; what is not understood is not preferred.
+fn wait(headers: &HeaderMap) -> Option<u64> {
+    headers
+        .get_all("prefer")
+        .iter()
+        .filter_map(|value| value.to_str().ok())
+        .flat_map(|text| text.split([',', ';']))
+        .find_map(|preference| {
+            let (name, value) = preference.split_once('=')?;
+            name.trim().eq_ignore_ascii_case("wait").then_some(())?;
+            value.trim().trim_matches('"').parse::<u64>().ok()
+        })
+        .map(|seconds| seconds.min(LONGEST_WAIT))
+}
+
+fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
+    let Some(value) = headers.get("idempotency-key") else { return Ok(None) };
+    let key = value.to_str().unwrap_or_default().trim();
+    if key.is_empty() || key.len() > 255 {
+        return Err(Problem::new(Kind::BadHeader, "Idempotency-Key: expected 1 to 255 visible ASCII characters"));
+    }
+    Ok(Some(key.to_owned()))
+}
+
+impl Job {
+    pub(super) fn of(row: JobRow) -> Self {
+        let this = format!("/v1/jobs/{}", row.id);
+        // A problem of an attempt that is made again is not the job's.
+        let problem = match row.state {
+            JobState::Failed | JobState::Dead => row.problem.as_deref(),
+            JobState::Queued | JobState::Running | JobState::Succeeded | JobState::Cancelled => None,
+        };
+        Self {
+            links: Links {
+                events: format!("{this}/events"),
+                cancel: format!("{this}/cancel"),
+                material: row.material.map(|id| format!("/v1/materials/{id}")),
+                this,
+            },
+            id: row.id,
+            state: row.state.name(),
+            progress: row.progress,
+            measurement: row.measurement,
+            material: row.material,
+            problem: problem.map(|text| Problem::from(JobProblem::from_json(text)).body()),
+            attempts: row.attempts,
+            created_ms: row.created_ms,
+            updated_ms: row.updated_ms,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn waits_are_found_among_preferences_and_capped() {
+        let prefer = |text: &'static str| {
+            wait(&HeaderMap::from_iter([(HeaderName::from_static("prefer"), HeaderValue::from_static(text))]))
+        };
+        assert_eq!(prefer("wait=5"), Some(5));
+        assert_eq!(prefer("respond-async, Wait = \"7\""), Some(7));
+        assert_eq!(prefer("wait=9999"), Some(60));
+        assert_eq!(prefer("wait=soon"), None);
+        assert_eq!(prefer("return=minimal"), None);
+    }
+}

@@ -1,0 +1,249 @@
+//! `/v1/materials` and `/v1/blobs`: compressed materials, their manifests and their bytes.
+
+use super::content::{self, MATERIAL};
+use super::extract::{Id, Query};
+use super::measurements::{deleted, page};
+use super::problem::{Kind, Problem};
+use super::state::App;
+use crate::catalog::{MaterialFilter, MaterialRow};
+use crate::domain::Quantity;
+use crate::store::Digest;
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderMap, Method, StatusCode};
+use axum::response::Response;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use utoipa::{IntoParams, ToSchema};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+/// The routes of this resource.
+pub(crate) fn routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(list))
+        .routes(routes!(get, delete))
+        .routes(routes!(get_content))
+        .routes(routes!(get_blob))
+}
+
+/// Which materials to list.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct ListQuery {
+    /// `next` of an earlier answer.
+    cursor: Option<String>,
+    /// How many at most, 1 to 1000; 50 if nothing is said.
+    limit: Option<usize>,
+    /// Of this quantity.
+    #[param(value_type = Option<String>)]
+    quantity: Option<Quantity>,
+    /// Made of this measurement.
+    #[param(value_type = Option<String>)]
+    measurement: Option<Digest>,
+    /// With this tag.
+    tag: Option<String>,
+    /// With this in name or tags.
+    q: Option<String>,
+}
+
+/// A material: what it is, how good it is, where it comes from.
+#[derive(Debug, Serialize, ToSchema)]
+struct Material {
+    /// The digest of the file.
+    #[schema(value_type = String)]
+    id: Digest,
+    name: Option<String>,
+    tags: Vec<String>,
+    /// The measurements it was made of; several if they gave equal bytes.
+    #[schema(value_type = Vec<String>)]
+    measurements: Vec<Digest>,
+    #[serde(flatten)]
+    manifest: Manifest,
+    /// When it came, ms of the Unix epoch.
+    created_ms: i64,
+    links: Links,
+}
+
+/// What was achieved, in the names of `wavelume compress --json`.
+#[derive(Debug, Serialize, Deserialize, ToSchema)]
+struct Manifest {
+    /// The digest of the file without its metadata chunk: equal for equal decoded samples of equal settings.
+    payload_digest: String,
+    licence: Option<String>,
+    /// The format of the measurement.
+    format: String,
+    dialect: String,
+    quantity: String,
+    unit: String,
+    /// For people, outermost first.
+    axes: Vec<String>,
+    policy: String,
+    basis: String,
+    /// The size of the file.
+    bytes: u64,
+    kept_coefficients: Option<u64>,
+    /// Samples per kept coefficient.
+    ratio_coefficients: Option<f64>,
+    /// Bytes of the float32 tensor per byte of the file.
+    ratio_bytes: Option<f64>,
+    samples: u64,
+    er_l1: Option<f64>,
+    er_l2: Option<f64>,
+    max_relative_error: Option<f64>,
+    relative_rmse: Option<f64>,
+    max_absolute_error: Option<f64>,
+    scored_samples: u64,
+    zero_samples: u64,
+    negative_samples: u64,
+    below_floor_samples: u64,
+    masked_samples: u64,
+    max_absolute_error_unscored: Option<f64>,
+    mask_mismatches: u64,
+    /// The same errors at the samples of the file, where projection changed them.
+    #[schema(value_type = Option<Object>)]
+    errors_at_samples: Option<Value>,
+    /// What the cells of the projection stand on.
+    #[schema(value_type = Object)]
+    coverage: Value,
+    /// Everything the parser assumed, filled or skipped.
+    #[schema(value_type = Vec<Object>)]
+    notes: Vec<Value>,
+    /// The measurement, its options, the request and the program.
+    #[schema(value_type = Object)]
+    provenance: Value,
+}
+
+/// Where to go from a material.
+#[derive(Debug, Serialize, ToSchema)]
+struct Links {
+    #[serde(rename = "self")]
+    this: String,
+    content: String,
+    blob: String,
+    spectrum: String,
+    evaluate: String,
+    pdf: String,
+    sample: String,
+    export: String,
+    measurements: Vec<String>,
+}
+
+/// A page of materials.
+#[derive(Debug, Serialize, ToSchema)]
+struct MaterialPage {
+    items: Vec<Material>,
+    /// The cursor of the next page; null on the last.
+    next: Option<String>,
+}
+
+/// List materials, newest first.
+#[utoipa::path(
+    get, path = "/v1/materials", tag = "materials", params(ListQuery),
+    responses((status = 200, description = "A page", body = MaterialPage))
+)]
+async fn list(State(app): State<App>, Query(query): Query<ListQuery>) -> Result<Json<MaterialPage>, Problem> {
+    let (cursor, limit) = page(query.cursor.as_deref(), query.limit)?;
+    let filter =
+        MaterialFilter { quantity: query.quantity, measurement: query.measurement, tag: query.tag, q: query.q };
+    let page = app.engine.archive.catalog.materials(&filter, cursor, limit).await?;
+    let items = page.items.into_iter().map(Material::of).collect::<Result<_, _>>()?;
+    Ok(Json(MaterialPage { items, next: page.next.map(|cursor| cursor.to_string()) }))
+}
+
+/// The manifest of a material.
+#[utoipa::path(
+    get, path = "/v1/materials/{id}", tag = "materials", params(("id" = String, Path, description = "Its id")),
+    responses((status = 200, description = "The manifest", body = Material))
+)]
+async fn get(State(app): State<App>, Id(id): Id) -> Result<Json<Material>, Problem> {
+    Material::of(row(&app, id).await?).map(Json)
+}
+
+/// Forget a material; its bytes go with the next sweep.
+#[utoipa::path(
+    delete, path = "/v1/materials/{id}", tag = "materials", params(("id" = String, Path, description = "Its id")),
+    responses((status = 204, description = "Gone"))
+)]
+async fn delete(State(app): State<App>, Id(id): Id) -> Result<StatusCode, Problem> {
+    let status = deleted(app.engine.archive.catalog.delete_material(id).await?, &absent(id))?;
+    app.engine.close_material(id).await;
+    Ok(status)
+}
+
+/// The container.
+#[utoipa::path(
+    get, path = "/v1/materials/{id}/content", tag = "materials", params(("id" = String, Path, description = "Its id")),
+    responses(
+        (status = 200, description = "The file", body = String, content_type = "application/vnd.wavelume.material"),
+        (status = 206, description = "A range of it", body = String, content_type = "application/vnd.wavelume.material"),
+        (status = 304, description = "Unchanged"),
+    )
+)]
+async fn get_content(
+    State(app): State<App>,
+    method: Method,
+    headers: HeaderMap,
+    Id(id): Id,
+) -> Result<Response, Problem> {
+    let row = row(&app, id).await?;
+    let name = format!("{}.wlm", row.name.as_deref().unwrap_or(&id.to_string()[..15]));
+    content::respond(&app, id, MATERIAL, Some(&name), &method, &headers).await
+}
+
+/// Bytes by their digest: a material's file or a measurement's content.
+#[utoipa::path(
+    get, path = "/v1/blobs/{digest}", tag = "materials", params(("digest" = String, Path, description = "Their digest")),
+    responses(
+        (status = 200, description = "The bytes", body = String, content_type = "application/octet-stream"),
+        (status = 206, description = "A range of them", body = String, content_type = "application/octet-stream"),
+        (status = 304, description = "Unchanged"),
+    )
+)]
+async fn get_blob(
+    State(app): State<App>,
+    method: Method,
+    headers: HeaderMap,
+    Id(digest): Id,
+) -> Result<Response, Problem> {
+    let is_material = app.engine.archive.catalog.material(digest).await?.is_some();
+    let media_type = if is_material { MATERIAL } else { "application/octet-stream" };
+    content::respond(&app, digest, media_type, None, &method, &headers).await
+}
+
+async fn row(app: &App, id: Digest) -> Result<MaterialRow, Problem> {
+    let row = app.engine.archive.catalog.material(id).await?;
+    row.ok_or_else(|| Problem::new(Kind::NotFound, absent(id)))
+}
+
+pub(super) fn absent(id: Digest) -> String {
+    format!("there is no material {id}")
+}
+
+impl Material {
+    fn of(row: MaterialRow) -> Result<Self, Problem> {
+        let manifest = serde_json::from_str(&row.document)
+            .map_err(|error| Problem::internal(&format!("manifest of material {}: {error}", row.id)))?;
+        let this = format!("/v1/materials/{}", row.id);
+        Ok(Self {
+            links: Links {
+                content: format!("{this}/content"),
+                blob: format!("/v1/blobs/{}", row.id),
+                spectrum: format!("{this}/spectrum"),
+                evaluate: format!("{this}/evaluate"),
+                pdf: format!("{this}/pdf"),
+                sample: format!("{this}/sample"),
+                export: format!("{this}/export?format=npy"),
+                measurements: row.measurements.iter().map(|id| format!("/v1/measurements/{id}")).collect(),
+                this,
+            },
+            id: row.id,
+            name: row.name,
+            tags: row.tags,
+            measurements: row.measurements,
+            manifest,
+            created_ms: row.created_ms,
+        })
+    }
+}

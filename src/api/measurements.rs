@@ -1,0 +1,302 @@
+//! `/v1/measurements`: uploads and what was understood of them.
+
+use super::content;
+use super::extract::{Id, Query, linger};
+use super::problem::{Kind, Problem};
+use super::state::App;
+use super::upload;
+use crate::catalog::{Cursor, Deleted, MeasurementFilter, MeasurementRow};
+use crate::domain::{Quantity, Unit};
+use crate::jobs::{Options, Upload, check_text};
+use crate::store::Digest;
+use axum::Json;
+use axum::body::Body;
+use axum::extract::{FromRequestParts, Request, State};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use utoipa::{IntoParams, ToSchema};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+/// The routes of this resource.
+pub(crate) fn routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new().routes(routes!(post, list)).routes(routes!(get, delete)).routes(routes!(get_content))
+}
+
+/// What the client says about the bytes.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct PostQuery {
+    /// What the file is called.
+    filename: Option<String>,
+    /// What to call the measurement.
+    name: Option<String>,
+    /// The id of an uploaded spectrum to join with a luminaire.
+    #[param(value_type = Option<String>)]
+    spectrum: Option<Digest>,
+    /// The quantity, where the file does not say.
+    #[param(value_type = Option<String>)]
+    quantity: Option<Quantity>,
+    /// The unit of a value.
+    #[param(value_type = Option<String>)]
+    unit: Option<Unit>,
+    /// The unit of wavelengths: `nm`, `um`, `angstrom` or `1/cm`.
+    wavelength_unit: Option<String>,
+    /// The column of a table, by name or by number from 1.
+    column: Option<String>,
+}
+
+/// Which measurements to list.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct ListQuery {
+    /// `next` of an earlier answer.
+    cursor: Option<String>,
+    /// How many at most, 1 to 1000; 50 if nothing is said.
+    limit: Option<usize>,
+    /// Of this quantity.
+    #[param(value_type = Option<String>)]
+    quantity: Option<Quantity>,
+    /// Of this format.
+    format: Option<String>,
+    /// With this in name, file name or format.
+    q: Option<String>,
+}
+
+/// A measurement.
+#[derive(Debug, Serialize, ToSchema)]
+struct Measurement {
+    /// The digest of the bytes; with options, the digest of both.
+    #[schema(value_type = String)]
+    id: Digest,
+    /// The digest of the bytes.
+    #[schema(value_type = String)]
+    content_digest: Digest,
+    name: Option<String>,
+    file_name: Option<String>,
+    /// The size of the bytes.
+    bytes: u64,
+    #[serde(flatten)]
+    understood: Understood,
+    /// When it came, ms of the Unix epoch.
+    created_ms: i64,
+    links: Links,
+}
+
+/// What was understood of the bytes.
+#[derive(Debug, Serialize, Deserialize, ToSchema)]
+struct Understood {
+    /// The name of the format.
+    format: String,
+    /// Its revision and flavour.
+    dialect: Option<String>,
+    /// The quantity, once it is known.
+    quantity: Option<String>,
+    /// The unit of a value, once it is known.
+    unit: Option<String>,
+    /// Each with `kind`, `count` and what belongs to the kind.
+    #[schema(value_type = Vec<Object>)]
+    axes: Vec<Value>,
+    /// Values in the file.
+    samples: Option<u64>,
+    /// The smallest and the largest value.
+    range: Option<[f64; 2]>,
+    /// What the values cover, and what holds outside.
+    #[schema(value_type = Option<Object>)]
+    coverage: Option<Value>,
+    /// Everything assumed, filled, skipped or odd: `kind` and `message`.
+    #[schema(value_type = Vec<Object>)]
+    warnings: Vec<Value>,
+    /// Header fields of the file: `name` and `value`.
+    #[schema(value_type = Vec<Object>)]
+    fields: Vec<Value>,
+    /// What must still be said, here or in the job, before the file can be compressed; empty if nothing.
+    needs: Vec<String>,
+    /// How the client said the bytes are to be read.
+    #[schema(value_type = Object)]
+    options: Value,
+}
+
+/// Where to go from a measurement.
+#[derive(Debug, Serialize, ToSchema)]
+struct Links {
+    #[serde(rename = "self")]
+    this: String,
+    content: String,
+    materials: String,
+}
+
+/// A page of measurements.
+#[derive(Debug, Serialize, ToSchema)]
+struct MeasurementPage {
+    items: Vec<Measurement>,
+    /// The cursor of the next page; null on the last.
+    next: Option<String>,
+}
+
+/// Upload a measurement of any supported format.
+#[utoipa::path(
+    post, path = "/v1/measurements", tag = "measurements", params(PostQuery),
+    request_body(content = String, content_type = "application/octet-stream",
+        description = "The bytes of the file; `Content-Encoding: gzip` and `zstd` are decoded, `Content-Type` is ignored"),
+    responses(
+        (status = 201, description = "New", body = Measurement, headers(("Location" = String, description = "The measurement"))),
+        (status = 200, description = "Known already", body = Measurement),
+    )
+)]
+async fn post(State(app): State<App>, request: Request) -> Result<Response, Problem> {
+    let (mut parts, body) = request.into_parts();
+    let upload = match Query::from_request_parts(&mut parts, &app).await.and_then(|Query(query)| said(query)) {
+        Ok(upload) => upload,
+        Err(problem) => {
+            linger(body).await;
+            return Err(problem);
+        }
+    };
+    post_bytes(&app, &parts.headers, body, upload).await
+}
+
+async fn post_bytes(app: &App, headers: &HeaderMap, body: Body, upload: Upload) -> Result<Response, Problem> {
+    let start = std::time::Instant::now();
+    let staged = upload::receive(app, headers, body).await?;
+    let bytes = staged.bytes();
+    let (row, new) = app.engine.ingest(staged, upload).await?;
+    metrics::counter!("wavelume_uploaded_bytes_total").increment(bytes);
+    let duration_ms = start.elapsed().as_millis() as u64;
+    tracing::info!(measurement = %row.id, bytes, new, duration_ms, "measurement uploaded");
+    let status = if new { StatusCode::CREATED } else { StatusCode::OK };
+    let measurement = Measurement::of(row)?;
+    let location = HeaderValue::from_str(&measurement.links.this).ok();
+    let mut response = (status, Json(measurement)).into_response();
+    response.headers_mut().extend(location.map(|value| (header::LOCATION, value)));
+    Ok(response)
+}
+
+fn said(query: PostQuery) -> Result<Upload, Problem> {
+    let words = [
+        ("filename", &query.filename),
+        ("name", &query.name),
+        ("wavelength_unit", &query.wavelength_unit),
+        ("column", &query.column),
+    ];
+    for (what, text) in words {
+        if let Some(text) = text {
+            check_text(what, text).map_err(|detail| Problem::new(Kind::BadQuery, detail))?;
+        }
+    }
+    Ok(Upload {
+        file_name: query.filename,
+        name: query.name,
+        options: Options {
+            spectrum: query.spectrum,
+            quantity: query.quantity,
+            unit: query.unit,
+            wavelength_unit: query.wavelength_unit,
+            column: query.column,
+        },
+    })
+}
+
+/// List measurements, newest first.
+#[utoipa::path(
+    get, path = "/v1/measurements", tag = "measurements", params(ListQuery),
+    responses((status = 200, description = "A page", body = MeasurementPage))
+)]
+async fn list(State(app): State<App>, Query(query): Query<ListQuery>) -> Result<Json<MeasurementPage>, Problem> {
+    let (cursor, limit) = page(query.cursor.as_deref(), query.limit)?;
+    let filter = MeasurementFilter { quantity: query.quantity, format: query.format, q: query.q };
+    let page = app.engine.archive.catalog.measurements(&filter, cursor, limit).await?;
+    let items = page.items.into_iter().map(Measurement::of).collect::<Result<_, _>>()?;
+    Ok(Json(MeasurementPage { items, next: page.next.map(|cursor| cursor.to_string()) }))
+}
+
+/// What is known of a measurement.
+#[utoipa::path(
+    get, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = String, Path, description = "Its id")),
+    responses((status = 200, description = "The measurement", body = Measurement))
+)]
+async fn get(State(app): State<App>, Id(id): Id) -> Result<Json<Measurement>, Problem> {
+    Measurement::of(row(&app, id).await?).map(Json)
+}
+
+/// Forget a measurement; its bytes go with the next sweep.
+#[utoipa::path(
+    delete, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = String, Path, description = "Its id")),
+    responses((status = 204, description = "Gone"), (status = 409, description = "Something depends on it",
+        body = super::problem::ProblemBody, content_type = "application/problem+json"))
+)]
+async fn delete(State(app): State<App>, Id(id): Id) -> Result<StatusCode, Problem> {
+    deleted(app.engine.archive.catalog.delete_measurement(id).await?, &format!("there is no measurement {id}"))
+}
+
+/// The original bytes, decoded.
+#[utoipa::path(
+    get, path = "/v1/measurements/{id}/content", tag = "measurements",
+    params(("id" = String, Path, description = "Its id")),
+    responses(
+        (status = 200, description = "The bytes", body = String, content_type = "application/octet-stream"),
+        (status = 206, description = "A range of them", body = String, content_type = "application/octet-stream"),
+        (status = 304, description = "Unchanged"),
+    )
+)]
+async fn get_content(
+    State(app): State<App>,
+    method: Method,
+    headers: HeaderMap,
+    Id(id): Id,
+) -> Result<Response, Problem> {
+    let row = row(&app, id).await?;
+    let name = row.file_name.as_deref();
+    content::respond(&app, row.content, "application/octet-stream", name, &method, &headers).await
+}
+
+async fn row(app: &App, id: Digest) -> Result<MeasurementRow, Problem> {
+    let row = app.engine.archive.catalog.measurement(id).await?;
+    row.ok_or_else(|| Problem::new(Kind::NotFound, format!("there is no measurement {id}")))
+}
+
+/// Cursor and limit of a list.
+pub(super) fn page(cursor: Option<&str>, limit: Option<usize>) -> Result<(Option<Cursor>, usize), Problem> {
+    let cursor = cursor.map(str::parse).transpose();
+    let cursor =
+        cursor.map_err(|e: crate::catalog::NotACursor| Problem::new(Kind::BadQuery, format!("cursor: {e}")))?;
+    match limit.unwrap_or(50) {
+        limit @ 1..=1000 => Ok((cursor, limit)),
+        limit => Err(Problem::new(Kind::BadQuery, format!("limit: found {limit}, expected 1 to 1000"))),
+    }
+}
+
+/// The answer to a wish to delete.
+pub(super) fn deleted(deleted: Deleted, absent: &str) -> Result<StatusCode, Problem> {
+    match deleted {
+        Deleted::Done => Ok(StatusCode::NO_CONTENT),
+        Deleted::Absent => Err(Problem::new(Kind::NotFound, absent)),
+        Deleted::InUse(detail) => Err(Problem::new(Kind::InUse, detail)),
+    }
+}
+
+impl Measurement {
+    fn of(row: MeasurementRow) -> Result<Self, Problem> {
+        let understood = serde_json::from_str(&row.document)
+            .map_err(|error| Problem::internal(&format!("document of measurement {}: {error}", row.id)))?;
+        let this = format!("/v1/measurements/{}", row.id);
+        Ok(Self {
+            links: Links {
+                content: format!("{this}/content"),
+                materials: format!("/v1/materials?measurement={}", row.id),
+                this,
+            },
+            id: row.id,
+            content_digest: row.content,
+            name: row.name,
+            file_name: row.file_name,
+            bytes: row.bytes,
+            understood,
+            created_ms: row.created_ms,
+        })
+    }
+}

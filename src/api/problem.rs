@@ -1,0 +1,253 @@
+//! The one place where errors become RFC 9457 problems: a stable `type`, a status, a sentence; internal text goes to the log.
+
+use crate::catalog::CatalogError;
+use crate::evaluate::EvaluateError;
+use crate::formats::FormatErrorKind;
+use crate::jobs::{Code, IngestError, JobProblem, MathsError, OpenError};
+use crate::store::StoreError;
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+/// An error as a client sees it.
+#[derive(Clone, Debug)]
+pub(crate) struct Problem {
+    kind: Kind,
+    detail: String,
+    /// `Content-Range` of a 416, `Allow` of a 405.
+    header: Option<(header::HeaderName, HeaderValue)>,
+}
+
+/// The body of a problem, `application/problem+json`.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Problem)]
+pub(crate) struct ProblemBody {
+    /// `urn:wavelume:problem:` and a stable code.
+    #[serde(rename = "type")]
+    kind: String,
+    /// What the type means.
+    title: &'static str,
+    /// The HTTP status.
+    status: u16,
+    /// What happened here.
+    detail: String,
+}
+
+macro_rules! kinds {
+    ($($(#[$doc:meta])* $variant:ident = $status:ident, $code:literal, $title:literal;)+) => {
+        /// The kinds of problems.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub(crate) enum Kind { $($(#[$doc])* $variant),+ }
+
+        impl Kind {
+            fn status(self) -> StatusCode {
+                match self { $(Self::$variant => StatusCode::$status),+ }
+            }
+            fn code(self) -> &'static str {
+                match self { $(Self::$variant => $code),+ }
+            }
+            fn title(self) -> &'static str {
+                match self { $(Self::$variant => $title),+ }
+            }
+        }
+    };
+}
+
+kinds! {
+    NotFound = NOT_FOUND, "not-found", "There is nothing here";
+    MethodNotAllowed = METHOD_NOT_ALLOWED, "method-not-allowed", "This method is not for this resource";
+    BadQuery = BAD_REQUEST, "bad-query", "The query string is not understood";
+    BadHeader = BAD_REQUEST, "bad-header", "A header is not understood";
+    BadBody = BAD_REQUEST, "bad-body", "The body is not what it says it is";
+    InvalidRequest = UNPROCESSABLE_ENTITY, "invalid-request", "The request is well-formed and asks for what cannot be";
+    UnsupportedMediaType = UNSUPPORTED_MEDIA_TYPE, "unsupported-media-type", "The body is of another media type";
+    UnsupportedEncoding = UNSUPPORTED_MEDIA_TYPE, "unsupported-encoding", "The content coding is not known here";
+    TooLarge = PAYLOAD_TOO_LARGE, "too-large", "The body is larger than the limit";
+    DecompressionRatio = PAYLOAD_TOO_LARGE, "decompression-ratio", "The body decodes to suspiciously much";
+    EmptyBody = UNPROCESSABLE_ENTITY, "empty-body", "There are no bytes";
+    TooSlow = REQUEST_TIMEOUT, "too-slow", "The body did not come in time";
+    CrossOrigin = FORBIDDEN, "cross-origin-write", "Pages of other origins may read, not write";
+    Unrecognised = UNPROCESSABLE_ENTITY, "unrecognised-format", "No known format has bytes like these";
+    Malformed = UNPROCESSABLE_ENTITY, "malformed-measurement", "The file breaks the rules of its format";
+    Unsupported = UNPROCESSABLE_ENTITY, "unsupported-measurement", "The file is valid, but not read here";
+    OverLimit = UNPROCESSABLE_ENTITY, "over-limit", "A size in the file is over a limit";
+    NeedsOption = UNPROCESSABLE_ENTITY, "needs-option", "The file needs an option, or another one";
+    Spectrum = UNPROCESSABLE_ENTITY, "unreadable-spectrum", "The spectrum to join is none";
+    UnfitAxes = UNPROCESSABLE_ENTITY, "unfit-axes", "The measurement does not fit the axes";
+    BadSetting = UNPROCESSABLE_ENTITY, "bad-setting", "A setting is out of its range";
+    UnreachableTarget = UNPROCESSABLE_ENTITY, "unreachable-target", "No file meets the target";
+    UnfitQuery = UNPROCESSABLE_ENTITY, "unfit-query", "The query does not fit the material";
+    NotAvailable = UNPROCESSABLE_ENTITY, "not-available", "This is not available yet";
+    InUse = CONFLICT, "in-use", "Something depends on it";
+    JobFinished = CONFLICT, "job-finished", "The job has ended already";
+    KeyReused = UNPROCESSABLE_ENTITY, "idempotency-key-reused", "The idempotency key was used with another body";
+    RangeNotSatisfiable = RANGE_NOT_SATISFIABLE, "range-not-satisfiable", "The range is outside the content";
+    TooManyJobs = TOO_MANY_REQUESTS, "too-many-jobs", "Too many jobs are waiting";
+    Overloaded = SERVICE_UNAVAILABLE, "overloaded", "Too much is going on; try again soon";
+    Unavailable = SERVICE_UNAVAILABLE, "unavailable", "Disk or database did not answer; try again soon";
+    WorkerLost = INTERNAL_SERVER_ERROR, "worker-lost", "The worker vanished";
+    Corrupt = INTERNAL_SERVER_ERROR, "corrupt", "Stored bytes are damaged";
+    Internal = INTERNAL_SERVER_ERROR, "internal", "A bug of the service";
+}
+
+impl Problem {
+    pub(crate) fn new(kind: Kind, detail: impl Into<String>) -> Self {
+        Self { kind, detail: detail.into(), header: None }
+    }
+
+    pub(crate) fn with(mut self, name: header::HeaderName, value: &str) -> Self {
+        self.header = HeaderValue::from_str(value).ok().map(|value| (name, value));
+        self
+    }
+
+    /// Something went wrong inside: `error` goes to the log, the client gets the kind's own words.
+    fn inside(kind: Kind, error: &dyn std::fmt::Display, detail: &str) -> Self {
+        tracing::error!(%error, problem = kind.code(), "a request failed");
+        Self::new(kind, detail)
+    }
+
+    pub(crate) fn internal(error: &dyn std::fmt::Display) -> Self {
+        Self::inside(Kind::Internal, error, "the failure was logged")
+    }
+
+    pub(crate) fn body(&self) -> ProblemBody {
+        ProblemBody {
+            kind: format!("urn:wavelume:problem:{}", self.kind.code()),
+            title: self.kind.title(),
+            status: self.kind.status().as_u16(),
+            detail: self.detail.clone(),
+        }
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let status = self.kind.status();
+        let body = serde_json::to_vec(&self.body()).unwrap_or_default();
+        let mut response = (status, body).into_response();
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
+        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+        if matches!(status, StatusCode::TOO_MANY_REQUESTS | StatusCode::SERVICE_UNAVAILABLE) {
+            headers.insert(header::RETRY_AFTER, HeaderValue::from_static("2"));
+        }
+        headers.extend(self.header.map(|(name, value)| (Some(name), value)));
+        response
+    }
+}
+
+impl From<StoreError> for Problem {
+    fn from(error: StoreError) -> Self {
+        match error {
+            StoreError::NotFound(digest) => Self::new(Kind::NotFound, format!("no blob has the digest {digest}")),
+            StoreError::Corrupt { .. } | StoreError::Range { .. } => {
+                Self::inside(Kind::Corrupt, &error, "the stored bytes are not those of their digest; upload them again")
+            }
+            StoreError::Io(_) | StoreError::Objects(_) => {
+                Self::inside(Kind::Unavailable, &error, "the store did not answer")
+            }
+        }
+    }
+}
+
+impl From<CatalogError> for Problem {
+    fn from(error: CatalogError) -> Self {
+        match error {
+            CatalogError::Sql(_) => Self::inside(Kind::Unavailable, &error, "the catalog did not answer"),
+            CatalogError::Migrate(_) | CatalogError::Row { .. } => Self::internal(&error),
+        }
+    }
+}
+
+impl From<MathsError> for Problem {
+    fn from(error: MathsError) -> Self {
+        match error {
+            MathsError::Busy => Self::new(Kind::Overloaded, "too many computations are waiting"),
+            MathsError::Panicked(_) => Self::internal(&error),
+        }
+    }
+}
+
+impl From<EvaluateError> for Problem {
+    fn from(error: EvaluateError) -> Self {
+        match error {
+            EvaluateError::Unfit(detail) => Self::new(Kind::UnfitQuery, detail),
+            // The digest was right: these are the bytes that were stored.
+            EvaluateError::Decode(_) => Self::inside(Kind::Corrupt, &error, "the stored material cannot be opened"),
+        }
+    }
+}
+
+impl From<&OpenError> for Problem {
+    fn from(error: &OpenError) -> Self {
+        match error {
+            OpenError::Store(StoreError::NotFound(digest)) => {
+                Self::inside(Kind::Corrupt, &format!("material {digest} has no blob"), "the stored bytes are missing")
+            }
+            OpenError::Store(StoreError::Corrupt { .. } | StoreError::Range { .. }) => {
+                Self::inside(Kind::Corrupt, error, "the stored bytes are not those of their digest")
+            }
+            OpenError::Store(_) => Self::inside(Kind::Unavailable, error, "the store did not answer"),
+            OpenError::Maths(error) => error.clone().into(),
+            OpenError::Evaluate(error) => error.clone().into(),
+        }
+    }
+}
+
+impl From<IngestError> for Problem {
+    fn from(error: IngestError) -> Self {
+        match error {
+            IngestError::Refused(error) => {
+                let kind = match error.kind {
+                    FormatErrorKind::Unrecognised => Kind::Unrecognised,
+                    FormatErrorKind::Malformed => Kind::Malformed,
+                    FormatErrorKind::Unsupported => Kind::Unsupported,
+                    FormatErrorKind::OverLimit => Kind::OverLimit,
+                    FormatErrorKind::NeedsOption => Kind::NeedsOption,
+                };
+                Self::new(kind, error.to_string())
+            }
+            IngestError::Unfit(detail) => Self::new(Kind::InvalidRequest, detail),
+            IngestError::Spectrum(detail) => Self::new(Kind::Spectrum, detail),
+            IngestError::Maths(error) => error.into(),
+            IngestError::Store(error) => error.into(),
+            IngestError::Catalog(error) => error.into(),
+        }
+    }
+}
+
+impl From<JobProblem> for Problem {
+    fn from(problem: JobProblem) -> Self {
+        let kind = match problem.code {
+            Code::UnreadableMeasurement => Kind::Malformed,
+            Code::UnfitAxes => Kind::UnfitAxes,
+            Code::BadSetting => Kind::BadSetting,
+            Code::UnreachableTarget => Kind::UnreachableTarget,
+            Code::Corrupt => Kind::Corrupt,
+            Code::Internal => Kind::Internal,
+            Code::Unavailable => Kind::Unavailable,
+            Code::WorkerLost => Kind::WorkerLost,
+        };
+        // What passed or broke inside was logged where it happened.
+        match problem.code {
+            Code::Internal | Code::Unavailable => Self::new(kind, kind.title()),
+            _ => Self::new(kind, problem.detail),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn internal_text_stays_inside() {
+        let error = StoreError::Io(std::io::Error::other("/secret/path: I/O error"));
+        let response = Problem::from(error).into_response();
+        assert_eq!(response.status(), StatusCode::SERVICE_UNAVAILABLE);
+        assert_eq!(response.headers()[header::RETRY_AFTER], "2");
+        let problem = Problem::from(JobProblem { code: Code::Unavailable, detail: "disk".to_owned() });
+        assert!(!problem.body().detail.contains("disk"));
+    }
+}

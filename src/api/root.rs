@@ -1,0 +1,96 @@
+//! The root: what this is, how it is doing, what it can do.
+
+use super::problem::{Kind, Problem};
+use super::state::App;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, header};
+use axum::response::{IntoResponse, Response};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+/// The routes of the root.
+pub(crate) fn routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(index))
+        .routes(routes!(healthz))
+        .routes(routes!(readyz))
+        .routes(routes!(metrics_page))
+        .routes(routes!(openapi_json))
+}
+
+/// What this is, and the first lines to try.
+#[utoipa::path(
+    get, path = "/", tag = "root",
+    responses((status = 200, description = "A page for people", body = String, content_type = "text/plain"))
+)]
+async fn index(headers: HeaderMap) -> String {
+    // The host is the client's own word and goes back to it as plain text only.
+    let host = headers.get(header::HOST).and_then(|value| value.to_str().ok()).unwrap_or("127.0.0.1:8080");
+    format!(
+        "wavelume {version}: acquired radiometric measurements, compressed to a promised error.\n\n\
+         Upload a measurement (IES, EULUMDAT, spectral tables, BRDF files, npy …) and see what was understood:\n\
+         \n  curl --data-binary @lamp.ies 'http://{host}/v1/measurements?filename=lamp.ies'\n\n\
+         Compress it to 1 % (put the id of the answer in):\n\
+         \n  curl -H 'Content-Type: application/json' -H 'Prefer: wait=30' \\\n       \
+         -d '{{\"measurement\":\"b3-…\",\"target\":{{\"er_l2\":0.01}}}}' http://{host}/v1/jobs\n\n\
+         Fetch the material, or ask it (put the material's id in):\n\
+         \n  curl -o lamp.wlm 'http://{host}/v1/materials/b3-…/content'\
+         \n  curl 'http://{host}/v1/materials/b3-…/spectrum?wo=180,0'\n\n\
+         Everything else: http://{host}/openapi.json, /v1/formats, /v1/bases, /v1/materials, /healthz, /metrics\n",
+        version = env!("CARGO_PKG_VERSION"),
+    )
+}
+
+/// Whether the process answers.
+#[utoipa::path(
+    get, path = "/healthz", tag = "root",
+    responses((status = 200, description = "It does", body = String, content_type = "text/plain"))
+)]
+async fn healthz() -> &'static str {
+    "ok\n"
+}
+
+/// Whether the catalog and the store can be written.
+#[utoipa::path(
+    get, path = "/readyz", tag = "root",
+    responses((status = 200, description = "They can", body = String, content_type = "text/plain"))
+)]
+async fn readyz(State(app): State<App>) -> Result<&'static str, Problem> {
+    if app.stop.is_cancelled() {
+        return Err(Problem::new(Kind::Unavailable, "the service is stopping"));
+    }
+    app.engine.archive.catalog.ping().await?;
+    let staging = app.engine.archive.staging.clone();
+    let staged = tokio::task::spawn_blocking(move || staging.stage(b"ready?").map(drop)).await;
+    staged.map_err(|error| Problem::internal(&error))??;
+    Ok("ready\n")
+}
+
+/// Figures in the text format of Prometheus.
+#[utoipa::path(
+    get, path = "/metrics", tag = "root",
+    responses((status = 200, description = "The figures", body = String, content_type = "text/plain"))
+)]
+async fn metrics_page(State(app): State<App>) -> Result<Response, Problem> {
+    for (state, count) in app.engine.archive.catalog.job_counts().await? {
+        metrics::gauge!("wavelume_jobs", "state" => state.name()).set(count as f64);
+    }
+    let free = app.uploads.available_permits();
+    metrics::gauge!("wavelume_uploads_running").set((app.engine.limits.uploads - free) as f64);
+    let text = app.metrics.as_ref().map(|handle| {
+        handle.run_upkeep();
+        handle.render()
+    });
+    let kind = HeaderValue::from_static("text/plain; version=0.0.4; charset=utf-8");
+    Ok(([(header::CONTENT_TYPE, kind)], text.unwrap_or_default()).into_response())
+}
+
+/// The description of this interface.
+#[utoipa::path(
+    get, path = "/openapi.json", tag = "root",
+    responses((status = 200, description = "OpenAPI 3.1", body = serde_json::Value))
+)]
+async fn openapi_json(State(app): State<App>) -> Response {
+    let json = HeaderValue::from_static("application/json");
+    ([(header::CONTENT_TYPE, json)], app.openapi.to_string()).into_response()
+}

@@ -1,0 +1,208 @@
+//! An uploaded body to a staged file: streamed, decoded and hashed in bounded memory, within size, ratio and time.
+
+use super::extract::{declared_length, linger};
+use super::problem::{Kind, Problem};
+use super::state::App;
+use crate::jobs::Limits;
+use crate::store::{Staged, StagedWriter, StoreError};
+use async_compression::tokio::bufread::{GzipDecoder, ZstdDecoder};
+use async_compression::zstd::DParameter;
+use axum::body::Body;
+use axum::http::{HeaderMap, header};
+use futures::{Stream, StreamExt};
+use std::io;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use tokio::io::{AsyncRead, AsyncReadExt};
+use tokio_util::io::StreamReader;
+
+/// What is hashed and written in one go.
+const PIECE: usize = 1 << 20;
+
+/// Decoded bytes before the ratio counts: a small file may well be all zeros.
+const FREE: u64 = 1 << 20;
+
+/// RFC 9659: a zstd content coding needs a window of at most 8 MB.
+const ZSTD_WINDOW_LOG: u32 = 23;
+
+/// How the body is coded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Coding {
+    Identity,
+    Gzip,
+    Zstd,
+}
+
+/// Why the body ended before its end; carried through the decoders inside an I/O error.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+enum Cut {
+    #[error("the connection ended")]
+    Broken,
+    #[error("the client stalled")]
+    Stalled,
+}
+
+/// Streams a body into a staged file.
+pub(crate) async fn receive(app: &App, headers: &HeaderMap, body: Body) -> Result<Staged, Problem> {
+    let limits = &app.engine.limits;
+    let coding = match coding(headers) {
+        Ok(coding) => coding,
+        Err(problem) => {
+            linger(body).await;
+            return Err(problem);
+        }
+    };
+    if declared_length(headers).is_some_and(|length| length > limits.upload_bytes) {
+        linger(body).await;
+        return Err(too_large(limits));
+    }
+    let Ok(_place) = Arc::clone(&app.uploads).try_acquire_owned() else {
+        linger(body).await;
+        return Err(Problem::new(Kind::Overloaded, format!("{} uploads are under way", limits.uploads)));
+    };
+    let mut body = Box::pin(body.into_data_stream().map(|piece| piece.map_err(|_| io::Error::other(Cut::Broken))));
+    let received = tokio::time::timeout(limits.upload_time, stage(app, coding, body.as_mut())).await;
+    let received = received
+        .unwrap_or_else(|_| Err(Problem::new(Kind::TooSlow, format!("an upload may take {:?}", limits.upload_time))));
+    if received.is_err() {
+        linger(Body::from_stream(body)).await;
+    }
+    received
+}
+
+async fn stage(
+    app: &App,
+    coding: Coding,
+    body: Pin<&mut (impl Stream<Item = io::Result<axum::body::Bytes>> + Send)>,
+) -> Result<Staged, Problem> {
+    let limits = &app.engine.limits;
+    let encoded = AtomicU64::new(0);
+    let idle = limits.idle;
+    let pieces = futures::stream::unfold(body, |mut body| {
+        let encoded = &encoded;
+        async move {
+            let piece = match tokio::time::timeout(idle, body.next()).await {
+                Ok(None) => return None,
+                Ok(Some(piece)) => piece,
+                Err(_) => Err(io::Error::other(Cut::Stalled)),
+            };
+            if let Ok(piece) = &piece {
+                encoded.fetch_add(piece.len() as u64, Ordering::Relaxed);
+            }
+            Some((piece, body))
+        }
+    });
+    let reader = StreamReader::new(Box::pin(pieces));
+    let mut decoded: Pin<Box<dyn AsyncRead + Send + '_>> = match coding {
+        Coding::Identity => Box::pin(reader),
+        Coding::Gzip => {
+            let mut decoder = GzipDecoder::new(reader);
+            decoder.multiple_members(true);
+            Box::pin(decoder)
+        }
+        Coding::Zstd => {
+            let window = [DParameter::window_log_max(ZSTD_WINDOW_LOG)];
+            let mut decoder = ZstdDecoder::with_params(reader, &window);
+            decoder.multiple_members(true);
+            Box::pin(decoder)
+        }
+    };
+    let staging = app.engine.archive.staging.clone();
+    let mut writer = blocking(move || staging.begin()).await?;
+    let mut piece = Vec::with_capacity(PIECE);
+    let mut total: u64 = 0;
+    loop {
+        let read = decoded.read_buf(&mut piece).await.map_err(|error| broken(&error, coding, limits))?;
+        total += read as u64;
+        if total > limits.upload_bytes {
+            return Err(too_large(limits));
+        }
+        let ratio = limits.upload_ratio.saturating_mul(encoded.load(Ordering::Relaxed));
+        if coding != Coding::Identity && total > FREE.saturating_add(ratio) {
+            let detail = format!("more than {} bytes from each encoded one", limits.upload_ratio);
+            return Err(Problem::new(Kind::DecompressionRatio, detail));
+        }
+        if read == 0 || piece.len() >= PIECE {
+            (writer, piece) = write(writer, piece).await?;
+            piece.clear();
+        }
+        if read == 0 {
+            break;
+        }
+    }
+    if total == 0 {
+        return Err(Problem::new(Kind::EmptyBody, "the body has no bytes, expected those of a measurement"));
+    }
+    Ok(blocking(move || writer.finish()).await?)
+}
+
+async fn write(mut writer: StagedWriter, piece: Vec<u8>) -> Result<(StagedWriter, Vec<u8>), Problem> {
+    Ok(blocking(move || {
+        writer.write(&piece)?;
+        Ok((writer, piece))
+    })
+    .await?)
+}
+
+async fn blocking<T: Send + 'static>(
+    work: impl FnOnce() -> Result<T, StoreError> + Send + 'static,
+) -> Result<T, StoreError> {
+    tokio::task::spawn_blocking(work).await.map_err(io::Error::other)?
+}
+
+fn coding(headers: &HeaderMap) -> Result<Coding, Problem> {
+    let mut named = Vec::new();
+    for value in headers.get_all(header::CONTENT_ENCODING) {
+        let text = value.to_str().unwrap_or("?");
+        named.extend(text.split(',').map(|name| name.trim().to_ascii_lowercase()).filter(|name| !name.is_empty()));
+    }
+    named.retain(|name| name != "identity");
+    match named.as_slice() {
+        [] => Ok(Coding::Identity),
+        [name] if name == "gzip" || name == "x-gzip" => Ok(Coding::Gzip),
+        [name] if name == "zstd" => Ok(Coding::Zstd),
+        _ => {
+            let shown: String = named.join(", ").chars().take(80).collect();
+            let detail = format!("found Content-Encoding {shown}, expected one of gzip, zstd, identity");
+            Err(Problem::new(Kind::UnsupportedEncoding, detail).with(header::ACCEPT_ENCODING, "gzip, zstd, identity"))
+        }
+    }
+}
+
+fn broken(error: &io::Error, coding: Coding, limits: &Limits) -> Problem {
+    match error.get_ref().and_then(|inner| inner.downcast_ref::<Cut>()) {
+        Some(Cut::Broken) => Problem::new(Kind::BadBody, "the body ended early"),
+        Some(Cut::Stalled) => Problem::new(Kind::TooSlow, format!("nothing came for {:?}", limits.idle)),
+        None if coding == Coding::Identity => Problem::new(Kind::BadBody, "the body ended early"),
+        None if error.kind() == io::ErrorKind::UnexpectedEof => {
+            Problem::new(Kind::BadBody, "the encoded body is cut off")
+        }
+        None => Problem::new(Kind::BadBody, format!("the body is not what its Content-Encoding says: {error}")),
+    }
+}
+
+fn too_large(limits: &Limits) -> Problem {
+    Problem::new(Kind::TooLarge, format!("a measurement may have {} bytes after decoding", limits.upload_bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use axum::http::HeaderValue;
+
+    #[test]
+    fn one_known_coding_is_taken() {
+        let coded = |text: &'static str| {
+            let mut headers = HeaderMap::new();
+            headers.insert(header::CONTENT_ENCODING, HeaderValue::from_static(text));
+            coding(&headers)
+        };
+        assert_eq!(coding(&HeaderMap::new()).unwrap(), Coding::Identity);
+        assert_eq!(coded("GZIP").unwrap(), Coding::Gzip);
+        assert_eq!(coded("identity, zstd").unwrap(), Coding::Zstd);
+        for other in ["br", "gzip, gzip", "deflate", "?"] {
+            assert!(coded(other).is_err(), "{other}");
+        }
+    }
+}

@@ -1,0 +1,589 @@
+//! Rows of jobs: the queue, its leases and its fencing epochs.
+//!
+//! A job is claimed by raising its epoch and setting a lease. Everything its worker writes afterwards names that epoch:
+//! if the lease ran out and another worker took the job, the epoch is higher and the late write changes nothing.
+
+use super::materials::{NewMaterial, insert};
+use super::{Catalog, CatalogError, SKIP_LOCKED, Write};
+use crate::store::Digest;
+use sqlx::any::AnyRow;
+use sqlx::{AssertSqlSafe, Row};
+use std::fmt;
+use std::time::Duration;
+
+/// Where a job is in its life.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum JobState {
+    /// Waits for a worker. → running when claimed, → cancelled when asked.
+    Queued,
+    /// Belongs to a worker. → succeeded, failed or cancelled by its worker; → queued when the lease runs out or the
+    /// attempt failed for a passing reason; → dead when attempts are used up.
+    Running,
+    /// A material was made. Final.
+    Succeeded,
+    /// The input or the request is at fault: another attempt would fail alike. Final.
+    Failed,
+    /// Given up after the last attempt. Final.
+    Dead,
+    /// Stopped because somebody asked. Final.
+    Cancelled,
+}
+
+/// A job to queue.
+#[derive(Clone, Debug)]
+pub struct NewJob {
+    /// Its id.
+    pub id: String,
+    /// Its arguments.
+    pub frame: String,
+    /// What it reads.
+    pub measurement: Digest,
+    /// The client's key and the digest of the body it came with.
+    pub idempotency: Option<(String, Digest)>,
+}
+
+/// A job remembered.
+#[derive(Clone, Debug)]
+pub struct JobRow {
+    /// Its id.
+    pub id: String,
+    /// What it reads.
+    pub measurement: Digest,
+    /// Where it is.
+    pub state: JobState,
+    /// How far it is, 0..=1.
+    pub progress: f64,
+    /// How often it was begun.
+    pub attempts: u32,
+    /// What it made.
+    pub material: Option<Digest>,
+    /// JSON: why it failed, or why the last attempt did.
+    pub problem: Option<String>,
+    /// When it came, ms of the Unix epoch.
+    pub created_ms: i64,
+    /// When its state changed last.
+    pub updated_ms: i64,
+}
+
+/// What became of a wish to queue.
+#[derive(Clone, Debug)]
+pub enum Enqueued {
+    /// A new job.
+    New(JobRow),
+    /// The job that the same key and body made before.
+    Known(JobRow),
+    /// The key was used with another body.
+    KeyTaken,
+    /// There is no such measurement.
+    NoMeasurement,
+    /// Too many jobs wait.
+    Full,
+}
+
+/// A job in the hands of a worker.
+#[derive(Clone, Debug)]
+pub struct Claimed {
+    /// Its id.
+    pub id: String,
+    /// Its arguments.
+    pub frame: String,
+    /// The fencing epoch that every later write must name.
+    pub epoch: i64,
+    /// How often it was begun, this time included.
+    pub attempts: u32,
+}
+
+/// What a worker hears when it says that it lives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Beat {
+    /// Go on.
+    Yours,
+    /// Somebody asked to cancel.
+    Cancel,
+    /// The job is another's now.
+    Lost,
+}
+
+/// How a worker ends its attempt.
+#[derive(Clone, Debug)]
+pub enum Ended {
+    /// With a material, published and pinned under this holder.
+    Material(Box<NewMaterial>, String),
+    /// With a problem (JSON) that another attempt would have too.
+    Failed(String),
+    /// With a problem (JSON) that may pass: again after the delay, unless attempts are used up.
+    Retry {
+        /// The problem.
+        problem: String,
+        /// When to try again.
+        delay: Duration,
+        /// How many attempts there are in all.
+        attempts: u32,
+    },
+    /// Because somebody asked.
+    Cancelled,
+    /// Because the worker stops: the attempt does not count.
+    Released,
+}
+
+macro_rules! columns {
+    () => {
+        "id, measurement, state, progress, attempts, material, problem, created_at, updated_at"
+    };
+}
+
+impl JobState {
+    const ALL: [Self; 6] = [Self::Queued, Self::Running, Self::Succeeded, Self::Failed, Self::Dead, Self::Cancelled];
+
+    /// The stable name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Queued => "queued",
+            Self::Running => "running",
+            Self::Succeeded => "succeeded",
+            Self::Failed => "failed",
+            Self::Dead => "dead",
+            Self::Cancelled => "cancelled",
+        }
+    }
+
+    /// Whether nothing follows.
+    pub fn is_final(self) -> bool {
+        !matches!(self, Self::Queued | Self::Running)
+    }
+}
+
+impl fmt::Display for JobState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl Catalog {
+    /// Queues a job, unless its key says it was queued before.
+    pub async fn enqueue(&self, new: &NewJob, most: u64) -> Result<Enqueued, CatalogError> {
+        let mut write = self.write().await?;
+        if let Some((key, body)) = &new.idempotency {
+            let known = sqlx::query("SELECT body, job FROM idempotency_keys WHERE name = $1")
+                .bind(key.clone())
+                .fetch_optional(&mut *write.transaction)
+                .await?;
+            if let Some(known) = known {
+                if known.try_get::<String, _>("body")? != body.to_string() {
+                    return Ok(Enqueued::KeyTaken);
+                }
+                return Ok(Enqueued::Known(one(&mut write, known.try_get("job")?).await?));
+            }
+        }
+        let measurement = new.measurement.to_string();
+        let there = sqlx::query("SELECT 1 FROM measurements WHERE id = $1")
+            .bind(measurement.clone())
+            .fetch_optional(&mut *write.transaction)
+            .await?;
+        if there.is_none() {
+            return Ok(Enqueued::NoMeasurement);
+        }
+        let waiting: i64 = sqlx::query("SELECT COUNT(*) FROM jobs WHERE state = 'queued'")
+            .fetch_one(&mut *write.transaction)
+            .await?
+            .try_get(0)?;
+        if waiting.max(0) as u64 >= most {
+            return Ok(Enqueued::Full);
+        }
+        sqlx::query(
+            "INSERT INTO jobs (id, frame, measurement, state, progress, attempts, epoch, not_before, \
+             cancel_requested, created_at, updated_at) VALUES ($1, $2, $3, 'queued', 0.0, 0, 0, $4, 0, $4, $4)",
+        )
+        .bind(new.id.clone())
+        .bind(new.frame.clone())
+        .bind(measurement)
+        .bind(write.now)
+        .execute(&mut *write.transaction)
+        .await?;
+        if let Some((key, body)) = &new.idempotency {
+            sqlx::query("INSERT INTO idempotency_keys (name, body, job, created_at) VALUES ($1, $2, $3, $4)")
+                .bind(key.clone())
+                .bind(body.to_string())
+                .bind(new.id.clone())
+                .bind(write.now)
+                .execute(&mut *write.transaction)
+                .await?;
+        }
+        let row = one(&mut write, new.id.clone()).await?;
+        write.commit().await?;
+        Ok(Enqueued::New(row))
+    }
+
+    /// One job.
+    pub async fn job(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
+        sqlx::query(concat!("SELECT ", columns!(), " FROM jobs WHERE id = $1"))
+            .bind(id.to_owned())
+            .fetch_optional(&self.pool)
+            .await?
+            .map(|row| read(&row))
+            .transpose()
+    }
+
+    /// How many jobs are in each state, for the metrics.
+    pub async fn job_counts(&self) -> Result<Vec<(JobState, u64)>, CatalogError> {
+        let rows = sqlx::query("SELECT state, COUNT(*) FROM jobs GROUP BY state").fetch_all(&self.pool).await?;
+        rows.iter().map(|row| Ok((state("", row.try_get(0)?)?, row.try_get::<i64, _>(1)?.max(0) as u64))).collect()
+    }
+
+    /// Takes the job that has waited longest and may begin, if there is one.
+    pub async fn claim(&self, worker: &str, lease: Duration) -> Result<Option<Claimed>, CatalogError> {
+        // A look without the write lock first: an idle worker must not disturb writers.
+        let ready = format!(
+            "SELECT id, frame, epoch, attempts FROM jobs WHERE state = 'queued' AND not_before <= $1 \
+             ORDER BY not_before, id LIMIT 1{SKIP_LOCKED}"
+        );
+        let any = sqlx::query("SELECT 1 FROM jobs WHERE state = 'queued' LIMIT 1").fetch_optional(&self.pool).await?;
+        if any.is_none() {
+            return Ok(None);
+        }
+        let mut write = self.write().await?;
+        let row = sqlx::query(AssertSqlSafe(ready)).bind(write.now).fetch_optional(&mut *write.transaction).await?;
+        let Some(row) = row else { return Ok(None) };
+        let claimed = Claimed {
+            id: row.try_get("id")?,
+            frame: row.try_get("frame")?,
+            epoch: row.try_get::<i64, _>("epoch")? + 1,
+            attempts: row.try_get::<i64, _>("attempts")?.max(0) as u32 + 1,
+        };
+        sqlx::query(
+            "UPDATE jobs SET state = 'running', epoch = $2, attempts = $3, worker = $4, lease_until = $5, \
+             progress = 0.0, updated_at = $6 WHERE id = $1",
+        )
+        .bind(claimed.id.clone())
+        .bind(claimed.epoch)
+        .bind(i64::from(claimed.attempts))
+        .bind(worker.to_owned())
+        .bind(write.now.saturating_add(lease.as_millis() as i64))
+        .bind(write.now)
+        .execute(&mut *write.transaction)
+        .await?;
+        write.commit().await?;
+        Ok(Some(claimed))
+    }
+
+    /// A sign of life: renews the lease, keeps the progress and hears what the world wants.
+    pub async fn beat(&self, job: &Claimed, progress: f64, lease: Duration) -> Result<Beat, CatalogError> {
+        let mut write = self.write().await?;
+        let renewed = sqlx::query(
+            "UPDATE jobs SET lease_until = $3, progress = $4 WHERE id = $1 AND epoch = $2 AND state = 'running'",
+        )
+        .bind(job.id.clone())
+        .bind(job.epoch)
+        .bind(write.now.saturating_add(lease.as_millis() as i64))
+        .bind(progress.clamp(0.0, 1.0))
+        .execute(&mut *write.transaction)
+        .await?;
+        if renewed.rows_affected() == 0 {
+            return Ok(Beat::Lost);
+        }
+        let cancel: i64 = sqlx::query("SELECT cancel_requested FROM jobs WHERE id = $1")
+            .bind(job.id.clone())
+            .fetch_one(&mut *write.transaction)
+            .await?
+            .try_get(0)?;
+        write.commit().await?;
+        Ok(if cancel == 0 { Beat::Yours } else { Beat::Cancel })
+    }
+
+    /// Ends an attempt; the state it led to, or `None` if the job was another's already.
+    pub async fn end(&self, job: &Claimed, ended: &Ended) -> Result<Option<JobState>, CatalogError> {
+        let mut write = self.write().await?;
+        let owned = sqlx::query("SELECT cancel_requested FROM jobs WHERE id = $1 AND epoch = $2 AND state = 'running'")
+            .bind(job.id.clone())
+            .bind(job.epoch)
+            .fetch_optional(&mut *write.transaction)
+            .await?;
+        let Some(owned) = owned else { return Ok(None) };
+        let cancel = owned.try_get::<i64, _>(0)? != 0;
+        let (state, problem, material, wait, attempts) = match ended {
+            Ended::Material(new, holder) => {
+                insert(&mut write, new).await?;
+                sqlx::query("DELETE FROM pins WHERE digest = $1 AND holder = $2")
+                    .bind(new.id.to_string())
+                    .bind(holder.clone())
+                    .execute(&mut *write.transaction)
+                    .await?;
+                (JobState::Succeeded, None, Some(new.id.to_string()), 0, job.attempts)
+            }
+            Ended::Failed(problem) => (JobState::Failed, Some(problem.clone()), None, 0, job.attempts),
+            Ended::Cancelled => (JobState::Cancelled, None, None, 0, job.attempts),
+            // Whoever asked for a cancel does not want another attempt.
+            Ended::Retry { .. } | Ended::Released if cancel => (JobState::Cancelled, None, None, 0, job.attempts),
+            Ended::Retry { problem, attempts, .. } if job.attempts >= *attempts => {
+                (JobState::Dead, Some(problem.clone()), None, 0, job.attempts)
+            }
+            Ended::Retry { problem, delay, .. } => {
+                (JobState::Queued, Some(problem.clone()), None, delay.as_millis() as i64, job.attempts)
+            }
+            Ended::Released => (JobState::Queued, None, None, 0, job.attempts.saturating_sub(1)),
+        };
+        let progress = if state == JobState::Succeeded { 1.0 } else { 0.0 };
+        sqlx::query(
+            "UPDATE jobs SET state = $2, problem = $3, material = $4, not_before = $5, attempts = $6, progress = $7, \
+             worker = NULL, lease_until = NULL, updated_at = $8 WHERE id = $1",
+        )
+        .bind(job.id.clone())
+        .bind(state.name().to_owned())
+        .bind(problem)
+        .bind(material)
+        .bind(write.now.saturating_add(wait))
+        .bind(i64::from(attempts))
+        .bind(progress)
+        .bind(write.now)
+        .execute(&mut *write.transaction)
+        .await?;
+        write.commit().await?;
+        Ok(Some(state))
+    }
+
+    /// Asks a job to stop: a queued one is cancelled at once, a running one by its worker. The job afterwards, if there
+    /// is one.
+    pub async fn cancel(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
+        let mut write = self.write().await?;
+        sqlx::query("UPDATE jobs SET state = 'cancelled', updated_at = $2 WHERE id = $1 AND state = 'queued'")
+            .bind(id.to_owned())
+            .bind(write.now)
+            .execute(&mut *write.transaction)
+            .await?;
+        sqlx::query("UPDATE jobs SET cancel_requested = 1 WHERE id = $1 AND state = 'running'")
+            .bind(id.to_owned())
+            .execute(&mut *write.transaction)
+            .await?;
+        let row = sqlx::query(concat!("SELECT ", columns!(), " FROM jobs WHERE id = $1"))
+            .bind(id.to_owned())
+            .fetch_optional(&mut *write.transaction)
+            .await?
+            .map(|row| read(&row))
+            .transpose()?;
+        write.commit().await?;
+        Ok(row)
+    }
+
+    /// Takes jobs back whose lease ran out, or whose worker is in `gone`, and returns their ids.
+    ///
+    /// A worker that vanished may have been killed by the job itself, so the attempt counts: `problem` (JSON) is what a
+    /// job dies of after `attempts`.
+    pub async fn reap(&self, gone: &[String], attempts: u32, problem: &str) -> Result<Vec<String>, CatalogError> {
+        let running = sqlx::query("SELECT 1 FROM jobs WHERE state = 'running' LIMIT 1").fetch_optional(&self.pool);
+        if running.await?.is_none() {
+            return Ok(Vec::new());
+        }
+        let mut write = self.write().await?;
+        let rows = sqlx::query("SELECT id, worker, lease_until FROM jobs WHERE state = 'running'")
+            .fetch_all(&mut *write.transaction)
+            .await?;
+        let mut reaped = Vec::new();
+        for row in rows {
+            let worker: Option<String> = row.try_get("worker")?;
+            let until: Option<i64> = row.try_get("lease_until")?;
+            let alive =
+                until.is_some_and(|until| until > write.now) && worker.is_some_and(|worker| !gone.contains(&worker));
+            if !alive {
+                reaped.push(row.try_get::<String, _>("id")?);
+            }
+        }
+        for id in &reaped {
+            sqlx::query(
+                "UPDATE jobs SET state = CASE WHEN cancel_requested <> 0 THEN 'cancelled' \
+                 WHEN attempts >= $2 THEN 'dead' ELSE 'queued' END, \
+                 problem = CASE WHEN cancel_requested = 0 AND attempts >= $2 THEN $3 ELSE problem END, \
+                 epoch = epoch + 1, worker = NULL, lease_until = NULL, not_before = $4, progress = 0.0, \
+                 updated_at = $4 WHERE id = $1",
+            )
+            .bind(id.clone())
+            .bind(i64::from(attempts))
+            .bind(problem.to_owned())
+            .bind(write.now)
+            .execute(&mut *write.transaction)
+            .await?;
+        }
+        write.commit().await?;
+        Ok(reaped)
+    }
+}
+
+async fn one(write: &mut Write, id: String) -> Result<JobRow, CatalogError> {
+    let row = sqlx::query(concat!("SELECT ", columns!(), " FROM jobs WHERE id = $1"))
+        .bind(id)
+        .fetch_one(&mut *write.transaction)
+        .await?;
+    read(&row)
+}
+
+fn state(id: &str, name: &str) -> Result<JobState, CatalogError> {
+    JobState::ALL.into_iter().find(|state| state.name() == name).ok_or_else(|| CatalogError::Row {
+        table: "jobs",
+        id: id.to_owned(),
+        reason: format!("unknown state `{name}`"),
+    })
+}
+
+fn read(row: &AnyRow) -> Result<JobRow, CatalogError> {
+    let id: String = row.try_get("id")?;
+    let digest = |text: String| {
+        text.parse::<Digest>().map_err(|e| CatalogError::Row { table: "jobs", id: id.clone(), reason: e.to_string() })
+    };
+    Ok(JobRow {
+        measurement: digest(row.try_get("measurement")?)?,
+        state: state(&id, row.try_get("state")?)?,
+        progress: row.try_get("progress")?,
+        attempts: row.try_get::<i64, _>("attempts")?.max(0) as u32,
+        material: row.try_get::<Option<String>, _>("material")?.map(digest).transpose()?,
+        problem: row.try_get("problem")?,
+        created_ms: row.try_get("created_at")?,
+        updated_ms: row.try_get("updated_at")?,
+        id,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::measurements::tests::new as measurement;
+    use super::*;
+    use crate::catalog::{Deleted, MaterialFilter, testing};
+    use crate::domain::Quantity;
+
+    const LEASE: Duration = Duration::from_mins(1);
+
+    fn job(id: &str) -> NewJob {
+        NewJob { id: id.to_owned(), frame: "00".to_owned(), measurement: Digest::of(b"lamp"), idempotency: None }
+    }
+
+    async fn with_lamp() -> (Catalog, tempfile::TempDir) {
+        let (catalog, directory) = testing::catalog().await;
+        catalog.add_measurement(&measurement("lamp"), "test").await.unwrap();
+        (catalog, directory)
+    }
+
+    async fn state_of(catalog: &Catalog, id: &str) -> JobState {
+        catalog.job(id).await.unwrap().unwrap().state
+    }
+
+    fn material(name: &str) -> Box<NewMaterial> {
+        Box::new(NewMaterial {
+            id: Digest::of(name.as_bytes()),
+            payload: Digest::of(b"payload"),
+            quantity: Quantity::Edf,
+            bytes: 10,
+            name: Some(name.to_owned()),
+            tags: vec!["office".to_owned()],
+            measurement: Digest::of(b"lamp"),
+            document: "{}".to_owned(),
+        })
+    }
+
+    #[tokio::test]
+    async fn the_same_key_and_body_are_the_same_job() {
+        let (catalog, _directory) = with_lamp().await;
+        let keyed = |id: &str, body: &str| NewJob {
+            idempotency: Some(("key".to_owned(), Digest::of(body.as_bytes()))),
+            ..job(id)
+        };
+        assert!(matches!(catalog.enqueue(&keyed("1", "a"), 9).await.unwrap(), Enqueued::New(_)));
+        let Enqueued::Known(known) = catalog.enqueue(&keyed("2", "a"), 9).await.unwrap() else { panic!() };
+        assert_eq!(known.id, "1");
+        assert!(matches!(catalog.enqueue(&keyed("3", "b"), 9).await.unwrap(), Enqueued::KeyTaken));
+    }
+
+    #[tokio::test]
+    async fn a_full_queue_and_an_unknown_measurement_are_refused() {
+        let (catalog, _directory) = with_lamp().await;
+        assert!(matches!(catalog.enqueue(&job("1"), 1).await.unwrap(), Enqueued::New(_)));
+        assert!(matches!(catalog.enqueue(&job("2"), 1).await.unwrap(), Enqueued::Full));
+        let lost = NewJob { measurement: Digest::of(b"?"), ..job("3") };
+        assert!(matches!(catalog.enqueue(&lost, 9).await.unwrap(), Enqueued::NoMeasurement));
+    }
+
+    #[tokio::test]
+    async fn a_late_worker_changes_nothing() {
+        let (catalog, _directory) = with_lamp().await;
+        catalog.enqueue(&job("1"), 9).await.unwrap();
+        let late = catalog.claim("slow", Duration::ZERO).await.unwrap().unwrap();
+        assert!(catalog.claim("other", LEASE).await.unwrap().is_none(), "claimed once");
+        assert_eq!(catalog.reap(&[], 3, "{}").await.unwrap(), ["1"]);
+        let current = catalog.claim("other", LEASE).await.unwrap().unwrap();
+        assert!(current.epoch > late.epoch && current.attempts == 2);
+        assert_eq!(catalog.beat(&late, 0.5, LEASE).await.unwrap(), Beat::Lost);
+        let ended = Ended::Material(material("late"), "late".to_owned());
+        assert_eq!(catalog.end(&late, &ended).await.unwrap(), None);
+        assert!(catalog.material(Digest::of(b"late")).await.unwrap().is_none());
+        let ended = Ended::Material(material("good"), "good".to_owned());
+        assert_eq!(catalog.end(&current, &ended).await.unwrap(), Some(JobState::Succeeded));
+        assert_eq!(catalog.job("1").await.unwrap().unwrap().material, Some(Digest::of(b"good")));
+        assert_eq!(catalog.end(&current, &ended).await.unwrap(), None, "ended once");
+    }
+
+    #[tokio::test]
+    async fn attempts_run_out() {
+        let (catalog, _directory) = with_lamp().await;
+        catalog.enqueue(&job("1"), 9).await.unwrap();
+        let again = Ended::Retry { problem: "{}".to_owned(), delay: Duration::ZERO, attempts: 2 };
+        let first = catalog.claim("w", LEASE).await.unwrap().unwrap();
+        assert_eq!(catalog.end(&first, &again).await.unwrap(), Some(JobState::Queued));
+        let second = catalog.claim("w", LEASE).await.unwrap().unwrap();
+        assert_eq!(catalog.end(&second, &again).await.unwrap(), Some(JobState::Dead));
+
+        catalog.enqueue(&job("2"), 9).await.unwrap();
+        catalog.claim("gone", LEASE).await.unwrap().unwrap();
+        assert!(catalog.reap(&["another".to_owned()], 1, "{}").await.unwrap().is_empty());
+        assert_eq!(catalog.reap(&["gone".to_owned()], 1, "{\"why\":1}").await.unwrap(), ["2"]);
+        let dead = catalog.job("2").await.unwrap().unwrap();
+        assert_eq!((dead.state, dead.problem.as_deref()), (JobState::Dead, Some("{\"why\":1}")));
+    }
+
+    #[tokio::test]
+    async fn a_delay_is_waited_for_and_a_released_attempt_does_not_count() {
+        let (catalog, _directory) = with_lamp().await;
+        catalog.enqueue(&job("1"), 9).await.unwrap();
+        let claimed = catalog.claim("w", LEASE).await.unwrap().unwrap();
+        catalog.end(&claimed, &Ended::Released).await.unwrap();
+        let claimed = catalog.claim("w", LEASE).await.unwrap().unwrap();
+        assert_eq!(claimed.attempts, 1);
+        let later = Ended::Retry { problem: "{}".to_owned(), delay: LEASE, attempts: 9 };
+        catalog.end(&claimed, &later).await.unwrap();
+        assert!(catalog.claim("w", LEASE).await.unwrap().is_none());
+    }
+
+    #[tokio::test]
+    async fn cancelling_ends_queued_jobs_at_once_and_running_ones_by_their_worker() {
+        let (catalog, _directory) = with_lamp().await;
+        catalog.enqueue(&job("1"), 9).await.unwrap();
+        assert_eq!(catalog.cancel("1").await.unwrap().unwrap().state, JobState::Cancelled);
+        catalog.enqueue(&job("2"), 9).await.unwrap();
+        let claimed = catalog.claim("w", LEASE).await.unwrap().unwrap();
+        assert_eq!(catalog.cancel("2").await.unwrap().unwrap().state, JobState::Running);
+        assert_eq!(catalog.beat(&claimed, 0.1, LEASE).await.unwrap(), Beat::Cancel);
+        catalog.end(&claimed, &Ended::Released).await.unwrap();
+        assert_eq!(state_of(&catalog, "2").await, JobState::Cancelled);
+        assert!(catalog.cancel("3").await.unwrap().is_none());
+    }
+
+    #[tokio::test]
+    async fn measurements_stay_while_work_or_materials_stand_on_them() {
+        let (catalog, _directory) = with_lamp().await;
+        let lamp = Digest::of(b"lamp");
+        catalog.enqueue(&job("1"), 9).await.unwrap();
+        assert!(matches!(catalog.delete_measurement(lamp).await.unwrap(), Deleted::InUse(_)));
+        let claimed = catalog.claim("w", LEASE).await.unwrap().unwrap();
+        let ended = Ended::Material(material("m"), "m".to_owned());
+        catalog.end(&claimed, &ended).await.unwrap();
+        assert!(matches!(catalog.delete_measurement(lamp).await.unwrap(), Deleted::InUse(_)));
+        let listed = |filter: MaterialFilter| {
+            let catalog = catalog.clone();
+            async move { catalog.materials(&filter, None, 9).await.unwrap().items.len() }
+        };
+        assert_eq!(listed(MaterialFilter { tag: Some("office".to_owned()), ..MaterialFilter::default() }).await, 1);
+        assert_eq!(listed(MaterialFilter { tag: Some("home".to_owned()), ..MaterialFilter::default() }).await, 0);
+        assert_eq!(listed(MaterialFilter { measurement: Some(lamp), ..MaterialFilter::default() }).await, 1);
+        assert_eq!(listed(MaterialFilter { q: Some("OFF".to_owned()), ..MaterialFilter::default() }).await, 1);
+        assert_eq!(catalog.named().await.unwrap().len(), 2);
+        assert_eq!(catalog.delete_material(Digest::of(b"m")).await.unwrap(), Deleted::Done);
+        assert_eq!(catalog.delete_material(Digest::of(b"m")).await.unwrap(), Deleted::Absent);
+        assert_eq!(catalog.delete_measurement(lamp).await.unwrap(), Deleted::Done);
+    }
+}

@@ -1,0 +1,289 @@
+//! Rows of measurements: what was uploaded and what was understood of it.
+
+use super::page::pattern;
+use super::{Catalog, CatalogError, Cursor, Page};
+use crate::domain::Quantity;
+use crate::store::Digest;
+use sqlx::Row;
+use sqlx::any::AnyRow;
+
+/// A measurement to remember.
+#[derive(Clone, Debug)]
+pub struct NewMeasurement {
+    /// The digest of the content, or of the content and its interpretation.
+    pub id: Digest,
+    /// The digest of the bytes.
+    pub content: Digest,
+    /// The measurement whose content is the spectrum joined with this one.
+    pub spectrum: Option<Digest>,
+    /// What the user calls it.
+    pub name: Option<String>,
+    /// What the file was called.
+    pub file_name: Option<String>,
+    /// The size of the content.
+    pub bytes: u64,
+    /// The name of its format.
+    pub format: String,
+    /// The quantity, if it is known yet.
+    pub quantity: Option<Quantity>,
+    /// JSON: what was understood.
+    pub document: String,
+}
+
+/// A measurement remembered.
+#[derive(Clone, Debug)]
+pub struct MeasurementRow {
+    /// Its id.
+    pub id: Digest,
+    /// The digest of the bytes.
+    pub content: Digest,
+    /// The measurement whose content is the spectrum joined with this one.
+    pub spectrum: Option<Digest>,
+    /// What the user calls it.
+    pub name: Option<String>,
+    /// What the file was called.
+    pub file_name: Option<String>,
+    /// The size of the content.
+    pub bytes: u64,
+    /// JSON: what was understood.
+    pub document: String,
+    /// When it came, ms of the Unix epoch.
+    pub created_ms: i64,
+}
+
+/// Which measurements to list.
+#[derive(Clone, Debug, Default)]
+pub struct MeasurementFilter {
+    /// Of this quantity.
+    pub quantity: Option<Quantity>,
+    /// Of this format.
+    pub format: Option<String>,
+    /// With this in name, file name, format or dialect.
+    pub q: Option<String>,
+}
+
+/// What became of a wish to delete.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Deleted {
+    /// It is gone; its bytes go with the next sweep.
+    Done,
+    /// There was none.
+    Absent,
+    /// Something stands on it: a sentence that says what.
+    InUse(String),
+}
+
+macro_rules! columns {
+    () => {
+        "id, content, spectrum, name, file_name, bytes, document, created_at"
+    };
+}
+
+impl Catalog {
+    /// Remembers a measurement whose content is published and pinned by `pin_holder`; the pin ends. Returns the row and
+    /// whether it is new.
+    ///
+    /// `None` if the spectrum it stands on was deleted meanwhile.
+    pub async fn add_measurement(
+        &self,
+        new: &NewMeasurement,
+        pin_holder: &str,
+    ) -> Result<Option<(MeasurementRow, bool)>, CatalogError> {
+        let mut write = self.write().await?;
+        if let Some(spectrum) = new.spectrum {
+            let there = sqlx::query("SELECT 1 FROM measurements WHERE id = $1")
+                .bind(spectrum.to_string())
+                .fetch_optional(&mut *write.transaction)
+                .await?;
+            if there.is_none() {
+                return Ok(None);
+            }
+        }
+        let search = [new.name.as_deref(), new.file_name.as_deref(), Some(&new.format)]
+            .into_iter()
+            .flatten()
+            .collect::<Vec<_>>()
+            .join("\n")
+            .to_lowercase();
+        let inserted = sqlx::query(
+            "INSERT INTO measurements \
+             (id, content, spectrum, name, file_name, bytes, format, quantity, search, document, created_at) \
+             VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11) ON CONFLICT (id) DO NOTHING",
+        )
+        .bind(new.id.to_string())
+        .bind(new.content.to_string())
+        .bind(new.spectrum.map(|digest| digest.to_string()))
+        .bind(new.name.clone())
+        .bind(new.file_name.clone())
+        .bind(new.bytes as i64)
+        .bind(new.format.clone())
+        .bind(new.quantity.map(Quantity::name).map(str::to_owned))
+        .bind(search)
+        .bind(new.document.clone())
+        .bind(write.now)
+        .execute(&mut *write.transaction)
+        .await?
+        .rows_affected();
+        sqlx::query("DELETE FROM pins WHERE digest = $1 AND holder = $2")
+            .bind(new.content.to_string())
+            .bind(pin_holder)
+            .execute(&mut *write.transaction)
+            .await?;
+        let row = sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE id = $1"))
+            .bind(new.id.to_string())
+            .fetch_one(&mut *write.transaction)
+            .await?;
+        let row = read(&row)?;
+        write.commit().await?;
+        Ok(Some((row, inserted == 1)))
+    }
+
+    /// One measurement.
+    pub async fn measurement(&self, id: Digest) -> Result<Option<MeasurementRow>, CatalogError> {
+        sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE id = $1"))
+            .bind(id.to_string())
+            .fetch_optional(&self.pool)
+            .await?
+            .map(|row| read(&row))
+            .transpose()
+    }
+
+    /// Measurements, newest first.
+    pub async fn measurements(
+        &self,
+        filter: &MeasurementFilter,
+        after: Option<Cursor>,
+        limit: usize,
+    ) -> Result<Page<MeasurementRow>, CatalogError> {
+        let after = after.unwrap_or_else(Cursor::newest);
+        let rows = sqlx::query(concat!(
+            "SELECT ",
+            columns!(),
+            " FROM measurements WHERE (created_at < $1 OR (created_at = $1 AND id < $2)) \
+             AND ($3 IS NULL OR quantity = $3) AND ($4 IS NULL OR format = $4) \
+             AND ($5 IS NULL OR search LIKE $5 ESCAPE '\\') ORDER BY created_at DESC, id DESC LIMIT $6"
+        ))
+        .bind(after.created_at)
+        .bind(after.id)
+        .bind(filter.quantity.map(Quantity::name).map(str::to_owned))
+        .bind(filter.format.clone())
+        .bind(filter.q.as_deref().map(pattern))
+        .bind(limit as i64 + 1)
+        .fetch_all(&self.pool)
+        .await?;
+        let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+        Ok(Page::of(rows, limit, |row| Cursor { created_at: row.created_ms, id: row.id.to_string() }))
+    }
+
+    /// Forgets a measurement, unless a material, another measurement or unfinished work stands on it.
+    pub async fn delete_measurement(&self, id: Digest) -> Result<Deleted, CatalogError> {
+        let mut write = self.write().await?;
+        let id = id.to_string();
+        let used = sqlx::query(
+            "SELECT 'material ' || material FROM material_sources WHERE measurement = $1 \
+             UNION ALL SELECT 'measurement ' || id FROM measurements WHERE spectrum = $1 \
+             UNION ALL SELECT 'job ' || id FROM jobs WHERE measurement = $1 AND state IN ('queued', 'running') LIMIT 1",
+        )
+        .bind(id.clone())
+        .fetch_optional(&mut *write.transaction)
+        .await?;
+        if let Some(row) = used {
+            let by: String = row.try_get(0)?;
+            return Ok(Deleted::InUse(format!("{by} depends on measurement {id}")));
+        }
+        let gone =
+            sqlx::query("DELETE FROM measurements WHERE id = $1").bind(id).execute(&mut *write.transaction).await?;
+        write.commit().await?;
+        Ok(if gone.rows_affected() == 1 { Deleted::Done } else { Deleted::Absent })
+    }
+}
+
+fn read(row: &AnyRow) -> Result<MeasurementRow, CatalogError> {
+    let id: String = row.try_get("id")?;
+    let digest = |text: String| {
+        text.parse::<Digest>().map_err(|e| CatalogError::Row {
+            table: "measurements",
+            id: id.clone(),
+            reason: e.to_string(),
+        })
+    };
+    Ok(MeasurementRow {
+        id: digest(id.clone())?,
+        content: digest(row.try_get("content")?)?,
+        spectrum: row.try_get::<Option<String>, _>("spectrum")?.map(digest).transpose()?,
+        name: row.try_get("name")?,
+        file_name: row.try_get("file_name")?,
+        bytes: row.try_get::<i64, _>("bytes")?.max(0) as u64,
+        document: row.try_get("document")?,
+        created_ms: row.try_get("created_at")?,
+    })
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::catalog::testing;
+
+    pub(crate) fn new(text: &str) -> NewMeasurement {
+        NewMeasurement {
+            id: Digest::of(text.as_bytes()),
+            content: Digest::of(text.as_bytes()),
+            spectrum: None,
+            name: Some(text.to_owned()),
+            file_name: None,
+            bytes: text.len() as u64,
+            format: "ies".to_owned(),
+            quantity: Some(Quantity::Edf),
+            document: "{}".to_owned(),
+        }
+    }
+
+    #[tokio::test]
+    async fn the_same_measurement_is_known_the_second_time() {
+        let (catalog, _directory) = testing::catalog().await;
+        let (row, fresh) = catalog.add_measurement(&new("lamp"), "test").await.unwrap().unwrap();
+        assert!(fresh && row.bytes == 4 && row.name.as_deref() == Some("lamp"));
+        assert!(!catalog.add_measurement(&new("lamp"), "test").await.unwrap().unwrap().1);
+        assert_eq!(catalog.measurement(row.id).await.unwrap().unwrap().content, row.content);
+        assert_eq!(catalog.delete_measurement(row.id).await.unwrap(), Deleted::Done);
+        assert_eq!(catalog.delete_measurement(row.id).await.unwrap(), Deleted::Absent);
+    }
+
+    #[tokio::test]
+    async fn pages_cover_the_list_without_repetition() {
+        let (catalog, _directory) = testing::catalog().await;
+        for i in 0..7 {
+            catalog.add_measurement(&new(&format!("lamp {i} 50%")), "test").await.unwrap();
+        }
+        let (mut seen, mut cursor) = (Vec::new(), None);
+        loop {
+            let page = catalog.measurements(&MeasurementFilter::default(), cursor, 3).await.unwrap();
+            seen.extend(page.items.into_iter().map(|row| row.id));
+            cursor = page.next;
+            if cursor.is_none() {
+                break;
+            }
+        }
+        assert_eq!(seen.len(), 7);
+        seen.sort();
+        seen.dedup();
+        assert_eq!(seen.len(), 7);
+        for (q, expected) in [("LAMP 3", 1), ("50%", 7), ("%lamp", 0), ("5_%", 0)] {
+            let filter = MeasurementFilter { q: Some(q.to_owned()), ..MeasurementFilter::default() };
+            assert_eq!(catalog.measurements(&filter, None, 9).await.unwrap().items.len(), expected, "{q}");
+        }
+        let brdfs = MeasurementFilter { quantity: Some(Quantity::Brdf), ..MeasurementFilter::default() };
+        assert!(catalog.measurements(&brdfs, None, 9).await.unwrap().items.is_empty());
+    }
+
+    #[tokio::test]
+    async fn a_spectrum_in_use_stays() {
+        let (catalog, _directory) = testing::catalog().await;
+        let (spectrum, _) = catalog.add_measurement(&new("spd"), "test").await.unwrap().unwrap();
+        let joined = NewMeasurement { spectrum: Some(spectrum.id), ..new("lamp") };
+        catalog.add_measurement(&joined, "test").await.unwrap().unwrap();
+        assert!(matches!(catalog.delete_measurement(spectrum.id).await.unwrap(), Deleted::InUse(_)));
+        let orphan = NewMeasurement { spectrum: Some(Digest::of(b"gone")), ..new("other") };
+        assert!(catalog.add_measurement(&orphan, "test").await.unwrap().is_none());
+    }
+}

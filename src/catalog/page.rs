@@ -1,0 +1,100 @@
+//! Pages of a list, newest first: a cursor is the place after the last row seen, so that new rows shift nothing.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// The place after a row: its time and its id.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Cursor {
+    pub(super) created_at: i64,
+    pub(super) id: String,
+}
+
+/// Text that is no cursor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("not a cursor, expected the `next` of an earlier answer")]
+pub struct NotACursor;
+
+/// Rows and where to go on, if there are more.
+#[derive(Clone, Debug)]
+pub struct Page<T> {
+    /// The rows.
+    pub items: Vec<T>,
+    /// The cursor of the next page.
+    pub next: Option<Cursor>,
+}
+
+impl Cursor {
+    /// The cursor before the newest row.
+    pub(super) fn newest() -> Self {
+        Self { created_at: i64::MAX, id: String::new() }
+    }
+}
+
+impl<T> Page<T> {
+    /// A page of `rows`, of which one more than `limit` was asked for.
+    pub(super) fn of(mut rows: Vec<T>, limit: usize, place: impl Fn(&T) -> Cursor) -> Self {
+        let more = rows.len() > limit;
+        rows.truncate(limit);
+        let next = if more { rows.last().map(place) } else { None };
+        Self { items: rows, next }
+    }
+}
+
+impl fmt::Display for Cursor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:x}.{}", self.created_at, self.id)
+    }
+}
+
+impl FromStr for Cursor {
+    type Err = NotACursor;
+
+    fn from_str(text: &str) -> Result<Self, NotACursor> {
+        let (time, id) = text.split_once('.').ok_or(NotACursor)?;
+        let created_at = i64::from_str_radix(time, 16).map_err(|_| NotACursor)?;
+        if id.is_empty() || id.len() > 80 {
+            return Err(NotACursor);
+        }
+        Ok(Self { created_at, id: id.to_owned() })
+    }
+}
+
+/// The pattern of a substring search for `LIKE … ESCAPE '\'`.
+pub(super) fn pattern(text: &str) -> String {
+    let mut pattern = String::from("%");
+    for c in text.to_lowercase().chars() {
+        if matches!(c, '%' | '_' | '\\') {
+            pattern.push('\\');
+        }
+        pattern.push(c);
+    }
+    pattern.push('%');
+    pattern
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cursors_round_trip_and_nothing_else_is_one() {
+        let cursor = Cursor { created_at: 1_790_000_000_000, id: "b3-00".to_owned() };
+        assert_eq!(cursor.to_string().parse(), Ok(cursor));
+        for bad in ["", "x", ".", "12.", "zz.b3-0", &format!("1.{}", "x".repeat(99))] {
+            assert_eq!(bad.parse::<Cursor>(), Err(NotACursor), "{bad}");
+        }
+    }
+
+    #[test]
+    fn a_page_has_a_next_only_if_there_is_more() {
+        let place = |n: &i64| Cursor { created_at: *n, id: "x".to_owned() };
+        assert_eq!(Page::of(vec![3, 2, 1], 2, place).next, Some(Cursor { created_at: 2, id: "x".to_owned() }));
+        assert_eq!(Page::of(vec![3, 2], 2, place).next, None);
+    }
+
+    #[test]
+    fn patterns_escape_what_like_would_take_for_wild() {
+        assert_eq!(pattern("50%_A\\"), "%50\\%\\_a\\\\%");
+    }
+}

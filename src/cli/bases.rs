@@ -1,0 +1,41 @@
+//! `wavelume bases`: the bases that are known.
+
+use super::failure::Failure;
+use super::output::{Table, print, print_json};
+use crate::transform::{self, Space};
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Print an array of JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let known = transform::bases();
+    if args.json {
+        return print_json(&known);
+    }
+    let mut table = Table::new(&["name", "space", "family", ">analysis", ">synthesis", ">moments", "properties"]);
+    for basis in known {
+        let properties = [(basis.orthogonal, "orthogonal"), (basis.symmetric, "symmetric")];
+        let properties: Vec<_> = properties.iter().filter(|(holds, _)| *holds).map(|(_, name)| *name).collect();
+        table.row([
+            basis.name.to_owned(),
+            space(basis.space).to_owned(),
+            basis.family.to_owned(),
+            basis.analysis_length.to_string(),
+            basis.synthesis_length.to_string(),
+            basis.vanishing_moments.to_string(),
+            properties.join(" "),
+        ]);
+    }
+    print(&table.render())
+}
+
+fn space(space: Space) -> &'static str {
+    match space {
+        Space::Line => "line",
+        Space::Sphere => "sphere",
+    }
+}

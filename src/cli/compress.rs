@@ -1,0 +1,87 @@
+//! `wavelume compress`: a measurement → a material and its report.
+
+use super::failure::Failure;
+use super::input::MeasurementArgs;
+use super::output::{print, print_json, write_file};
+use super::report::compressed_sheet;
+use super::request::{RequestArgs, ThreadsArgs};
+use crate::domain::Progress;
+use crate::pipeline::{self, Report};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::PathBuf;
+use std::time::Instant;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    measurement: MeasurementArgs,
+    /// The material to write; an existing file is replaced whole
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+    #[command(flatten)]
+    request: RequestArgs,
+    #[command(flatten)]
+    threads: ThreadsArgs,
+    /// Print the report as one line of JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// The report of `--json`: the pipeline's, and how long it took.
+#[derive(serde::Serialize)]
+struct Answer<'a> {
+    #[serde(flatten)]
+    report: &'a Report,
+    seconds: f64,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let request = args.request.request();
+    let loaded = args.measurement.load(request.wavelengths.clone())?;
+    let file_bytes = loaded.bytes().len() as u64;
+    let start = Instant::now();
+    let bar = Bar::new();
+    let outcome = args.threads.run(|| {
+        let source = pipeline::read(&loaded.input())?;
+        // The file's bytes are not needed any more, and may be as large as the tensor.
+        drop(loaded);
+        pipeline::compress(&source, &request, &bar)
+    })?;
+    bar.finish();
+    let outcome = outcome.map_err(|error| Failure::from(error).about(&args.measurement.input))?;
+    let seconds = start.elapsed().as_secs_f64();
+    write_file(&args.output, &outcome.bytes)?;
+    if args.json {
+        return print_json(&Answer { report: &outcome.report, seconds });
+    }
+    let heading = format!("{} -> {}", args.measurement.input.display(), args.output.display());
+    let mut sheet = compressed_sheet(&outcome.report, file_bytes);
+    sheet.line("seconds", format!("{seconds:.2}"));
+    print(&sheet.render(&heading))
+}
+
+/// A progress bar on a terminal, nothing elsewhere.
+struct Bar(ProgressBar);
+
+/// The steps of the bar.
+const STEPS: u64 = 1000;
+
+impl Bar {
+    fn new() -> Self {
+        let bar = ProgressBar::new(STEPS);
+        if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {elapsed}") {
+            bar.set_style(style);
+        }
+        Self(bar)
+    }
+
+    fn finish(&self) {
+        self.0.finish_and_clear();
+    }
+}
+
+impl Progress for Bar {
+    fn report(&self, fraction: f64) {
+        self.0.set_position((fraction.clamp(0.0, 1.0) * STEPS as f64) as u64);
+    }
+}

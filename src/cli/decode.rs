@@ -1,0 +1,86 @@
+//! `wavelume decode`: a material → a dense float32 array with its manifest.
+
+use super::failure::Failure;
+use super::input::read_file;
+use super::output::{Sheet, count, print, print_json, write_file};
+use super::report::{axes_lines, coverage_lines};
+use super::request::ThreadsArgs;
+use crate::compress;
+use crate::domain::{Axis, Measurement};
+use crate::formats;
+use crate::projection::Coverage;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The material
+    #[arg(value_name = "M.wlm")]
+    material: PathBuf,
+    /// The array to write (.npy, float32, NaN = masked), with NAME.axes.json beside it
+    #[arg(short, long, value_name = "T.npy")]
+    output: PathBuf,
+    #[command(flatten)]
+    threads: ThreadsArgs,
+    /// Print what was written as one line of JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let measurement = decode(&args.material, &args.threads)?;
+    write_array(&args.output, measurement, None, args.json)
+}
+
+/// The samples of the material in `path`.
+pub(crate) fn decode(path: &Path, threads: &ThreadsArgs) -> Result<Measurement, Failure> {
+    let bytes = read_file(path)?;
+    let decoded = threads.run(|| compress::decode(&bytes))?.map_err(|error| Failure::from(error).about(path))?;
+    Ok(decoded.measurement)
+}
+
+/// Writes a measurement as an array and its manifest beside it, and says so.
+pub(crate) fn write_array(
+    path: &Path,
+    measurement: Measurement,
+    coverage: Option<&Coverage>,
+    json: bool,
+) -> Result<(), Failure> {
+    let manifest = formats::manifest_of(&measurement);
+    let shape = measurement.tensor.shape();
+    let axes: Vec<String> = measurement.tensor.axes().iter().map(Axis::describe).collect();
+    let (quantity, unit, masked) = (measurement.quantity, measurement.unit, measurement.tensor.masked());
+    let (samples, range) = (measurement.tensor.len(), measurement.tensor.range());
+    // The array's bytes are a second copy of the samples; the first goes before they are written.
+    let bytes = formats::write_npy(&shape, measurement.tensor.samples());
+    drop(measurement);
+    write_file(path, &bytes)?;
+    let beside = path.with_extension("axes.json");
+    write_file(&beside, format!("{manifest}\n").as_bytes())?;
+    if json {
+        return print_json(&json!({
+            "output": path.display().to_string(),
+            "manifest": beside.display().to_string(),
+            "quantity": quantity,
+            "unit": unit,
+            "shape": shape,
+            "axes": axes,
+            "samples": samples,
+            "masked_samples": masked,
+            "range": range,
+            "coverage": coverage,
+        }));
+    }
+    let mut sheet = Sheet::default();
+    sheet.line("quantity", format!("{quantity}, {unit}"));
+    axes_lines(&mut sheet, &axes);
+    sheet.line("samples", format!("{}, {} masked", count(samples as u64), count(masked as u64)));
+    if let Some((low, high)) = range {
+        sheet.line("range", format!("{low} to {high}"));
+    }
+    if let Some(coverage) = coverage {
+        coverage_lines(&mut sheet, coverage);
+    }
+    sheet.line("manifest", beside.display());
+    print(&sheet.render(&path.display().to_string()))
+}

@@ -1,0 +1,125 @@
+//! How a command fails: one line for stderr and an exit code.
+
+use crate::compress::{CompressError, DecodeError};
+use crate::evaluate::EvaluateError;
+use crate::formats::FormatErrorKind;
+use crate::pipeline::PipelineError;
+use std::fmt;
+use std::path::Path;
+
+/// Why a command did not do what was asked.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Failure {
+    /// The command line does not fit the command or the file: exit code 2.
+    Usage(String),
+    /// Anything else: exit code 1.
+    Failed(String),
+    /// Whoever read stdout has closed it; nothing is left to say.
+    Closed,
+    /// The program broke one of its own rules, and has said where.
+    Bug,
+}
+
+impl Failure {
+    /// A failure that is not the command line's.
+    pub fn failed(message: impl fmt::Display) -> Self {
+        Self::Failed(message.to_string())
+    }
+
+    /// A command line that cannot be answered.
+    pub fn usage(message: impl fmt::Display) -> Self {
+        Self::Usage(message.to_string())
+    }
+
+    /// The exit code of the process.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Usage(_) => 2,
+            Self::Failed(_) | Self::Bug => 1,
+            Self::Closed => 0,
+        }
+    }
+
+    /// The same failure with the file it is about in front.
+    #[must_use]
+    pub fn about(self, path: &Path) -> Self {
+        match self {
+            Self::Usage(message) => Self::Usage(format!("{}: {message}", path.display())),
+            Self::Failed(message) => Self::Failed(format!("{}: {message}", path.display())),
+            Self::Closed | Self::Bug => self,
+        }
+    }
+}
+
+impl fmt::Display for Failure {
+    /// One line, whatever the message holds: text of a file may be quoted in it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Usage(message) | Self::Failed(message) => f.write_str(&one_line(message)),
+            Self::Closed => f.write_str("output closed"),
+            Self::Bug => f.write_str("internal error"),
+        }
+    }
+}
+
+/// `text` with every run of white space and control characters as one space.
+pub(crate) fn one_line(text: &str) -> String {
+    let words = text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|word| !word.is_empty());
+    words.collect::<Vec<_>>().join(" ")
+}
+
+impl From<PipelineError> for Failure {
+    fn from(error: PipelineError) -> Self {
+        match &error {
+            // The file is fine; what was said about it, or not said, is not.
+            PipelineError::Format(refusal) | PipelineError::Spectrum(refusal)
+                if refusal.kind == FormatErrorKind::NeedsOption =>
+            {
+                Self::usage(error)
+            }
+            PipelineError::Wavelengths(_) | PipelineError::Compress(CompressError::Setting(_)) => Self::usage(error),
+            PipelineError::Format(_)
+            | PipelineError::Spectrum(_)
+            | PipelineError::Projection(_)
+            | PipelineError::Compress(_) => Self::failed(error),
+        }
+    }
+}
+
+impl From<DecodeError> for Failure {
+    fn from(error: DecodeError) -> Self {
+        Self::failed(error)
+    }
+}
+
+impl From<EvaluateError> for Failure {
+    fn from(error: EvaluateError) -> Self {
+        match error {
+            EvaluateError::Decode(_) => Self::failed(error),
+            EvaluateError::Unfit(_) => Self::usage(error),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formats::FormatError;
+
+    #[test]
+    fn messages_are_one_line() {
+        let failure = Failure::failed("line 3:\n\tfound \u{1b}[31m`x`");
+        assert_eq!(failure.to_string(), "line 3: found [31m`x`");
+        assert_eq!(failure.about(Path::new("a b.ies")).to_string(), "a b.ies: line 3: found [31m`x`");
+    }
+
+    #[test]
+    fn refusals_that_an_option_mends_are_wrong_usage() {
+        let refusal = |kind| FormatError { kind, format: "npy", position: None, message: "no quantity".to_owned() };
+        let code = |kind| Failure::from(PipelineError::Format(refusal(kind))).exit_code();
+        assert_eq!(code(FormatErrorKind::NeedsOption), 2);
+        assert_eq!(code(FormatErrorKind::Malformed), 1);
+        assert_eq!(Failure::from(PipelineError::Compress(CompressError::Setting(String::new()))).exit_code(), 2);
+        assert_eq!(Failure::from(PipelineError::Compress(CompressError::Unreachable(String::new()))).exit_code(), 1);
+    }
+}

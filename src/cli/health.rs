@@ -1,0 +1,68 @@
+//! `wavelume health`: asks a running service whether it is well; exit code 0 or 1.
+
+use super::failure::Failure;
+use super::output::print;
+use super::runtime::block_on;
+use super::serve::DEFAULT_LISTEN;
+use std::time::Duration;
+
+/// How long the answer may take.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The address that the service listens on
+    #[arg(long, value_name = "ADDR", default_value = DEFAULT_LISTEN, conflicts_with = "url")]
+    listen: String,
+    /// The service's URL, instead of its address
+    #[arg(value_name = "URL")]
+    url: Option<String>,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let base = args.url.clone().unwrap_or_else(|| format!("http://{}", reachable(&args.listen)));
+    let url = format!("{}/healthz", base.trim_end_matches('/').trim_end_matches("/healthz"));
+    block_on(async {
+        let refuse = |error: &reqwest::Error| Failure::failed(format!("{url}: {}", reason(error)));
+        let client = reqwest::Client::builder().timeout(PATIENCE).no_proxy().build();
+        let answer = client.map_err(|e| refuse(&e))?.get(&url).send().await.map_err(|e| refuse(&e))?;
+        match answer.status() {
+            status if status.is_success() => print("ok\n"),
+            status => Err(Failure::failed(format!("{url}: answered {status}"))),
+        }
+    })
+}
+
+/// An address to ask: a service that listens on every address is asked on the machine's own.
+pub(crate) fn reachable(listen: &str) -> String {
+    let listen = listen.strip_prefix("http://").unwrap_or(listen);
+    match listen.parse::<std::net::SocketAddr>() {
+        Ok(address) if address.ip().is_unspecified() && address.is_ipv6() => format!("[::1]:{}", address.port()),
+        Ok(address) if address.ip().is_unspecified() => format!("127.0.0.1:{}", address.port()),
+        _ => listen.to_owned(),
+    }
+}
+
+/// The innermost cause: that is what a person can act on.
+pub(crate) fn reason(error: &reqwest::Error) -> String {
+    if error.is_timeout() {
+        return "no answer in time".to_owned();
+    }
+    let mut cause: &dyn std::error::Error = error;
+    while let Some(inner) = cause.source() {
+        cause = inner;
+    }
+    cause.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_address_is_asked_on_the_machine_itself() {
+        assert_eq!(reachable("0.0.0.0:8080"), "127.0.0.1:8080");
+        assert_eq!(reachable("[::]:8080"), "[::1]:8080");
+        assert_eq!(reachable("http://example.org:1"), "example.org:1");
+    }
+}

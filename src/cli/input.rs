@@ -1,0 +1,160 @@
+//! Files in: the measurement, its spectrum and its manifest, read within a limit, and what the user says about them.
+
+use super::failure::Failure;
+use crate::domain::{Quantity, Unit};
+use crate::formats::Interpretation;
+use crate::pipeline::Input;
+use std::fs::File;
+use std::io::{ErrorKind, Read};
+use std::path::{Path, PathBuf};
+
+/// The largest file that is read: a float64 array of the largest tensor.
+const MAX_FILE_BYTES: u64 = 2 << 30;
+/// The largest manifest that is read.
+const MAX_MANIFEST_BYTES: u64 = 16 << 20;
+
+/// A measurement and what the user says about it.
+#[derive(Debug, clap::Args)]
+pub(crate) struct MeasurementArgs {
+    /// The file: any format that `wavelume formats` lists; its content decides, not its name
+    #[arg(value_name = "IN")]
+    pub(crate) input: PathBuf,
+    /// A spectrum to join with a luminaire
+    #[arg(long, value_name = "SPD")]
+    spectrum: Option<PathBuf>,
+    /// The quantity, where the file does not say: spectrum, reflectance, edf, brdf, btdf, bsdf or phase
+    #[arg(long)]
+    quantity: Option<Quantity>,
+    /// The unit of a value, e.g. 1/sr, cd, mW/sr
+    #[arg(long)]
+    unit: Option<Unit>,
+    /// The unit of the wavelengths of a spectral table: nm, um, angstrom or 1/cm
+    #[arg(long, value_name = "UNIT")]
+    wavelength_unit: Option<String>,
+    /// The column of a spectral table, by name or by number from 1
+    #[arg(long)]
+    column: Option<String>,
+    /// The manifest of an array's axes [default: NAME.axes.json beside NAME.npy]
+    #[arg(long, value_name = "MANIFEST")]
+    axes: Option<PathBuf>,
+}
+
+/// The bytes of a measurement, in memory.
+pub(crate) struct Loaded {
+    bytes: Vec<u8>,
+    spectrum: Option<Vec<u8>>,
+    interpretation: Interpretation,
+}
+
+impl MeasurementArgs {
+    /// Reads the files named. `wavelengths` are those of an array whose manifest says only `"lambda"`.
+    pub(crate) fn load(&self, wavelengths: Option<String>) -> Result<Loaded, Failure> {
+        let bytes = read_file(&self.input)?;
+        let spectrum = self.spectrum.as_deref().map(read_file).transpose()?;
+        Ok(Loaded { bytes, spectrum, interpretation: self.interpretation(wavelengths)? })
+    }
+
+    fn interpretation(&self, wavelengths: Option<String>) -> Result<Interpretation, Failure> {
+        let manifest = match &self.axes {
+            Some(path) => Some(path.clone()),
+            None => side_car(&self.input).filter(|path| path.exists()),
+        };
+        Ok(Interpretation {
+            quantity: self.quantity,
+            unit: self.unit,
+            wavelength_unit: self.wavelength_unit.clone(),
+            column: self.column.clone(),
+            axes: manifest.as_deref().map(read_manifest).transpose()?,
+            wavelengths,
+        })
+    }
+}
+
+impl Loaded {
+    /// The file's bytes.
+    pub(crate) fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// What the pipeline reads.
+    pub(crate) fn input(&self) -> Input<'_> {
+        Input { bytes: &self.bytes, spectrum: self.spectrum.as_deref(), interpretation: &self.interpretation }
+    }
+}
+
+/// The manifest's place beside an array: `NAME.axes.json` beside `NAME.npy`.
+pub(crate) fn side_car(array: &Path) -> Option<PathBuf> {
+    let is_array = array.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"));
+    is_array.then(|| array.with_extension("axes.json"))
+}
+
+/// Reads a whole file within the limit.
+pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
+    read_within(path, MAX_FILE_BYTES)
+}
+
+fn read_manifest(path: &Path) -> Result<serde_json::Value, Failure> {
+    let bytes = read_within(path, MAX_MANIFEST_BYTES)?;
+    serde_json::from_slice(&bytes).map_err(|error| Failure::failed(format!("manifest: {error}")).about(path))
+}
+
+fn read_within(path: &Path, limit: u64) -> Result<Vec<u8>, Failure> {
+    let refuse = |message: String| Failure::Failed(message).about(path);
+    let file = File::open(path).map_err(|error| refuse(describe(&error)))?;
+    let metadata = file.metadata().map_err(|error| refuse(describe(&error)))?;
+    if metadata.is_dir() {
+        return Err(refuse("is a directory, expected a file".to_owned()));
+    }
+    let too_large = |found: &str| refuse(format!("{found} bytes are more than the limit of {limit}"));
+    if metadata.len() > limit {
+        return Err(too_large(&metadata.len().to_string()));
+    }
+    // The size is a hint only: a pipe has none, and a file may grow while it is read.
+    let mut bytes = Vec::with_capacity(metadata.len() as usize);
+    file.take(limit + 1).read_to_end(&mut bytes).map_err(|error| refuse(describe(&error)))?;
+    if bytes.len() as u64 > limit {
+        return Err(too_large("more"));
+    }
+    Ok(bytes)
+}
+
+/// An I/O error in the words of a user.
+pub(crate) fn describe(error: &std::io::Error) -> String {
+    match error.kind() {
+        ErrorKind::NotFound => "no such file or directory".to_owned(),
+        ErrorKind::PermissionDenied => "permission denied".to_owned(),
+        ErrorKind::IsADirectory => "is a directory, expected a file".to_owned(),
+        ErrorKind::StorageFull => "no space left".to_owned(),
+        _ => error.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_over_the_limit_are_refused_before_they_are_read() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("large");
+        std::fs::write(&path, [0; 11]).unwrap();
+        let refused = read_within(&path, 10).unwrap_err().to_string();
+        assert!(refused.ends_with("large: 11 bytes are more than the limit of 10"), "{refused}");
+        assert_eq!(read_within(&path, 11).unwrap().len(), 11);
+    }
+
+    #[test]
+    fn missing_files_and_directories_are_named() {
+        let dir = tempfile::tempdir().unwrap();
+        let missing = read_file(&dir.path().join("none.ies")).unwrap_err();
+        assert!(missing.to_string().ends_with("none.ies: no such file or directory"));
+        assert!(read_file(dir.path()).unwrap_err().to_string().ends_with("is a directory, expected a file"));
+    }
+
+    #[test]
+    fn only_arrays_have_a_side_car() {
+        assert_eq!(side_car(Path::new("a/b.npy")), Some(PathBuf::from("a/b.axes.json")));
+        assert_eq!(side_car(Path::new("a/b.v2.npy")), Some(PathBuf::from("a/b.v2.axes.json")));
+        assert_eq!(side_car(Path::new("lamp.ies")), None);
+    }
+}

@@ -1,0 +1,256 @@
+//! `wavelume inspect`: what a measurement or material is.
+
+use super::failure::Failure;
+use super::input::{Loaded, MeasurementArgs};
+use super::output::{Sheet, count, print, print_json, three_digits};
+use super::report::{axes_lines, coefficient_line, coverage_lines, error_lines, labelled, note_lines, sample_lines};
+use super::request::AxesArgs;
+use crate::codec;
+use crate::compress::{self, Summary};
+use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
+use crate::formats::{Angles, AzimuthExtent, Note, Samples};
+use crate::pipeline::{self, Request};
+use crate::projection::Coverage;
+use serde::Serialize;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    measurement: MeasurementArgs,
+    #[command(flatten)]
+    axes: AxesArgs,
+    /// Print one line of JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let request = args.axes.request();
+    let loaded = args.measurement.load(request.wavelengths.clone())?;
+    let about = |failure: Failure| failure.about(&args.measurement.input);
+    let name = args.measurement.input.display().to_string();
+    if loaded.bytes().starts_with(&codec::MAGIC) {
+        let material = Material::read(loaded.bytes()).map_err(about)?;
+        return if args.json { print_json(&material) } else { print(&material.sheet().render(&name)) };
+    }
+    let measurement = Measured::read(&loaded, &request).map_err(about)?;
+    if args.json { print_json(&measurement) } else { print(&measurement.sheet().render(&name)) }
+}
+
+/// A measurement, and the tensor that `compress` would make of it.
+#[derive(Serialize)]
+struct Measured {
+    kind: &'static str,
+    content_digest: String,
+    bytes: u64,
+    format: String,
+    dialect: String,
+    quantity: Quantity,
+    unit: Unit,
+    sampling: Sampling,
+    /// What the file holds, outermost first.
+    source_axes: Vec<String>,
+    /// What the tensor holds, outermost first.
+    axes: Vec<String>,
+    shape: Vec<usize>,
+    samples: u64,
+    masked_samples: u64,
+    zero_samples: u64,
+    negative_samples: u64,
+    /// The smallest and the largest sample.
+    range: Option<(f32, f32)>,
+    coverage: Coverage,
+    notes: Vec<Note>,
+    metadata: Vec<(String, String)>,
+}
+
+impl Measured {
+    fn read(loaded: &Loaded, request: &Request) -> Result<Self, Failure> {
+        let source = pipeline::read(&loaded.input())?;
+        let acquisition = source.acquisition;
+        let projected = pipeline::project(&acquisition, request)?;
+        let tensor = &projected.measurement.tensor;
+        let number = |wanted: fn(&f32) -> bool| tensor.samples().iter().filter(|s| wanted(s)).count() as u64;
+        Ok(Self {
+            kind: "measurement",
+            content_digest: source.content_digest,
+            bytes: loaded.bytes().len() as u64,
+            format: acquisition.format.to_owned(),
+            quantity: projected.measurement.quantity,
+            unit: projected.measurement.unit,
+            sampling: projected.measurement.sampling,
+            source_axes: measured_on(&acquisition.samples),
+            axes: tensor.axes().iter().map(Axis::describe).collect(),
+            shape: tensor.shape(),
+            samples: tensor.len() as u64,
+            masked_samples: tensor.masked() as u64,
+            zero_samples: number(|s| *s == 0.0),
+            negative_samples: number(|s| *s < 0.0),
+            range: tensor.range(),
+            coverage: projected.coverage,
+            dialect: acquisition.dialect,
+            notes: acquisition.report.notes,
+            metadata: acquisition.report.metadata,
+        })
+    }
+
+    fn sheet(&self) -> Sheet {
+        let mut sheet = Sheet::default();
+        sheet.line("format", labelled(&self.format, &self.dialect));
+        sheet.line("quantity", format!("{}, {}", self.quantity, self.unit));
+        if self.source_axes != self.axes {
+            sheet.line("measured on", self.source_axes.join(" × "));
+        }
+        axes_lines(&mut sheet, &self.axes);
+        sheet.line("sampling", self.sampling);
+        let special = ErrorReport {
+            samples: self.samples,
+            masked_samples: self.masked_samples,
+            zero_samples: self.zero_samples,
+            negative_samples: self.negative_samples,
+            ..ErrorReport::default()
+        };
+        sample_lines(&mut sheet, &special);
+        if let Some((low, high)) = self.range {
+            sheet.line("range", format!("{low} to {high}"));
+        }
+        coverage_lines(&mut sheet, &self.coverage);
+        note_lines(&mut sheet, &self.notes);
+        for (key, value) in &self.metadata {
+            sheet.line("keyword", format!("{key}: {value}"));
+        }
+        sheet.line("size", format!("{} bytes", count(self.bytes)));
+        sheet.line("digest", &self.content_digest);
+        sheet
+    }
+}
+
+/// What the samples of a file lie on.
+fn measured_on(samples: &Samples) -> Vec<String> {
+    match samples {
+        Samples::OnAxes { tensor, .. } => tensor.axes().iter().map(Axis::describe).collect(),
+        Samples::Grid(grid) => {
+            let mut axes: Vec<String> = grid.index.iter().map(Axis::describe).collect();
+            for (name, angles) in [("i", &grid.incoming), ("o", &grid.outgoing)] {
+                if let Some(angles) = angles {
+                    axes.extend(angle_axes(name, angles));
+                }
+            }
+            axes.extend(grid.spectral.iter().map(Axis::describe));
+            axes
+        }
+    }
+}
+
+fn angle_axes(name: &str, angles: &Angles) -> Vec<String> {
+    let span = |values: &[f64]| match values {
+        [] => String::new(),
+        [only] => format!("{only}"),
+        [first, .., last] => format!("{first}..{last}"),
+    };
+    let mut axes = vec![format!("theta_{name} {} deg ({})", span(&angles.theta), angles.theta.len())];
+    if let Some(azimuths) = &angles.phi {
+        let extent = match azimuths.extent {
+            AzimuthExtent::Circle => "",
+            AzimuthExtent::Mirrored => ", mirrored",
+            AzimuthExtent::Sector => ", sector",
+        };
+        axes.push(format!("phi_{name} {} deg ({}{extent})", span(&azimuths.phi), azimuths.phi.len()));
+    }
+    axes
+}
+
+/// A material, from its header.
+#[derive(Serialize)]
+struct Material {
+    kind: &'static str,
+    digest: String,
+    payload_digest: String,
+    bytes: u64,
+    quantity: Quantity,
+    unit: Unit,
+    sampling: Sampling,
+    axes: Vec<String>,
+    shape: Vec<usize>,
+    policy: compress::Policy,
+    basis: String,
+    kept_coefficients: Option<u64>,
+    ratio_coefficients: Option<f64>,
+    ratio_bytes: f64,
+    floor: f64,
+    #[serde(flatten)]
+    errors: ErrorReport,
+    /// The metadata chunk; `null` if the file has none.
+    provenance: Option<serde_json::Value>,
+}
+
+impl Material {
+    fn read(bytes: &[u8]) -> Result<Self, Failure> {
+        let summary: Summary = compress::inspect(bytes)?;
+        let shape: Vec<usize> = summary.axes.iter().map(Axis::len).collect();
+        let samples = shape.iter().product::<usize>() as f64;
+        Ok(Self {
+            kind: "material",
+            digest: pipeline::digest(bytes),
+            payload_digest: format!("b3-{}", compress::payload_digest(bytes)?.to_hex()),
+            bytes: bytes.len() as u64,
+            quantity: summary.quantity,
+            unit: summary.unit,
+            sampling: summary.sampling,
+            axes: summary.axes.iter().map(Axis::describe).collect(),
+            shape,
+            policy: summary.policy,
+            basis: summary.basis,
+            kept_coefficients: summary.kept_coefficients,
+            ratio_coefficients: summary.kept_coefficients.map(|kept| samples / kept.max(1) as f64),
+            ratio_bytes: 4.0 * samples / bytes.len() as f64,
+            floor: summary.floor,
+            errors: summary.errors,
+            // A metadata chunk that is no JSON is still text worth showing.
+            provenance: summary
+                .metadata
+                .map(|text| serde_json::from_str(&text).unwrap_or(serde_json::Value::String(text))),
+        })
+    }
+
+    fn sheet(&self) -> Sheet {
+        let mut sheet = Sheet::default();
+        sheet.line("format", "wavelume material");
+        sheet.line("quantity", format!("{}, {}", self.quantity, self.unit));
+        axes_lines(&mut sheet, &self.axes);
+        sheet.line("sampling", self.sampling);
+        sample_lines(&mut sheet, &self.errors);
+        sheet.line("policy", format!("{}, basis {}", self.policy, self.basis));
+        let ratio = three_digits(self.ratio_bytes);
+        sheet.line("size", format!("{} bytes, {ratio} : 1 of the float32 tensor", count(self.bytes)));
+        coefficient_line(&mut sheet, self.kept_coefficients, self.ratio_coefficients);
+        if self.floor > 0.0 {
+            sheet.line("floor", self.floor);
+        }
+        error_lines(&mut sheet, "error", &self.errors);
+        self.source_lines(&mut sheet);
+        sheet.line("digest", &self.digest);
+        sheet.line("payload digest", &self.payload_digest);
+        sheet
+    }
+
+    fn source_lines(&self, sheet: &mut Sheet) {
+        let Some(provenance) = &self.provenance else {
+            sheet.line("provenance", "none in the file");
+            return;
+        };
+        let source = &provenance["source"];
+        if let (Some(format), Some(dialect)) = (source["format"].as_str(), source["dialect"].as_str()) {
+            sheet.line("made from", labelled(format, dialect));
+        }
+        for (label, value) in [
+            ("source digest", &source["content_digest"]),
+            ("spectrum digest", &source["spectrum_digest"]),
+            ("generator", &provenance["generator"]),
+        ] {
+            if let Some(text) = value.as_str() {
+                sheet.line(label, text);
+            }
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! The command line: one file a command; translation between words and the library, no science of its own.
+
+mod bases;
+mod compress;
+mod decode;
+mod demo;
+mod evaluate;
+mod export;
+mod failure;
+mod formats;
+mod fsck;
+mod gc;
+mod health;
+mod input;
+mod inspect;
+mod migrate;
+mod openapi;
+mod output;
+mod project;
+mod query;
+mod report;
+mod request;
+mod runtime;
+mod sample;
+mod serve;
+
+pub use failure::Failure;
+
+use std::ffi::OsString;
+
+/// Compress, store, evaluate and sample acquired radiometric measurements.
+#[derive(Debug, clap::Parser)]
+#[command(name = "wavelume", version, max_term_width = 100)]
+#[command(arg_required_else_help = false, disable_help_subcommand = true, infer_long_args = false)]
+pub struct Cli {
+    /// How the log on stderr is written; the environment's `RUST_LOG` filters it
+    #[arg(long, global = true, value_enum, default_value_t, env = "WAVELUME_LOG_FORMAT", hide_env_values = true)]
+    pub log_format: LogFormat,
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// How the log on stderr is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum LogFormat {
+    /// Lines for people.
+    #[default]
+    Human,
+    /// One JSON object a line.
+    Json,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    /// Compress a measurement to a promised error
+    Compress(compress::Args),
+    /// Say what a measurement or material is: axes, units, coverage, errors
+    Inspect(inspect::Args),
+    /// Write the float32 tensor that would be compressed
+    Project(project::Args),
+    /// Write the samples of a material as a dense float32 tensor
+    Decode(decode::Args),
+    /// Give the spectrum of a material for a pair of directions
+    Evaluate(evaluate::Args),
+    /// Draw directions from a material
+    Sample(sample::Args),
+    /// Write a material in a format that others read
+    Export(export::Args),
+    /// List the spectral bases
+    Bases(bases::Args),
+    /// List the file formats
+    Formats(formats::Args),
+    /// Start the service on real measurements, compress them and show how to use it
+    Demo(demo::Args),
+    /// Start the service
+    Serve(serve::Args),
+    /// Bring the catalog of a data directory up to date
+    Migrate(migrate::Args),
+    /// Ask a running service whether it is well
+    Health(health::Args),
+    /// Check every digest and reference of a data directory
+    Fsck(fsck::Args),
+    /// Remove what nothing in a data directory names
+    Gc(gc::Args),
+    /// Print the description of the HTTP interface
+    Openapi(openapi::Args),
+}
+
+/// What a command line asks for.
+#[derive(Debug)]
+pub enum Parsed {
+    /// A command.
+    Run(Box<Cli>),
+    /// Text for stdout: help or the version.
+    Show(String),
+}
+
+impl Cli {
+    /// Reads a command line, program name first.
+    pub fn read(line: impl IntoIterator<Item = OsString>) -> Result<Parsed, Failure> {
+        use clap::Parser;
+        use clap::error::ErrorKind;
+        Self::try_parse_from(line).map(|cli| Parsed::Run(Box::new(cli))).or_else(|error| match error.kind() {
+            ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => Ok(Parsed::Show(error.render().to_string())),
+            _ => Err(Failure::Usage(usage_line(&error.render().to_string()))),
+        })
+    }
+
+    /// The least severe messages that are logged where `RUST_LOG` does not say.
+    pub fn log_level(&self) -> &'static str {
+        match self.command {
+            Command::Serve(_) => "info",
+            _ => "warn",
+        }
+    }
+
+    /// Does what was asked.
+    pub fn run(self) -> Result<(), Failure> {
+        match self.command {
+            Command::Compress(args) => compress::run(&args),
+            Command::Inspect(args) => inspect::run(&args),
+            Command::Project(args) => project::run(&args),
+            Command::Decode(args) => decode::run(&args),
+            Command::Evaluate(args) => evaluate::run(&args),
+            Command::Sample(args) => sample::run(&args),
+            Command::Export(args) => export::run(&args),
+            Command::Bases(args) => bases::run(&args),
+            Command::Formats(args) => formats::run(&args),
+            Command::Demo(args) => demo::run(&args),
+            Command::Serve(args) => serve::run(&args),
+            Command::Migrate(args) => migrate::run(&args),
+            Command::Health(args) => health::run(&args),
+            Command::Fsck(args) => fsck::run(&args),
+            Command::Gc(args) => gc::run(&args),
+            Command::Openapi(args) => openapi::run(&args),
+        }
+    }
+}
+
+impl Parsed {
+    /// Prints text for stdout.
+    pub fn show(text: &str) -> Result<(), Failure> {
+        output::print(text)
+    }
+}
+
+/// What is wrong with a command line, without the usage that the parser prints below it.
+fn usage_line(rendered: &str) -> String {
+    let message = rendered.trim_start_matches("error:");
+    let end = ["\nUsage:", "\nFor more information"].iter().filter_map(|mark| message.find(mark)).min();
+    let message = failure::one_line(&message[..end.unwrap_or(message.len())]);
+    format!("{message} (see --help)")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(line: &[&str]) -> Result<Parsed, Failure> {
+        Cli::read(line.iter().map(OsString::from))
+    }
+
+    #[test]
+    fn the_table_of_commands_is_consistent() {
+        use clap::CommandFactory;
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn wrong_usage_is_one_line() {
+        for line in [
+            &["wavelume"][..],
+            &["wavelume", "compres"],
+            &["wavelume", "compress", "in.npy"],
+            &["wavelume", "compress", "in.npy", "-o", "x.wlm", "--er-l2", "0.1", "--lossless"],
+            &["wavelume", "compress", "in.npy", "-o", "x.wlm", "--er-l3", "0.1"],
+            &["wavelume", "evaluate", "m.wlm", "--wi", "30"],
+        ] {
+            let failure = read(line).unwrap_err();
+            assert_eq!(failure.exit_code(), 2, "{line:?}");
+            let message = failure.to_string();
+            assert!(message.ends_with("(see --help)") && !message.contains('\n'), "{message}");
+        }
+        let message = read(&["wavelume", "compress", "in.npy"]).unwrap_err().to_string();
+        assert!(message.contains("required arguments were not provided: --output <OUT>"), "{message}");
+    }
+
+    #[test]
+    fn help_and_version_are_no_failures() {
+        for line in [&["wavelume", "--help"][..], &["wavelume", "--version"], &["wavelume", "compress", "--help"]] {
+            assert!(matches!(read(line), Ok(Parsed::Show(_))), "{line:?}");
+        }
+    }
+}

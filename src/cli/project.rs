@@ -1,0 +1,39 @@
+//! `wavelume project`: the float32 tensor that would be compressed, as an array with its manifest.
+
+use super::decode::write_array;
+use super::failure::Failure;
+use super::input::MeasurementArgs;
+use super::request::{RequestArgs, ThreadsArgs};
+use crate::pipeline;
+use std::path::PathBuf;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    measurement: MeasurementArgs,
+    /// The array to write (.npy, float32, NaN = masked), with NAME.axes.json beside it
+    #[arg(short, long, value_name = "T.npy")]
+    output: PathBuf,
+    // The promise and the policy do not change the tensor; they are taken so that both commands have the same options.
+    #[command(flatten)]
+    request: RequestArgs,
+    #[command(flatten)]
+    threads: ThreadsArgs,
+    /// Print what was written as one line of JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let request = args.request.request();
+    let about = |error| Failure::from(error).about(&args.measurement.input);
+    let loaded = args.measurement.load(request.wavelengths.clone())?;
+    let projected = args.threads.run(|| {
+        let source = pipeline::read(&loaded.input())?;
+        // The file's bytes are not needed any more, and may be as large as the tensor.
+        drop(loaded);
+        pipeline::project(&source.acquisition, &request)
+    })?;
+    let projected = projected.map_err(about)?;
+    write_array(&args.output, projected.measurement, Some(&projected.coverage), args.json)
+}

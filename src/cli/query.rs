@@ -1,0 +1,77 @@
+//! Where in a material to look: directions in degrees, indices, wavelengths.
+
+use super::failure::Failure;
+use super::input::read_file;
+use crate::domain::limits::MAX_WAVELENGTHS;
+use crate::domain::{Direction, WavelengthGrid};
+use crate::evaluate::Material;
+use std::path::Path;
+
+/// A list on the command line; a type of its own, so that one option takes all of it.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct List<T>(pub(crate) Vec<T>);
+
+/// `THETA,PHI` in degrees.
+pub(crate) fn direction(text: &str) -> Result<Direction, String> {
+    let refused = || format!("`{text}` is no direction, expected THETA,PHI in degrees with THETA from 0 to 180");
+    let angles = text.split(',').map(|part| part.trim().parse::<f64>()).collect::<Result<Vec<_>, _>>();
+    let angles = angles.map_err(|_| refused())?;
+    match angles.as_slice() {
+        &[theta, phi] if (0.0..=180.0).contains(&theta) && phi.is_finite() => Ok(Direction::from_degrees(theta, phi)),
+        _ => Err(refused()),
+    }
+}
+
+/// `3` or `3,4`: one entry for each leading index axis.
+pub(crate) fn index(text: &str) -> Result<List<usize>, String> {
+    let entries = text.split(',').map(|part| part.trim().parse()).collect::<Result<_, _>>();
+    entries.map(List).map_err(|_| format!("`{text}` is no index, expected numbers from 0 with commas between them"))
+}
+
+/// `START:STOP:STEP`, or wavelengths with commas between them, in nm.
+pub(crate) fn wavelengths(text: &str) -> Result<List<f64>, String> {
+    if text.contains(':') {
+        return WavelengthGrid::parse_range(text).map(|grid| List(grid.values())).map_err(|error| error.to_string());
+    }
+    let refused = || format!("`{text}` is no list of wavelengths, expected START:STOP:STEP or A,B,C in nm");
+    let values = text.split(',').map(|part| part.trim().parse()).collect::<Result<Vec<f64>, _>>();
+    let values = values.map_err(|_| refused())?;
+    let fits = values.len() <= MAX_WAVELENGTHS && values.iter().all(|v| v.is_finite() && *v > 0.0);
+    if fits { Ok(List(values)) } else { Err(refused()) }
+}
+
+/// Opens the material in `path`.
+pub(crate) fn open(path: &Path) -> Result<Material, Failure> {
+    let bytes = read_file(path)?;
+    Material::open(&bytes).map_err(|error| Failure::from(error).about(path))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_are_degrees() {
+        assert_eq!(direction("0,0").unwrap().xyz(), [0.0, 0.0, 1.0]);
+        assert_eq!(direction("90, -90").unwrap().xyz(), [0.0, -1.0, 0.0]);
+        for bad in ["", "30", "30,40,50", "181,0", "-1,0", "nan,0", "30,inf", "x,y"] {
+            assert!(direction(bad).unwrap_err().contains("expected THETA,PHI"), "{bad}");
+        }
+    }
+
+    #[test]
+    fn wavelengths_are_a_range_or_a_list() {
+        assert_eq!(wavelengths("400:420:10").unwrap().0, [400.0, 410.0, 420.0]);
+        assert_eq!(wavelengths("550, 400").unwrap().0, [550.0, 400.0]);
+        for bad in ["", "400:300:5", "a", "400,", "-400", "nan"] {
+            assert!(wavelengths(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn indices_are_numbers_from_zero() {
+        assert_eq!(index("3").unwrap().0, [3]);
+        assert_eq!(index("3,0").unwrap().0, [3, 0]);
+        assert!(index("-1").is_err() && index("").is_err());
+    }
+}

@@ -1,0 +1,122 @@
+//! Reports for people: the same facts as `--json`, in labelled lines.
+
+use super::output::{Sheet, count, per_cent, three_digits};
+use crate::domain::ErrorReport;
+use crate::formats::{Note, NoteKind};
+use crate::pipeline::Report;
+use crate::projection::Coverage;
+
+/// The report of a compression; `file_bytes` is the size of the input file.
+pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
+    let mut sheet = Sheet::default();
+    sheet.line("format", labelled(&report.format, &report.dialect));
+    sheet.line("quantity", format!("{}, {}", report.quantity, report.unit));
+    axes_lines(&mut sheet, &report.axes);
+    sample_lines(&mut sheet, &report.errors);
+    coverage_lines(&mut sheet, &report.coverage);
+    note_lines(&mut sheet, &report.notes);
+    sheet.line("policy", format!("{}, basis {}", report.policy, report.basis));
+    sheet.line(
+        "size",
+        format!(
+            "{} bytes, {} : 1 of the float32 tensor; the input file has {}",
+            count(report.bytes),
+            three_digits(report.ratio_bytes),
+            count(file_bytes)
+        ),
+    );
+    coefficient_line(&mut sheet, report.kept_coefficients, report.ratio_coefficients);
+    error_lines(&mut sheet, "error", &report.errors);
+    if let Some(errors) = &report.errors_at_samples {
+        error_lines(&mut sheet, "at the file's samples", errors);
+    }
+    sheet.line("digest", &report.digest);
+    sheet
+}
+
+/// `name (detail)`, or the name alone.
+pub(crate) fn labelled(name: &str, detail: &str) -> String {
+    if detail.is_empty() { name.to_owned() } else { format!("{name} ({detail})") }
+}
+
+/// One line with the axes, outermost first.
+pub(crate) fn axes_lines(sheet: &mut Sheet, axes: &[String]) {
+    let axes = if axes.is_empty() { "none: one value".to_owned() } else { axes.join(" × ") };
+    sheet.line("axes", axes);
+}
+
+/// How many coefficients were kept.
+pub(crate) fn coefficient_line(sheet: &mut Sheet, kept: Option<u64>, ratio: Option<f64>) {
+    if let (Some(kept), Some(ratio)) = (kept, ratio) {
+        sheet.line("coefficients", format!("{} kept, {} samples each", count(kept), three_digits(ratio)));
+    }
+}
+
+/// How many samples there are, and how many of them are special.
+pub(crate) fn sample_lines(sheet: &mut Sheet, errors: &ErrorReport) {
+    let special = [
+        ("masked", errors.masked_samples),
+        ("zero", errors.zero_samples),
+        ("negative", errors.negative_samples),
+        ("below the floor", errors.below_floor_samples),
+    ];
+    let special = special.iter().filter(|(_, n)| *n > 0).map(|(what, n)| format!(", {} {what}", count(*n)));
+    sheet.line("samples", format!("{}{}", count(errors.samples), special.collect::<String>()));
+}
+
+/// The errors, relative ones in per cent.
+pub(crate) fn error_lines(sheet: &mut Sheet, label: &str, errors: &ErrorReport) {
+    sheet.line(
+        label,
+        format!(
+            "er(L1) {}, er(L2) {}, largest {}; relative RMSE {}",
+            per_cent(errors.er_l1),
+            per_cent(errors.er_l2),
+            per_cent(errors.max_relative_error),
+            per_cent(errors.relative_rmse)
+        ),
+    );
+    if errors.scored_samples < errors.samples - errors.masked_samples {
+        sheet.line(
+            label,
+            format!(
+                "{} samples > 0 enter the relative errors; elsewhere at most {} absolutely",
+                count(errors.scored_samples),
+                three_digits(errors.max_absolute_error_unscored)
+            ),
+        );
+    }
+    if errors.mask_mismatches > 0 {
+        sheet.line(label, format!("{} samples masked in one of the two only", count(errors.mask_mismatches)));
+    }
+}
+
+/// What the cells stand on.
+pub(crate) fn coverage_lines(sheet: &mut Sheet, coverage: &Coverage) {
+    sheet.line(
+        "coverage",
+        format!(
+            "{} cells: {} measured, {} interpolated, {} empty",
+            count(coverage.cells),
+            count(coverage.measured),
+            count(coverage.interpolated),
+            count(coverage.empty)
+        ),
+    );
+    for note in &coverage.notes {
+        sheet.line("coverage", note);
+    }
+}
+
+/// Everything a parser assumed, filled, skipped or warns of.
+pub(crate) fn note_lines(sheet: &mut Sheet, notes: &[Note]) {
+    for note in notes {
+        let label = match note.kind {
+            NoteKind::Assumed => "assumed",
+            NoteKind::Filled => "filled",
+            NoteKind::Skipped => "skipped",
+            NoteKind::Warning => "warning",
+        };
+        sheet.line(label, &note.message);
+    }
+}

@@ -1,0 +1,187 @@
+//! What the user asks of a compression: axes, promise, policy, threads; in the names of a request.
+
+use super::failure::Failure;
+use crate::compress::{Policy, Target};
+use crate::domain::WavelengthGrid;
+use crate::domain::limits::MAX_LEVEL;
+use crate::pipeline::Request;
+
+/// The promise that holds where none is named.
+const DEFAULT_TARGET: Target = Target::ErL2(0.01);
+
+/// The axes of the tensor; what is not given is chosen from the data's own density.
+#[derive(Debug, clap::Args)]
+pub(crate) struct AxesArgs {
+    /// Subdivision level of the incoming triangles
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_LEVEL)))]
+    incoming_level: Option<u8>,
+    /// Subdivision level of the outgoing triangles
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_LEVEL)))]
+    outgoing_level: Option<u8>,
+    /// Wavelengths to resample to, in nm, both ends included
+    #[arg(long, value_name = "START:STOP:STEP", value_parser = range)]
+    wavelengths: Option<String>,
+}
+
+/// The promise: at most one of these; er(L2) 0.01 where none is named.
+#[derive(Debug, clap::Args)]
+#[group(multiple = false)]
+pub(crate) struct TargetArgs {
+    /// Root mean square of the relative error at most this: 0.01 is 1 % [default: 0.01]
+    #[arg(long, value_name = "E", value_parser = positive)]
+    er_l2: Option<f64>,
+    /// Relative error of every sample > 0 at most this
+    #[arg(long, value_name = "E", value_parser = positive)]
+    max_relative_error: Option<f64>,
+    /// At least this many samples per kept coefficient
+    #[arg(long, value_name = "R", value_parser = positive)]
+    ratio: Option<f64>,
+    /// At most this many bytes, metadata included
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    bytes: Option<u64>,
+    /// Every bit
+    #[arg(long)]
+    lossless: bool,
+}
+
+/// How to compress.
+#[derive(Debug, clap::Args)]
+pub(crate) struct RequestArgs {
+    #[command(flatten)]
+    axes: AxesArgs,
+    #[command(flatten)]
+    target: TargetArgs,
+    /// rd: rate-distortion; conventional: the paper's threshold
+    #[arg(long, default_value_t)]
+    policy: Policy,
+    /// The spectral basis: auto, or a name that `wavelume bases` lists
+    #[arg(long, default_value = "auto")]
+    basis: String,
+    /// Samples below F x the maximum leave the relative errors and are kept within that absolutely
+    #[arg(long, value_name = "F", value_parser = fraction)]
+    floor: Option<f64>,
+    /// Leave the provenance out of the file
+    #[arg(long)]
+    no_metadata: bool,
+}
+
+/// The threads of the maths.
+#[derive(Debug, clap::Args)]
+pub(crate) struct ThreadsArgs {
+    /// Threads to use [default: one a core]; the bytes do not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+impl AxesArgs {
+    /// A request for these axes, to the default promise.
+    pub(crate) fn request(&self) -> Request {
+        Request {
+            incoming_level: self.incoming_level,
+            outgoing_level: self.outgoing_level,
+            wavelengths: self.wavelengths.clone(),
+            ..Request::to(DEFAULT_TARGET)
+        }
+    }
+}
+
+impl TargetArgs {
+    fn target(&self) -> Target {
+        let named = self.er_l2.map(Target::ErL2);
+        let named = named.or(self.max_relative_error.map(Target::MaxRelativeError));
+        let named = named.or(self.ratio.map(Target::Ratio));
+        let named = named.or(self.bytes.map(Target::Bytes));
+        named.or(self.lossless.then_some(Target::Lossless)).unwrap_or(DEFAULT_TARGET)
+    }
+}
+
+impl RequestArgs {
+    /// The request.
+    pub(crate) fn request(&self) -> Request {
+        Request {
+            target: self.target.target(),
+            policy: self.policy,
+            basis: self.basis.clone(),
+            floor: self.floor,
+            metadata: !self.no_metadata,
+            ..self.axes.request()
+        }
+    }
+}
+
+impl ThreadsArgs {
+    /// Runs `work` on the threads asked for.
+    pub(crate) fn run<T: Send>(&self, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
+        let Some(threads) = self.threads else { return Ok(work()) };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build();
+        let pool = pool.map_err(|error| Failure::failed(format!("cannot start {threads} threads: {error}")))?;
+        Ok(pool.install(work))
+    }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
+    if value.is_finite() && value > 0.0 { Ok(value) } else { Err("expected a finite number > 0".to_owned()) }
+}
+
+fn fraction(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
+    if (0.0..1.0).contains(&value) { Ok(value) } else { Err("expected a number from 0 to less than 1".to_owned()) }
+}
+
+fn range(text: &str) -> Result<String, String> {
+    WavelengthGrid::parse_range(text).map(|_| text.to_owned()).map_err(|error| error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        request: RequestArgs,
+    }
+
+    fn request(line: &[&str]) -> Result<Request, clap::Error> {
+        Line::try_parse_from([&["compress"], line].concat()).map(|line| line.request.request())
+    }
+
+    #[test]
+    fn the_default_promise_is_one_per_cent() {
+        assert_eq!(request(&[]).unwrap(), Request::to(Target::ErL2(0.01)));
+    }
+
+    #[test]
+    fn every_promise_has_its_option() {
+        for (line, target) in [
+            (&["--er-l2", "0.02"][..], Target::ErL2(0.02)),
+            (&["--max-relative-error", "0.02"], Target::MaxRelativeError(0.02)),
+            (&["--ratio", "64"], Target::Ratio(64.0)),
+            (&["--bytes", "4096"], Target::Bytes(4096)),
+            (&["--lossless"], Target::Lossless),
+        ] {
+            assert_eq!(request(line).unwrap().target, target);
+        }
+    }
+
+    #[test]
+    fn two_promises_and_impossible_numbers_are_refused() {
+        for line in [
+            &["--er-l2", "0.01", "--ratio", "64"][..],
+            &["--lossless", "--bytes", "100"],
+            &["--er-l2", "0"],
+            &["--er-l2", "nan"],
+            &["--er-l2", "inf"],
+            &["--ratio", "-3"],
+            &["--bytes", "0"],
+            &["--floor", "1"],
+            &["--incoming-level", "9"],
+            &["--wavelengths", "780:380:5"],
+            &["--policy", "best"],
+        ] {
+            assert!(request(line).is_err(), "{line:?}");
+        }
+    }
+}

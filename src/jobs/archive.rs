@@ -1,0 +1,217 @@
+//! A data directory opened: its blobs and its catalog, swept and checked together.
+
+use super::config::Limits;
+use crate::catalog::{Catalog, CatalogError};
+use crate::store::{LocalStore, Staging, Store, StoreError, StoreExt};
+use futures::TryStreamExt;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// An opened data directory; cheap to clone.
+#[derive(Clone, Debug)]
+pub struct Archive {
+    pub(crate) data: PathBuf,
+    pub(crate) store: Arc<dyn Store>,
+    pub(crate) staging: Staging,
+    pub(crate) catalog: Catalog,
+}
+
+/// Why a data directory was not opened or not looked after.
+#[derive(Debug, thiserror::Error)]
+pub enum ArchiveError {
+    /// The directory cannot be used.
+    #[error("data directory {}: {source}", directory.display())]
+    Directory {
+        /// The directory.
+        directory: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The blobs.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The catalog.
+    #[error(transparent)]
+    Catalog(#[from] CatalogError),
+    /// The pools of threads.
+    #[error("threads: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+/// What a sweep removed; the answer of `wavelume gc`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct SweepReport {
+    /// Blobs that nothing named.
+    pub removed_blobs: u64,
+    /// Their bytes.
+    pub removed_bytes: u64,
+    /// Staging files that nobody was writing.
+    pub removed_staging: u64,
+    /// Blobs that are named.
+    pub kept_blobs: u64,
+}
+
+/// What a check found; the answer of `wavelume fsck`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct FsckReport {
+    /// Blobs whose digest was computed.
+    pub checked_blobs: u64,
+    /// Their bytes.
+    pub checked_bytes: u64,
+    /// What is wrong; empty if all is well.
+    pub faults: Vec<Fault>,
+}
+
+/// One thing that is wrong.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Fault {
+    /// The bytes are not those of their digest.
+    Corrupt {
+        /// The digest.
+        digest: String,
+    },
+    /// A row names bytes that are not there.
+    Missing {
+        /// The digest.
+        digest: String,
+        /// What names it: `measurement b3-…` or `material b3-…`.
+        named_by: String,
+    },
+}
+
+/// How long a client may count on its idempotency key.
+const KEYS: Duration = Duration::from_hours(24);
+
+impl Archive {
+    /// Opens the directory, makes what is missing and brings the catalog's schema up to date.
+    pub async fn open(data: &Path) -> Result<Self, ArchiveError> {
+        Ok(Self::prepare(data).await?.0)
+    }
+
+    /// Brings the schema up to date without starting anything and returns how many migrations were applied.
+    pub async fn migrate(data: &Path) -> Result<usize, ArchiveError> {
+        let (archive, applied) = Self::prepare(data).await?;
+        archive.catalog.close().await;
+        Ok(applied)
+    }
+
+    async fn prepare(data: &Path) -> Result<(Self, usize), ArchiveError> {
+        let wrong = |source| ArchiveError::Directory { directory: data.to_owned(), source };
+        std::fs::create_dir_all(data).map_err(wrong)?;
+        // SQLite takes its path as text and the process may change its directory.
+        let root = data.canonicalize().map_err(wrong)?;
+        let (store, staging) = match LocalStore::new(&root) {
+            Ok(opened) => opened,
+            Err(StoreError::Io(source)) => return Err(wrong(source)),
+            Err(other) => return Err(other.into()),
+        };
+        let (catalog, applied) = Catalog::migrate(&root.join("catalog.sqlite")).await?;
+        Ok((Self { data: root, store: Arc::new(store), staging, catalog }, applied))
+    }
+
+    /// Removes blobs that no row and no upload under way names, and stale staging files.
+    pub async fn sweep(&self) -> Result<SweepReport, ArchiveError> {
+        self.sweep_stale(Limits::default().stale, &|| false).await
+    }
+
+    /// A sweep that ends early when `stopped`, but never in the middle of a removal: a removal that outlives its write
+    /// lock could hit bytes that were published again.
+    pub(crate) async fn sweep_stale(
+        &self,
+        stale: Duration,
+        stopped: &(dyn Fn() -> bool + Sync),
+    ) -> Result<SweepReport, ArchiveError> {
+        let staging = self.staging.clone();
+        let removed_staging =
+            tokio::task::spawn_blocking(move || staging.sweep(stale)).await.map_err(|e| StoreError::Io(e.into()))??;
+        // The mark. Without it nothing is removed; with it each removal is decided again under the write lock.
+        let named = self.catalog.named().await?;
+        let mut report = SweepReport { removed_staging, ..SweepReport::default() };
+        let mut blobs = self.store.list();
+        while let Some((digest, bytes)) = blobs.try_next().await? {
+            if stopped() {
+                return Ok(report);
+            }
+            if named.contains_key(&digest) || !self.catalog.unless_named(digest, self.store.remove(digest)).await?? {
+                report.kept_blobs += 1;
+            } else {
+                report.removed_blobs += 1;
+                report.removed_bytes += bytes;
+            }
+        }
+        self.catalog.forget_keys(KEYS).await?;
+        Ok(report)
+    }
+
+    /// Recomputes every digest and looks for every blob that a row names.
+    pub async fn check(&self) -> Result<FsckReport, ArchiveError> {
+        let mut report = FsckReport::default();
+        let mut blobs = self.store.list();
+        while let Some((digest, _)) = blobs.try_next().await? {
+            match Arc::clone(&self.store).verify(digest).await {
+                Ok(bytes) => {
+                    report.checked_blobs += 1;
+                    report.checked_bytes += bytes;
+                }
+                Err(StoreError::Corrupt { .. } | StoreError::Range { .. }) => {
+                    report.checked_blobs += 1;
+                    report.faults.push(Fault::Corrupt { digest: digest.to_string() });
+                }
+                // Swept meanwhile.
+                Err(StoreError::NotFound(_)) => {}
+                Err(other) => return Err(other.into()),
+            }
+        }
+        for (digest, named_by) in self.catalog.named().await? {
+            if self.store.size(digest).await?.is_none() {
+                report.faults.push(Fault::Missing { digest: digest.to_string(), named_by });
+            }
+        }
+        Ok(report)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Digest;
+
+    async fn publish(archive: &Archive, bytes: &[u8]) -> Digest {
+        let staged = archive.staging.stage(bytes).unwrap();
+        archive.store.publish(&staged).await.unwrap();
+        staged.digest()
+    }
+
+    #[tokio::test]
+    async fn a_sweep_removes_what_nothing_names() {
+        let data = tempfile::tempdir().unwrap();
+        let archive = Archive::open(data.path()).await.unwrap();
+        let (lost, pinned) = (publish(&archive, b"lost").await, publish(&archive, b"pinned").await);
+        archive.catalog.pin(pinned, "upload", Duration::from_mins(1)).await.unwrap();
+        let report = archive.sweep().await.unwrap();
+        assert_eq!((report.removed_blobs, report.removed_bytes, report.kept_blobs), (1, 4, 1));
+        assert_eq!(archive.store.size(lost).await.unwrap(), None);
+        assert_eq!(archive.store.size(pinned).await.unwrap(), Some(6));
+    }
+
+    #[tokio::test]
+    async fn a_check_finds_corrupt_bytes() {
+        let data = tempfile::tempdir().unwrap();
+        let archive = Archive::open(data.path()).await.unwrap();
+        let digest = publish(&archive, b"the truth").await.to_string();
+        std::fs::write(data.path().join("blobs").join(&digest[3..5]).join(&digest), b"a lie").unwrap();
+        let report = archive.check().await.unwrap();
+        assert_eq!((report.checked_blobs, report.faults), (1, vec![Fault::Corrupt { digest }]));
+    }
+
+    #[tokio::test]
+    async fn a_directory_that_is_a_file_is_refused_by_name() {
+        let data = tempfile::NamedTempFile::new().unwrap();
+        let error = Archive::open(data.path()).await.unwrap_err();
+        assert!(matches!(error, ArchiveError::Directory { .. }));
+        assert!(error.to_string().contains(data.path().to_str().unwrap()));
+    }
+}

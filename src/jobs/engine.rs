@@ -1,0 +1,131 @@
+//! An opened archive with its threads: what the workers and the HTTP handlers of one process share.
+
+use super::archive::{Archive, ArchiveError};
+use super::config::{Limits, WorkConfig};
+use super::frame::Frame;
+use super::hub::Hub;
+use super::maths::{Maths, MathsError};
+use super::presence::Presence;
+use super::request::CompressRequest;
+use crate::catalog::{CatalogError, Enqueued, JobRow, NewJob};
+use crate::evaluate::{EvaluateError, Material};
+use crate::store::{Digest, StoreError, StoreExt};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// What the workers and the HTTP handlers of one process share.
+#[derive(Debug)]
+pub struct Engine {
+    pub(crate) archive: Archive,
+    pub(crate) limits: Limits,
+    /// Compression: as many pieces at once as there are workers.
+    pub(crate) background: Maths,
+    /// Parsing of uploads.
+    pub(crate) background_light: Maths,
+    /// Opening and evaluating: threads of their own, so that a query never waits behind a compression.
+    pub(crate) queries: Maths,
+    pub(crate) hub: Hub,
+    pub(crate) presence: Presence,
+    opened: moka::future::Cache<Digest, Arc<Material>>,
+}
+
+/// Why a material was not opened.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// The blobs.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The maths.
+    #[error(transparent)]
+    Maths(#[from] MathsError),
+    /// The bytes are no material: damaged before they were stored, or of another version.
+    #[error(transparent)]
+    Evaluate(#[from] EvaluateError),
+}
+
+/// How long a query waits for its turn.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+impl Engine {
+    /// Opens the data directory and starts the threads. Nothing runs yet.
+    pub async fn open(config: &WorkConfig) -> Result<Arc<Self>, ArchiveError> {
+        let archive = Archive::open(&config.data).await?;
+        let limits = config.limits.clone();
+        let presence = Presence::enter(&archive.data.join("workers"))
+            .map_err(|source| ArchiveError::Directory { directory: archive.data.clone(), source })?;
+        let workers = config.workers.max(1);
+        let opened = moka::future::Cache::builder()
+            .max_capacity(limits.opened_bytes / 1024)
+            .weigher(|_, material: &Arc<Material>| (material.memory() / 1024 + 1).try_into().unwrap_or(u32::MAX))
+            .build();
+        Ok(Arc::new(Self {
+            background: Maths::new("compress", config.threads, workers, workers, Duration::from_hours(1))?,
+            background_light: Maths::new("read", config.threads, 0, limits.uploads, PATIENCE)?,
+            queries: Maths::new("query", config.threads, 0, limits.queries, PATIENCE)?,
+            archive,
+            limits,
+            hub: Hub::new(),
+            presence,
+            opened,
+        }))
+    }
+
+    /// Queues a job. `idempotency` is the client's key and the digest of its body.
+    pub async fn enqueue(
+        &self,
+        request: &CompressRequest,
+        idempotency: Option<(String, Digest)>,
+    ) -> Result<Enqueued, CatalogError> {
+        let id = uuid::Uuid::now_v7().to_string();
+        let refused = |reason: String| CatalogError::Row { table: "jobs", id: id.clone(), reason };
+        let request_json = serde_json::to_string(request).map_err(|e| refused(e.to_string()))?;
+        let frame = Frame::Compress { request: request_json }.encode().map_err(|e| refused(e.to_string()))?;
+        let new = NewJob { id: id.clone(), frame, measurement: request.measurement, idempotency };
+        let enqueued = self.archive.catalog.enqueue(&new, self.limits.queued_jobs).await?;
+        if matches!(enqueued, Enqueued::New(_)) {
+            self.hub.queued();
+        }
+        Ok(enqueued)
+    }
+
+    /// A job with its progress as of now.
+    pub async fn job(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
+        let mut row = self.archive.catalog.job(id).await?;
+        if let Some(row) = &mut row
+            && row.state == crate::catalog::JobState::Running
+            && let Some(progress) = self.hub.progress(id)
+        {
+            row.progress = progress;
+        }
+        Ok(row)
+    }
+
+    /// Asks a job to stop; the job afterwards, if there is one.
+    pub async fn cancel(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
+        let row = self.archive.catalog.cancel(id).await?;
+        self.hub.stop(id);
+        self.hub.changed(id);
+        Ok(row)
+    }
+
+    /// The opened form of a material that the catalog knows; opened once, however many ask at the same time.
+    pub async fn material(&self, id: Digest) -> Result<Arc<Material>, Arc<OpenError>> {
+        self.opened
+            .try_get_with(id, async move {
+                let bytes = self.archive.store.get(id).await?;
+                let material = self.queries.run(move || Material::open(&bytes)).await??;
+                Ok(Arc::new(material))
+            })
+            .await
+    }
+
+    /// The opened form of a material, if it is open.
+    pub(crate) async fn opened(&self, id: Digest) -> Option<Arc<Material>> {
+        self.opened.get(&id).await
+    }
+
+    /// Forgets the opened form of a deleted material.
+    pub(crate) async fn close_material(&self, id: Digest) {
+        self.opened.invalidate(&id).await;
+    }
+}

@@ -1,0 +1,79 @@
+//! Job arguments as they lie in the queue: a bincode frame in hexadecimal text; the only place that knows bincode.
+
+use serde::{Deserialize, Serialize};
+use std::fmt::Write;
+
+/// Which job, and its arguments. Variants are only ever appended: old frames are read by new workers.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) enum Frame {
+    /// Compress a measurement.
+    Compress {
+        /// The request's JSON: its flexible parts (any JSON, refused unknown fields) do not survive a format that is
+        /// not self-describing.
+        request: String,
+    },
+}
+
+/// A frame that this version cannot read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("job arguments: {0}")]
+pub(crate) struct FrameError(String);
+
+/// Bytes of a frame; a request is a small JSON object.
+const LIMIT: usize = 1 << 20;
+
+impl Frame {
+    /// The text for the queue.
+    pub(crate) fn encode(&self) -> Result<String, FrameError> {
+        let bytes = bincode::serde::encode_to_vec(self, config()).map_err(|error| FrameError(error.to_string()))?;
+        if bytes.len() > LIMIT {
+            return Err(FrameError(format!("{} bytes, the limit is {LIMIT}", bytes.len())));
+        }
+        let mut text = String::with_capacity(2 * bytes.len());
+        for byte in bytes {
+            // Writing to a string cannot fail.
+            let _ = write!(text, "{byte:02x}");
+        }
+        Ok(text)
+    }
+
+    /// The frame in a text of the queue.
+    pub(crate) fn decode(text: &str) -> Result<Self, FrameError> {
+        if text.len() > 2 * LIMIT {
+            return Err(FrameError(format!("{} characters, the limit is {}", text.len(), 2 * LIMIT)));
+        }
+        let digit = |b: u8| char::from(b).to_digit(16).map(|digit| digit as u8);
+        let bytes: Option<Vec<u8>> =
+            text.as_bytes().chunks(2).map(|pair| Some(digit(pair[0])? << 4 | digit(*pair.get(1)?)?)).collect();
+        let bytes = bytes.ok_or_else(|| FrameError("not hexadecimal".to_owned()))?;
+        let (frame, read) =
+            bincode::serde::decode_from_slice(&bytes, config()).map_err(|error| FrameError(error.to_string()))?;
+        if read == bytes.len() { Ok(frame) } else { Err(FrameError(format!("{} bytes too many", bytes.len() - read))) }
+    }
+}
+
+fn config() -> impl bincode::config::Config {
+    bincode::config::legacy().with_limit::<LIMIT>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_round_trip_and_keep_their_bytes() {
+        let frame = Frame::Compress { request: "{}".to_owned() };
+        let text = frame.encode().unwrap();
+        assert_eq!(text, "000000000200000000000000".to_owned() + "7b7d");
+        assert_eq!(Frame::decode(&text), Ok(frame));
+    }
+
+    #[test]
+    fn other_text_is_refused_without_allocating_its_sizes() {
+        let lengthy = "00000000ffffffffffffff7f7b7d";
+        for bad in ["", "0", "zz", "é0", "01000000", lengthy, "0000000002000000000000007b7d00"] {
+            assert!(Frame::decode(bad).is_err(), "{bad}");
+        }
+        assert!(Frame::Compress { request: "x".repeat(LIMIT) }.encode().is_err());
+    }
+}

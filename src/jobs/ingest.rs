@@ -1,0 +1,249 @@
+//! A staged upload to a measurement: parsed before it is kept, pinned before it is published, published before it is named.
+
+use super::describe::{describe, describe_needy};
+use super::engine::Engine;
+use super::maths::MathsError;
+use crate::catalog::{CatalogError, MeasurementRow, NewMeasurement};
+use crate::domain::{Quantity, Unit};
+use crate::formats::{FormatError, FormatErrorKind, Interpretation};
+use crate::pipeline::{self, Input, PipelineError};
+use crate::store::{Digest, Staged, StoreError, StoreExt};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// What a client says about the bytes it uploads.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Upload {
+    /// What the file is called.
+    pub file_name: Option<String>,
+    /// What the user calls the measurement.
+    pub name: Option<String>,
+    /// How to read the bytes; part of the measurement's identity.
+    pub options: Options,
+}
+
+/// How to read the bytes of a measurement; kept in its document.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Options {
+    /// The measurement whose content is the spectrum to join.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spectrum: Option<Digest>,
+    /// The quantity, where the file does not say.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub quantity: Option<Quantity>,
+    /// The unit of a value.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<Unit>,
+    /// The unit of wavelengths.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wavelength_unit: Option<String>,
+    /// The column of a table.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub column: Option<String>,
+}
+
+/// Why an upload did not become a measurement.
+#[derive(Debug, thiserror::Error)]
+pub enum IngestError {
+    /// The bytes were refused.
+    #[error("{0}")]
+    Refused(FormatError),
+    /// The bytes and what the client says do not fit, beyond what a parser knows.
+    #[error("{0}")]
+    Unfit(String),
+    /// The spectrum named is none.
+    #[error("spectrum: {0}")]
+    Spectrum(String),
+    /// The maths.
+    #[error(transparent)]
+    Maths(#[from] MathsError),
+    /// The blobs.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The catalog.
+    #[error(transparent)]
+    Catalog(#[from] CatalogError),
+}
+
+/// How long publishing and naming a blob may take before a sweep may take it for nobody's.
+pub(crate) const PIN: Duration = Duration::from_mins(10);
+
+impl Options {
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// What the parsers are told.
+    pub(crate) fn interpretation(&self) -> Interpretation {
+        Interpretation {
+            quantity: self.quantity,
+            unit: self.unit,
+            wavelength_unit: self.wavelength_unit.clone(),
+            column: self.column.clone(),
+            axes: None,
+            wavelengths: None,
+        }
+    }
+
+    /// The identity of `content` read with these options: the content's digest if there are none, else the digest of
+    /// `{"content":"b3-…","options":{…}}`: JSON without white space, keys in alphabetical order, values as text.
+    pub fn identity(&self, content: Digest) -> Digest {
+        if self.is_default() {
+            return content;
+        }
+        let mut options = BTreeMap::new();
+        options.extend(self.spectrum.map(|v| ("spectrum", v.to_string())));
+        options.extend(self.quantity.map(|v| ("quantity", v.name().to_owned())));
+        options.extend(self.unit.map(|v| ("unit", v.name().to_owned())));
+        options.extend(self.wavelength_unit.clone().map(|v| ("wavelength_unit", v)));
+        options.extend(self.column.clone().map(|v| ("column", v)));
+        let quoted = |text: &str| serde_json::Value::from(text).to_string();
+        let listed: Vec<String> =
+            options.iter().map(|(key, value)| format!("{}:{}", quoted(key), quoted(value))).collect();
+        Digest::of(format!("{{\"content\":\"{content}\",\"options\":{{{}}}}}", listed.join(",")).as_bytes())
+    }
+}
+
+impl Engine {
+    /// Makes a measurement of staged bytes: the row, and whether it is new. What is refused leaves nothing behind.
+    pub async fn ingest(
+        self: &Arc<Self>,
+        staged: Staged,
+        upload: Upload,
+    ) -> Result<(MeasurementRow, bool), IngestError> {
+        let content = staged.digest();
+        let id = upload.options.identity(content);
+        let bytes = staged.bytes();
+        // A known measurement was parsed when it came; its bytes are published again, which heals a damaged blob.
+        let (staged, summary) = match self.archive.catalog.measurement(id).await? {
+            Some(known) => (staged, Summary::of_known(&known)?),
+            None => self.understand(staged, &upload.options).await?,
+        };
+        let holder = uuid::Uuid::now_v7().simple().to_string();
+        self.archive.catalog.pin(content, &holder, PIN).await?;
+        self.archive.store.publish(&staged).await?;
+        let new = NewMeasurement {
+            id,
+            content,
+            spectrum: upload.options.spectrum,
+            name: upload.name,
+            file_name: upload.file_name,
+            bytes,
+            format: summary.format,
+            quantity: summary.quantity,
+            document: summary.document,
+        };
+        let added = self.archive.catalog.add_measurement(&new, &holder).await?;
+        added.ok_or_else(|| IngestError::Spectrum("it was deleted meanwhile".to_owned()))
+    }
+
+    async fn understand(self: &Arc<Self>, staged: Staged, options: &Options) -> Result<(Staged, Summary), IngestError> {
+        let spectrum = match options.spectrum {
+            Some(id) => Some(self.spectrum(id).await?),
+            None => None,
+        };
+        let options = options.clone();
+        self.background_light
+            .run(move || {
+                let bytes = staged.read()?;
+                let interpretation = options.interpretation();
+                let input = Input { bytes: &bytes, spectrum: spectrum.as_deref(), interpretation: &interpretation };
+                let mut described = match pipeline::read(&input) {
+                    Ok(source) => describe(&source.acquisition),
+                    Err(PipelineError::Format(error)) if can_wait(&error, &options) => {
+                        describe_needy(error.format, &error.message)
+                    }
+                    Err(PipelineError::Format(error)) => return Err(IngestError::Refused(error)),
+                    Err(PipelineError::Spectrum(error)) => return Err(IngestError::Spectrum(error.to_string())),
+                    Err(other) => return Err(IngestError::Unfit(other.to_string())),
+                };
+                described.insert("options".to_owned(), serde_json::json!(options));
+                let text = |key: &str| described.get(key).and_then(|v| v.as_str()).map(str::to_owned);
+                let summary = Summary {
+                    format: text("format").unwrap_or_default(),
+                    quantity: text("quantity").and_then(|name| name.parse().ok()),
+                    document: serde_json::Value::Object(described).to_string(),
+                };
+                Ok((staged, summary))
+            })
+            .await?
+    }
+
+    /// The bytes of an uploaded spectrum.
+    pub(crate) async fn spectrum(&self, id: Digest) -> Result<bytes::Bytes, IngestError> {
+        let row = self.archive.catalog.measurement(id).await?;
+        let row = row.ok_or_else(|| IngestError::Spectrum(format!("there is no measurement {id}")))?;
+        if row.content != id {
+            return Err(IngestError::Spectrum(format!(
+                "measurement {id} was uploaded with options, which joining does not heed; expected one uploaded without"
+            )));
+        }
+        Ok(self.archive.store.get(row.content).await?)
+    }
+}
+
+/// Whether a file that needs an option may be kept until a job names it: an array may always wait for its axes; any other
+/// only if nothing was said at all, for else what was said is what does not fit.
+fn can_wait(error: &FormatError, options: &Options) -> bool {
+    error.kind == FormatErrorKind::NeedsOption && (error.format == "npy" || options.is_default())
+}
+
+struct Summary {
+    format: String,
+    quantity: Option<Quantity>,
+    document: String,
+}
+
+impl Summary {
+    fn of_known(row: &MeasurementRow) -> Result<Self, CatalogError> {
+        #[derive(Deserialize)]
+        struct Known {
+            format: String,
+            quantity: Option<Quantity>,
+        }
+        let known: Known = serde_json::from_str(&row.document).map_err(|e| CatalogError::Row {
+            table: "measurements",
+            id: row.id.to_string(),
+            reason: e.to_string(),
+        })?;
+        Ok(Self { format: known.format, quantity: known.quantity, document: row.document.clone() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_are_part_of_the_identity() {
+        let content = Digest::of(b"table");
+        let none = Options::default();
+        assert_eq!(none.identity(content), content);
+        let column = Options { column: Some("light \"skin\"".to_owned()), ..none.clone() };
+        let both = Options { quantity: Some(Quantity::Reflectance), ..column.clone() };
+        let text = format!(
+            "{{\"content\":\"{content}\",\"options\":{{\"column\":\"light \\\"skin\\\"\",\"quantity\":\"reflectance\"}}}}"
+        );
+        assert_eq!(both.identity(content), Digest::of(text.as_bytes()));
+        assert_ne!(column.identity(content), both.identity(content));
+        assert_ne!(column.identity(content), content);
+    }
+
+    #[test]
+    fn only_files_about_which_nothing_was_said_wait_for_an_option() {
+        let needs = |format| FormatError {
+            kind: FormatErrorKind::NeedsOption,
+            format,
+            position: None,
+            message: "no axes".to_owned(),
+        };
+        let said = Options { quantity: Some(Quantity::Brdf), ..Options::default() };
+        assert!(can_wait(&needs("npy"), &said) && can_wait(&needs("csv"), &Options::default()));
+        assert!(!can_wait(&needs("csv"), &said));
+        let broken = FormatError { kind: FormatErrorKind::Malformed, ..needs("npy") };
+        assert!(!can_wait(&broken, &Options::default()));
+    }
+}

@@ -1,0 +1,108 @@
+//! Where the maths run: a bounded pool of threads, a oneshot back, and a limit on how many wait.
+
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::{Semaphore, oneshot};
+
+/// A bounded pool for work that must not run on the threads of the async runtime.
+#[derive(Clone, Debug)]
+pub struct Maths {
+    pool: Arc<ThreadPool>,
+    /// Who may compute.
+    running: Arc<Semaphore>,
+    /// Who may compute or wait to.
+    admitted: Arc<Semaphore>,
+    patience: Duration,
+}
+
+/// Why work gave no answer.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MathsError {
+    /// Too much other work is waiting.
+    #[error("too much work is waiting")]
+    Busy,
+    /// The work panicked: a bug of ours.
+    #[error("the computation panicked: {0}")]
+    Panicked(String),
+}
+
+impl Maths {
+    /// `threads` threads (0: one per core) that begin `at_once` pieces of work while `waiting` more may wait for up to
+    /// `patience`.
+    pub fn new(
+        name: &'static str,
+        threads: usize,
+        at_once: usize,
+        waiting: usize,
+        patience: Duration,
+    ) -> Result<Self, rayon::ThreadPoolBuildError> {
+        let pool = ThreadPoolBuilder::new().num_threads(threads).thread_name(move |i| format!("{name}-{i}")).build()?;
+        let at_once = if at_once == 0 { pool.current_num_threads() } else { at_once };
+        Ok(Self {
+            pool: Arc::new(pool),
+            running: Arc::new(Semaphore::new(at_once)),
+            admitted: Arc::new(Semaphore::new(at_once.saturating_add(waiting).min(Semaphore::MAX_PERMITS))),
+            patience,
+        })
+    }
+
+    /// Runs `work` on the pool. If the caller goes away the work still ends, and holds its place until then.
+    pub async fn run<T: Send + 'static>(&self, work: impl FnOnce() -> T + Send + 'static) -> Result<T, MathsError> {
+        let admission = Arc::clone(&self.admitted).try_acquire_owned().map_err(|_| MathsError::Busy)?;
+        let turn = tokio::time::timeout(self.patience, Arc::clone(&self.running).acquire_owned()).await;
+        let Ok(Ok(turn)) = turn else { return Err(MathsError::Busy) };
+        let (send, receive) = oneshot::channel();
+        self.pool.spawn(move || {
+            let result = catch_unwind(AssertUnwindSafe(work));
+            drop((turn, admission));
+            // Nobody waits any more: the result is dropped.
+            let _ = send.send(result);
+        });
+        match receive.await {
+            Ok(Ok(value)) => Ok(value),
+            Ok(Err(panic)) => Err(MathsError::Panicked(message(panic.as_ref()))),
+            Err(_) => Err(MathsError::Panicked("the pool ended".to_owned())),
+        }
+    }
+}
+
+/// What a panic said.
+pub(crate) fn message(panic: &(dyn std::any::Any + Send)) -> String {
+    panic
+        .downcast_ref::<&str>()
+        .map(|text| (*text).to_owned())
+        .or_else(|| panic.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "no message".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn a_panic_is_an_answer_and_the_pool_goes_on() {
+        let maths = Maths::new("test", 1, 1, 1, Duration::from_secs(9)).unwrap();
+        let panicked: Result<(), _> = maths.run(|| panic!("out of cheese")).await;
+        assert_eq!(panicked, Err(MathsError::Panicked("out of cheese".to_owned())));
+        assert_eq!(maths.run(|| 2 + 2).await, Ok(4));
+    }
+
+    #[tokio::test]
+    async fn more_than_may_wait_is_busy() {
+        let maths = Maths::new("test", 1, 1, 0, Duration::from_secs(9)).unwrap();
+        let (release, released) = std::sync::mpsc::channel::<()>();
+        let slow = tokio::spawn({
+            let maths = maths.clone();
+            async move { maths.run(move || released.recv()).await }
+        });
+        while maths.admitted.available_permits() > 0 {
+            tokio::task::yield_now().await;
+        }
+        assert_eq!(maths.run(|| ()).await, Err(MathsError::Busy));
+        release.send(()).unwrap();
+        slow.await.unwrap().unwrap().unwrap();
+        assert_eq!(maths.run(|| ()).await, Ok(()));
+    }
+}

@@ -1,0 +1,43 @@
+//! Work that outlives a request: queue, leases, workers, one file a job.
+
+mod archive;
+mod compress;
+mod config;
+mod describe;
+mod engine;
+mod frame;
+mod hub;
+mod ingest;
+mod maths;
+mod presence;
+mod problem;
+mod request;
+mod worker;
+
+pub use archive::{Archive, ArchiveError, Fault, FsckReport, SweepReport};
+pub use config::{Limits, WorkConfig};
+pub use engine::{Engine, OpenError};
+pub use ingest::{IngestError, Options, Upload};
+pub use maths::{Maths, MathsError};
+pub use problem::{Code, JobProblem};
+pub use request::{CompressRequest, Kind, check_text};
+
+pub(crate) use maths::message as panic_message;
+pub(crate) use worker::run as run_workers;
+
+use tokio_util::sync::CancellationToken;
+
+/// Runs jobs of the archive until `shutdown`; what `wavelume worker` does.
+///
+/// A running job is finished if it ends within the drain time, else its lease is handed back.
+pub async fn work(config: WorkConfig, shutdown: impl Future<Output = ()> + Send) -> Result<(), ArchiveError> {
+    let engine = Engine::open(&config).await?;
+    let stop = CancellationToken::new();
+    let signal = async {
+        shutdown.await;
+        stop.cancel();
+    };
+    tracing::info!(workers = config.workers.max(1), worker = engine.presence.id(), "working");
+    tokio::join!(signal, run_workers(&engine, config.workers.max(1), &stop));
+    Ok(())
+}

@@ -1,0 +1,85 @@
+//! Which workers of this data directory live: each holds a lock on a file of its own, and a killed one holds nothing.
+//!
+//! Leases alone would do, but a service that is killed and started again would wait for its own lease to run out.
+
+use std::fs::{self, File, TryLockError};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// A live worker. Dropping it, or the end of the process, ends the lock.
+#[derive(Debug)]
+pub(crate) struct Presence {
+    id: String,
+    directory: PathBuf,
+    path: PathBuf,
+    _lock: File,
+}
+
+impl Presence {
+    /// Enters the directory. Blocking.
+    pub(crate) fn enter(directory: &Path) -> io::Result<Self> {
+        fs::create_dir_all(directory)?;
+        let id = uuid::Uuid::now_v7().simple().to_string();
+        // Locked before it has its name: nobody ever sees it unlocked while we live.
+        let hidden = directory.join(format!(".{id}"));
+        let path = directory.join(&id);
+        let file = File::create(&hidden)?;
+        file.lock()?;
+        fs::rename(&hidden, &path)?;
+        Ok(Self { id, directory: directory.to_owned(), path, _lock: file })
+    }
+
+    /// The name that leases carry.
+    pub(crate) fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// The workers that left without a word. Blocking.
+    pub(crate) fn gone(&self) -> io::Result<Vec<String>> {
+        let mut gone = Vec::new();
+        for entry in fs::read_dir(&self.directory)? {
+            let entry = entry?;
+            let Ok(name) = entry.file_name().into_string() else { continue };
+            if name == self.id || name.starts_with('.') {
+                continue;
+            }
+            let Ok(file) = File::open(entry.path()) else { continue };
+            match file.try_lock() {
+                Ok(()) => gone.push(name),
+                // Alive, or a file system without locks, where leases must do.
+                Err(TryLockError::WouldBlock | TryLockError::Error(_)) => {}
+            }
+        }
+        Ok(gone)
+    }
+
+    /// Forgets workers whose jobs were taken back. Blocking.
+    pub(crate) fn forget(&self, gone: &[String]) {
+        for name in gone {
+            // Somebody else may have been quicker.
+            let _ = fs::remove_file(self.directory.join(name));
+        }
+    }
+}
+
+impl Drop for Presence {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_dead_are_told_from_the_living() {
+        let directory = tempfile::tempdir().unwrap();
+        let (a, b) = (Presence::enter(directory.path()).unwrap(), Presence::enter(directory.path()).unwrap());
+        fs::write(directory.path().join("killed"), b"").unwrap();
+        assert_eq!(a.gone().unwrap(), ["killed"]);
+        b.forget(&a.gone().unwrap());
+        assert!(a.gone().unwrap().is_empty());
+        assert_ne!(a.id(), b.id());
+    }
+}

@@ -1,0 +1,151 @@
+//! What a client asks of a job, in the command line's names.
+
+use crate::compress::{Policy, Target};
+use crate::domain::Quantity;
+use crate::pipeline::Request;
+use crate::store::Digest;
+use serde::{Deserialize, Serialize};
+
+/// A wish to compress; everything but `measurement` and `target` has a default.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CompressRequest {
+    /// What kind of job; `compress` if nothing is said.
+    #[serde(default)]
+    pub kind: Kind,
+    /// The id of the measurement.
+    pub measurement: Digest,
+    /// The promise.
+    pub target: Target,
+    /// The policy.
+    #[serde(default)]
+    pub policy: Policy,
+    /// The spectral basis, or `auto`.
+    #[serde(default = "auto")]
+    pub basis: String,
+    /// Relative floor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub floor: Option<f64>,
+    /// Subdivision level of the incoming triangles.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub incoming_level: Option<u8>,
+    /// Subdivision level of the outgoing triangles.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outgoing_level: Option<u8>,
+    /// `START:STOP:STEP` in nm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wavelengths: Option<String>,
+    /// The axes of an array, as its manifest would say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub axes: Option<serde_json::Value>,
+    /// The quantity, where the file does not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quantity: Option<Quantity>,
+    /// Whether the file carries its provenance.
+    #[serde(default = "yes")]
+    pub metadata: bool,
+    /// What to call the material.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// Under which licence it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub licence: Option<String>,
+    /// Tags to find it by.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tags: Vec<String>,
+}
+
+/// The kinds of jobs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// A measurement to a material.
+    #[default]
+    Compress,
+}
+
+/// Characters in a name, licence or tag, and tags on one material.
+const MAX_TEXT: usize = 200;
+const MAX_TAGS: usize = 32;
+
+fn auto() -> String {
+    "auto".to_owned()
+}
+
+fn yes() -> bool {
+    true
+}
+
+impl CompressRequest {
+    /// What is wrong with it before any measurement is looked at.
+    pub fn check(&self) -> Result<(), String> {
+        for (what, text) in [("name", &self.name), ("licence", &self.licence)] {
+            if let Some(text) = text {
+                check_text(what, text)?;
+            }
+        }
+        if self.tags.len() > MAX_TAGS {
+            return Err(format!("{} tags, expected at most {MAX_TAGS}", self.tags.len()));
+        }
+        self.tags.iter().try_for_each(|tag| check_text("tag", tag))
+    }
+
+    /// The scientific part.
+    pub fn pipeline(&self) -> Request {
+        Request {
+            target: self.target,
+            policy: self.policy,
+            basis: self.basis.clone(),
+            floor: self.floor,
+            incoming_level: self.incoming_level,
+            outgoing_level: self.outgoing_level,
+            wavelengths: self.wavelengths.clone(),
+            metadata: self.metadata,
+        }
+    }
+}
+
+/// Whether a user's own word may be kept.
+pub fn check_text(what: &str, text: &str) -> Result<(), String> {
+    let length = text.chars().count();
+    if length == 0 || length > MAX_TEXT {
+        return Err(format!("a {what} of {length} characters, expected 1 to {MAX_TEXT}"));
+    }
+    if text.chars().any(char::is_control) {
+        return Err(format!("a {what} with control characters"));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(extra: &str) -> Result<CompressRequest, serde_json::Error> {
+        let measurement = Digest::of(b"");
+        serde_json::from_str(&format!("{{\"measurement\":\"{measurement}\",\"target\":{{\"er_l2\":0.01}}{extra}}}"))
+    }
+
+    #[test]
+    fn defaults_are_those_of_the_command_line() {
+        let request = parse("").unwrap();
+        assert_eq!(request.pipeline(), Request::to(Target::ErL2(0.01)));
+        let text = serde_json::to_string(&request).unwrap();
+        assert_eq!(serde_json::from_str::<CompressRequest>(&text).unwrap(), request);
+    }
+
+    #[test]
+    fn unknown_fields_are_named() {
+        let error = parse(",\"polcy\":\"rd\"").unwrap_err().to_string();
+        assert!(error.contains("unknown field `polcy`"), "{error}");
+        assert!(parse(",\"policy\":\"best\"").unwrap_err().to_string().contains("expected one of rd, conventional"));
+    }
+
+    #[test]
+    fn words_have_limits() {
+        assert!(parse(",\"name\":\"\"").unwrap().check().is_err());
+        assert!(parse(",\"tags\":[\"a\\nb\"]").unwrap().check().is_err());
+        assert!(parse(&format!(",\"tags\":[{}\"x\"]", "\"x\",".repeat(40))).unwrap().check().is_err());
+        assert!(parse(",\"name\":\"Lampe Nr. 5\",\"tags\":[\"büro\"]").unwrap().check().is_ok());
+    }
+}

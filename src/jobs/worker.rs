@@ -1,0 +1,229 @@
+//! The loops of a working process: claim and run, take back what the dead left, sweep.
+
+use super::compress::{self, Failure};
+use super::engine::Engine;
+use super::frame::Frame;
+use super::hub::Control;
+use super::problem::{Code, JobProblem};
+use crate::catalog::{Beat, CatalogError, Claimed, Ended, JobState};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::time::{MissedTickBehavior, interval, sleep};
+use tokio_util::sync::CancellationToken;
+use tokio_util::task::TaskTracker;
+
+/// How often a worker looks for jobs that another process queued, and the living for the dead.
+const LOOK: Duration = Duration::from_secs(1);
+
+/// How often blobs that nothing names are swept.
+const SWEEP: Duration = Duration::from_hours(1);
+
+/// How often a running job shows a sign of life, and hears of a cancel through another process.
+const BEAT: Duration = Duration::from_secs(1);
+
+/// Runs `workers` jobs at a time until `stop`; then running jobs get the drain time to finish.
+pub(crate) async fn run(engine: &Arc<Engine>, workers: usize, stop: &CancellationToken) {
+    let tasks = TaskTracker::new();
+    tasks.spawn(reaping(Arc::clone(engine), stop.clone()));
+    tasks.spawn(sweeping(Arc::clone(engine), stop.clone()));
+    for _ in 0..workers {
+        tasks.spawn(working(Arc::clone(engine), stop.clone()));
+    }
+    tasks.close();
+    tasks.wait().await;
+}
+
+async fn working(engine: Arc<Engine>, stop: CancellationToken) {
+    let mut pause = Duration::ZERO;
+    loop {
+        tokio::select! {
+            biased;
+            () = stop.cancelled() => return,
+            () = sleep(pause) => {}
+            () = engine.hub.wait_for_job() => {}
+        }
+        match engine.archive.catalog.claim(engine.presence.id(), engine.limits.lease).await {
+            Ok(Some(job)) => {
+                pause = Duration::ZERO;
+                attempt(&engine, &job, &stop).await;
+            }
+            Ok(None) => pause = LOOK,
+            Err(error) => {
+                tracing::error!(%error, "jobs cannot be claimed");
+                pause = LOOK;
+            }
+        }
+    }
+}
+
+/// One attempt at a job, from its claim to its end.
+async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) {
+    let start = Instant::now();
+    let control = engine.hub.enter(&job.id);
+    // A panic outside the maths must not take the worker with it.
+    let running = tokio::spawn({
+        let (engine, job, control) = (Arc::clone(engine), job.clone(), Arc::clone(&control));
+        async move {
+            match Frame::decode(&job.frame) {
+                Ok(Frame::Compress { request }) => compress::run(&engine, &request, &control).await,
+                Err(error) => Err(Failure::Final(JobProblem::new(Code::Internal, error.to_string()))),
+            }
+        }
+    });
+    let ended = match guard(engine, job, &control, running, stop).await {
+        Guarded::Done(Ok(ended)) => ended,
+        Guarded::Done(Err(Failure::Final(problem))) => Ended::Failed(problem.to_json()),
+        Guarded::Done(Err(Failure::Passing(detail))) => Ended::Retry {
+            problem: JobProblem::new(Code::Unavailable, detail).to_json(),
+            delay: engine.limits.backoff.saturating_mul(1 << job.attempts.saturating_sub(1).min(10)),
+            attempts: engine.limits.attempts,
+        },
+        Guarded::Done(Err(Failure::Stopped)) if stop.is_cancelled() => Ended::Released,
+        Guarded::Done(Err(Failure::Stopped)) => Ended::Cancelled,
+        Guarded::Drained => Ended::Released,
+        Guarded::Lost => {
+            engine.hub.leave(&job.id);
+            tracing::warn!(job = job.id, "the job is another worker's now");
+            return;
+        }
+    };
+    let state = end(engine, job, &ended).await;
+    engine.hub.leave(&job.id);
+    let duration_ms = start.elapsed().as_millis() as u64;
+    metrics::histogram!("wavelume_job_duration_seconds").record(start.elapsed().as_secs_f64());
+    match state {
+        Ok(Some(state)) => {
+            metrics::counter!("wavelume_job_attempts_total", "state" => state.name()).increment(1);
+            let reason = match &ended {
+                Ended::Failed(problem) | Ended::Retry { problem, .. } => problem.as_str(),
+                _ => "",
+            };
+            match state {
+                JobState::Failed | JobState::Dead => {
+                    tracing::warn!(job = job.id, %state, attempts = job.attempts, duration_ms, reason, "job ended");
+                }
+                _ => tracing::info!(job = job.id, %state, attempts = job.attempts, duration_ms, reason, "job ended"),
+            }
+        }
+        Ok(None) => tracing::warn!(job = job.id, duration_ms, "the job was another worker's before it ended here"),
+        Err(error) => tracing::error!(job = job.id, duration_ms, %error, "the end of a job was not written"),
+    }
+}
+
+enum Guarded {
+    Done(Result<Ended, Failure>),
+    Lost,
+    Drained,
+}
+
+/// Waits for the work, keeps its lease, and passes on who wants it to stop.
+async fn guard(
+    engine: &Engine,
+    job: &Claimed,
+    control: &Control,
+    mut running: tokio::task::JoinHandle<Result<Ended, Failure>>,
+    stop: &CancellationToken,
+) -> Guarded {
+    let mut beats = interval(BEAT.min(engine.limits.lease / 3));
+    beats.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let drained = async {
+        stop.cancelled().await;
+        sleep(engine.limits.drain).await;
+    };
+    tokio::pin!(drained);
+    loop {
+        tokio::select! {
+            done = &mut running => {
+                return Guarded::Done(done.unwrap_or_else(|panic| {
+                    tracing::error!(job = job.id, %panic, "a job panicked");
+                    Err(Failure::Final(JobProblem::new(Code::Internal, "the job failed; this is a bug of the service")))
+                }));
+            }
+            _ = beats.tick() => match engine.archive.catalog.beat(job, control.progress(), engine.limits.lease).await {
+                Ok(Beat::Yours) => {}
+                Ok(Beat::Cancel) => control.stop(),
+                Ok(Beat::Lost) => {
+                    control.stop();
+                    return Guarded::Lost;
+                }
+                // The lease lives on for a while; so does the work.
+                Err(error) => tracing::warn!(job = job.id, %error, "a lease was not renewed"),
+            },
+            () = &mut drained => {
+                control.stop();
+                return Guarded::Drained;
+            }
+        }
+    }
+}
+
+/// Writes the end of an attempt; a busy database gets a few chances.
+async fn end(engine: &Engine, job: &Claimed, ended: &Ended) -> Result<Option<JobState>, CatalogError> {
+    let mut pause = Duration::from_millis(100);
+    loop {
+        match engine.archive.catalog.end(job, ended).await {
+            Err(CatalogError::Sql(error)) if pause < Duration::from_secs(3) => {
+                tracing::warn!(job = job.id, %error, "the end of a job is written again");
+                sleep(pause).await;
+                pause *= 2;
+            }
+            other => return other,
+        }
+    }
+}
+
+async fn reaping(engine: Arc<Engine>, stop: CancellationToken) {
+    let lost = JobProblem::new(Code::WorkerLost, "its worker vanished in every attempt").to_json();
+    let mut ticks = interval(LOOK);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        tokio::select! {
+            biased;
+            () = stop.cancelled() => return,
+            _ = ticks.tick() => {}
+        }
+        if let Err(error) = reap(&engine, &lost).await {
+            tracing::error!(%error, "jobs of lost workers were not taken back");
+        }
+    }
+}
+
+async fn reap(engine: &Arc<Engine>, lost: &str) -> Result<(), CatalogError> {
+    let seeker = Arc::clone(engine);
+    let gone = tokio::task::spawn_blocking(move || seeker.presence.gone()).await;
+    // Without the list, leases still run out.
+    let gone = gone.ok().and_then(Result::ok).unwrap_or_default();
+    let reaped = engine.archive.catalog.reap(&gone, engine.limits.attempts, lost).await?;
+    engine.presence.forget(&gone);
+    for job in &reaped {
+        tracing::warn!(job, "job taken back from a lost worker");
+        engine.hub.changed(job);
+        engine.hub.queued();
+    }
+    Ok(())
+}
+
+async fn sweeping(engine: Arc<Engine>, stop: CancellationToken) {
+    let mut ticks = interval(SWEEP);
+    loop {
+        tokio::select! {
+            biased;
+            () = stop.cancelled() => return,
+            _ = ticks.tick() => {}
+        }
+        let start = Instant::now();
+        let swept = engine.archive.sweep_stale(engine.limits.stale, &|| stop.is_cancelled()).await;
+        let duration_ms = start.elapsed().as_millis() as u64;
+        match swept {
+            Ok(report) if report.removed_blobs + report.removed_staging > 0 => tracing::info!(
+                removed_blobs = report.removed_blobs,
+                removed_bytes = report.removed_bytes,
+                removed_staging = report.removed_staging,
+                duration_ms,
+                "swept"
+            ),
+            Ok(_) => {}
+            Err(error) => tracing::error!(%error, duration_ms, "the sweep failed"),
+        }
+    }
+}

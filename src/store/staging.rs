@@ -1,0 +1,168 @@
+//! Bytes on their way in: a file that is hashed while it is written, and vanishes unless it is published.
+
+use super::{Digest, StoreError};
+use std::fs::{self, File, OpenOptions};
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+/// The directory of files on their way in; on the file system of the store, so that publishing is a rename.
+#[derive(Clone, Debug)]
+pub struct Staging {
+    directory: PathBuf,
+}
+
+/// A file being written. Dropping it removes the file.
+#[derive(Debug)]
+pub struct StagedWriter {
+    file: File,
+    hasher: blake3::Hasher,
+    bytes: u64,
+    path: TemporaryPath,
+}
+
+/// A whole file with its digest, not yet published. Dropping it removes the file, unless it was published.
+#[derive(Debug)]
+pub struct Staged {
+    file: File,
+    digest: Digest,
+    bytes: u64,
+    path: TemporaryPath,
+}
+
+#[derive(Debug)]
+struct TemporaryPath(PathBuf);
+
+impl Drop for TemporaryPath {
+    fn drop(&mut self) {
+        // Published files are gone from here; what cannot be removed is swept later.
+        let _ = fs::remove_file(&self.0);
+    }
+}
+
+impl Staging {
+    /// Opens the directory; it must exist.
+    pub fn new(directory: impl Into<PathBuf>) -> Self {
+        Self { directory: directory.into() }
+    }
+
+    /// Starts a file. Blocking, like everything on it.
+    pub fn begin(&self) -> Result<StagedWriter, StoreError> {
+        let path = self.directory.join(uuid::Uuid::now_v7().simple().to_string());
+        let file = OpenOptions::new().read(true).write(true).create_new(true).open(&path)?;
+        Ok(StagedWriter { file, hasher: blake3::Hasher::new(), bytes: 0, path: TemporaryPath(path) })
+    }
+
+    /// Stages bytes that are in memory. Blocking.
+    pub fn stage(&self, bytes: &[u8]) -> Result<Staged, StoreError> {
+        let mut writer = self.begin()?;
+        writer.write(bytes)?;
+        writer.finish()
+    }
+
+    /// Removes files that were last written more than `older_than` ago and returns how many. Blocking.
+    pub fn sweep(&self, older_than: Duration) -> Result<u64, StoreError> {
+        let now = SystemTime::now();
+        let mut removed = 0;
+        for entry in fs::read_dir(&self.directory)? {
+            let entry = entry?;
+            let Ok(metadata) = entry.metadata() else { continue };
+            let age = metadata.modified().ok().and_then(|written| now.duration_since(written).ok());
+            if metadata.is_file() && age.is_some_and(|age| age > older_than) && fs::remove_file(entry.path()).is_ok() {
+                removed += 1;
+            }
+        }
+        Ok(removed)
+    }
+}
+
+impl StagedWriter {
+    /// Appends and hashes.
+    pub fn write(&mut self, piece: &[u8]) -> Result<(), StoreError> {
+        self.file.write_all(piece)?;
+        self.hasher.update(piece);
+        self.bytes += piece.len() as u64;
+        Ok(())
+    }
+
+    /// Bytes written so far.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Ends the file. It becomes durable when it is published.
+    pub fn finish(mut self) -> Result<Staged, StoreError> {
+        self.file.flush()?;
+        let digest = Digest::from(self.hasher.finalize());
+        Ok(Staged { file: self.file, digest, bytes: self.bytes, path: self.path })
+    }
+}
+
+impl Staged {
+    /// The digest of the bytes.
+    pub fn digest(&self) -> Digest {
+        self.digest
+    }
+
+    /// How many bytes there are.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Where the file is.
+    pub fn path(&self) -> &Path {
+        &self.path.0
+    }
+
+    /// All bytes. Blocking.
+    pub fn read(&self) -> Result<Vec<u8>, StoreError> {
+        let mut bytes = Vec::new();
+        File::open(self.path())?.read_to_end(&mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// The name of the file in the staging directory.
+    pub(super) fn name(&self) -> &str {
+        self.path().file_name().and_then(|name| name.to_str()).unwrap_or_default()
+    }
+
+    /// Waits until the bytes are on stable storage.
+    pub(super) async fn sync(&self) -> Result<(), StoreError> {
+        let file = self.file.try_clone()?;
+        Ok(tokio::task::spawn_blocking(move || file.sync_all()).await.map_err(std::io::Error::other)??)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_staged_file_is_hashed_and_vanishes() {
+        let directory = tempfile::tempdir().unwrap();
+        let staging = Staging::new(directory.path());
+        let mut writer = staging.begin().unwrap();
+        writer.write(b"wave").unwrap();
+        writer.write(b"lume").unwrap();
+        assert_eq!(writer.bytes(), 8);
+        let staged = writer.finish().unwrap();
+        assert_eq!((staged.digest(), staged.read().unwrap()), (Digest::of(b"wavelume"), b"wavelume".to_vec()));
+        let path = staged.path().to_owned();
+        assert!(path.exists());
+        drop(staged);
+        assert!(!path.exists());
+    }
+
+    #[test]
+    fn only_stale_files_are_swept() {
+        let directory = tempfile::tempdir().unwrap();
+        let staging = Staging::new(directory.path());
+        let abandoned = directory.path().join("left by a killed process");
+        fs::write(&abandoned, b"half").unwrap();
+        let old = SystemTime::now() - Duration::from_hours(2);
+        File::options().write(true).open(&abandoned).unwrap().set_modified(old).unwrap();
+        let fresh = staging.begin().unwrap();
+        assert_eq!(staging.sweep(Duration::from_hours(1)).unwrap(), 1);
+        assert!(fresh.path.0.exists() && !abandoned.exists());
+    }
+}

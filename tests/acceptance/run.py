@@ -1,0 +1,282 @@
+#!/usr/bin/env python3
+"""What the program promises, checked from outside with numpy: errors, masks, memory, refusals, equal bytes.
+
+Usage: run.py RELEASE_BINARY DEBUG_BINARY
+"""
+import json
+import os
+import struct
+import subprocess
+import sys
+import tempfile
+
+import numpy as np
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+sys.path.insert(0, os.path.join(ROOT, "tests", "peers"))
+import gen  # noqa: E402
+
+MIB = 1 << 20
+TARGET = 0.01
+TRUNCATIONS = 50
+
+# Real files, with the options that they need.
+REAL = [
+    ("data/aerolamp.ies", ["--spectrum", "data/aerolamp.csv"]),
+    ("data/aerolamp.ies", []),
+    ("data/carpaint_blue.mbsdf", []),
+    ("data/colorchecker_n_ohta.csv", ["--quantity", "reflectance"]),
+    ("data/colorchecker_n_ohta.csv", ["--quantity", "reflectance", "--column", "light skin"]),
+    ("data/illuminant_D65.csv", []),
+    ("data/aerolamp.csv", []),
+    ("tests/fixtures/ies/nukit_lantern.ies", []),
+    ("tests/fixtures/ies/ushio_b1.ies", ["--spectrum", "tests/fixtures/ies/ushio_b1.csv"]),
+    ("tests/fixtures/ies/iesna2002_example_typec.ies", []),
+    ("tests/fixtures/ldt/absolute.ldt", []),
+    ("tests/fixtures/mbsdf/test_rgb_theta_2_phi_3.mbsdf", []),
+    ("tests/fixtures/spectra/TM27_Sample_Spectral_Data.spdx", []),
+]
+
+# Files that break the rules of their format.
+MALFORMED = [
+    "tests/fixtures/ies/test_file_format_error.ies",
+    "tests/fixtures/mbsdf/test_file_format_error.mbsdf",
+    "tests/fixtures/spectra/Invalid.spdx",
+]
+
+failures = []
+
+
+def check(holds, message):
+    if not holds:
+        failures.append(message)
+        print(f"  FAILED  {message}")
+
+
+class Done:
+    """A finished run of the program."""
+
+    def __init__(self, code, out, err, peak):
+        self.code, self.out, self.err, self.peak = code, out, err, peak
+
+
+# A child's peak starts at that of the process that forked it, so a small process stands between.
+MEASURE = """
+import os, resource, subprocess, sys
+child = subprocess.Popen(sys.argv[2:])
+_, status, usage = os.wait4(child.pid, 0)
+open(sys.argv[1], "w").write(str(usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)))
+code = os.waitstatus_to_exitcode(status)
+sys.exit(code if code >= 0 else 128 - code)
+"""
+
+
+def run(binary, *args, measure=None):
+    """Runs the program in the project's directory; with a file to `measure` into, also its peak of resident memory."""
+    command = [binary, *args]
+    if measure:
+        command = [sys.executable, "-S", "-c", MEASURE, measure, *command]
+    done = subprocess.run(command, cwd=ROOT, stdin=subprocess.DEVNULL, capture_output=True)
+    peak = None
+    if measure:
+        with open(measure) as file:
+            peak = int(file.read())
+    return Done(done.returncode, done.stdout.decode(), done.stderr.decode(), peak)
+
+
+def errors(original, decoded):
+    """er(L1), er(L2) and the largest relative error over samples > 0, in float64."""
+    s, d = original.astype(np.float64).ravel(), decoded.astype(np.float64).ravel()
+    scored = s > 0
+    if not scored.any():
+        return 0.0, 0.0, 0.0
+    relative = np.abs(d[scored] - s[scored]) / s[scored]
+    return relative.mean(), np.sqrt((relative**2).mean()), relative.max()
+
+
+def refused(done, what):
+    """A refusal is exit code 1, one line on stderr that says who speaks, and nothing on stdout."""
+    lines = done.err.splitlines()
+    check(done.code == 1, f"{what}: exit code {done.code}, expected 1: {done.err.strip()[:200]}")
+    check(len(lines) == 1 and lines[0].startswith("wavelume: "), f"{what}: stderr is {done.err[:200]!r}")
+    check(done.out == "", f"{what}: stdout is {done.out[:100]!r}")
+
+
+def promise(binary, scratch, path, options, own_tensor=None):
+    """Compresses, projects and decodes one measurement, and scores what came back."""
+    name = " ".join([os.path.basename(path), *(os.path.basename(o) for o in options)])
+    material, tensor, decoded = (os.path.join(scratch, f) for f in ("m.wlm", "t.npy", "d.npy"))
+    peak = os.path.join(scratch, "peak")
+    to = ["-o", material, "--er-l2", str(TARGET), "--json"]
+    compressed = run(binary, "compress", path, *to, *options, measure=peak)
+    projected = run(binary, "project", path, "-o", tensor, *options, measure=peak)
+    back = run(binary, "decode", material, "-o", decoded, measure=peak)
+    for what, done in (("compress", compressed), ("project", projected), ("decode", back)):
+        if done.code != 0:
+            check(False, f"{name}: {what}: {done.err.strip()}")
+            return None
+    report = json.loads(compressed.out)
+    s, d = np.load(tensor), np.load(decoded)
+    check(s.dtype == np.float32 and d.dtype == np.float32, f"{name}: {s.dtype} and {d.dtype}, expected float32")
+    check(s.shape == d.shape, f"{name}: shape {d.shape}, expected {s.shape}")
+    if s.shape != d.shape:
+        return None
+    if own_tensor is not None:
+        check(np.array_equal(s, np.load(own_tensor), equal_nan=True), f"{name}: project changed an array on its axes")
+    l1, l2, largest = errors(s, d)
+    check(l2 <= TARGET, f"{name}: er(L2) {l2:.6f}, promised {TARGET}")
+    check(np.array_equal(np.isnan(s), np.isnan(d)), f"{name}: the masks differ")
+    check(np.array_equal(s == 0, d == 0) or not (s == 0).any(), f"{name}: zeros are not zeros any more")
+    for key, found in (("er_l1", l1), ("er_l2", l2), ("max_relative_error", largest)):
+        close = abs(report[key] - found) <= 1e-9 + 1e-6 * found
+        check(close, f"{name}: reports {key} {report[key]}, measured {found}")
+    check(report["bytes"] == os.path.getsize(material), f"{name}: reports {report['bytes']} bytes")
+    check(report["samples"] == s.size, f"{name}: reports {report['samples']} samples")
+    for key in ("kept_coefficients", "ratio_coefficients", "ratio_bytes", "relative_rmse", "zero_samples", "seconds"):
+        check(key in report, f"{name}: no {key} in the report")
+    limit = 4 * s.nbytes + 64 * MIB
+    for what, done in (("compress", compressed), ("project", projected), ("decode", back)):
+        check(done.peak <= limit, f"{name}: {what} took {done.peak / MIB:.0f} MiB, expected {limit / MIB:.0f} at most")
+    print(
+        f"  {name[:58]:58s} {s.nbytes:>10,} -> {report['bytes']:>8,}  er(L2) {100 * l2:.3f} %"
+        f"  {report['seconds']:6.2f} s  {compressed.peak / MIB:4.0f} MiB"
+    )
+    return material
+
+
+def npy(descr="<f4", shape="(2, 3)", body=b"\0" * 24, fortran="False"):
+    header = f"{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}"
+    header = header.ljust((-(len(header) + 11)) % 64 + len(header)) + "\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header.encode() + body
+
+
+def hostile(scratch):
+    """Files that lie about their size, their type or themselves."""
+    made = {
+        "empty": b"",
+        "zeros": b"\0" * 4096,
+        "random": np.random.default_rng(7).bytes(4096),
+        "prose.txt": b"It was a bright cold day in April, and the clocks were striking thirteen.\n" * 20,
+        "huge.npy": npy(shape="(100000000000,)"),
+        "overflow.npy": npy(shape="(4294967296, 4294967296, 4294967296)"),
+        "negative.npy": npy(shape="(-2, 3)"),
+        "object.npy": npy(descr="|O"),
+        "complex.npy": npy(descr="<c8"),
+        "short.npy": npy(body=b"\0" * 20),
+        "long.npy": npy(body=b"\0" * 28),
+        "infinite.npy": npy(body=struct.pack("<6f", 1, 2, float("inf"), 4, 5, 6)),
+        "headless.npy": b"\x93NUMPY\x01\x00" + struct.pack("<H", 65535) + b"{",
+        "version.npy": b"\x93NUMPY\x09\x00" + npy()[8:],
+        "magic.wlm": b"\x89WLM",
+        "garbage.wlm": b"\x89WLM" + np.random.default_rng(8).bytes(500),
+        "huge.mbsdf": b"NVIDIA ARC MBSDF V1\n" + struct.pack("<4I", 0xFFFFFFFF, 0xFFFFFFFF, 0xFFFFFFFF, 3),
+        "angles.ies": b"IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 999999999 999999999 1 2 0 0 0\n1 1 0\n0 1 2\n",
+        "nan.csv": b"wavelength_nm,value\n400,1\n410,nan\n420,3\n",
+        "backwards.csv": b"wavelength_nm,value\n420,1\n410,2\n400,3\n410,4\n",
+    }
+    for name, content in made.items():
+        with open(os.path.join(scratch, name), "wb") as file:
+            file.write(content)
+        if name.endswith(".npy"):
+            with open(os.path.join(scratch, name[:-4] + ".axes.json"), "w") as file:
+                json.dump({"quantity": "spectrum", "axes": ["index", "lambda:400:10:3"]}, file)
+    return [os.path.join(scratch, name) for name in made]
+
+
+def refusals(binary, scratch):
+    directory = os.path.join(scratch, "hostile")
+    os.makedirs(directory)
+    out = os.path.join(scratch, "refused.wlm")
+    paths = [*MALFORMED, *hostile(directory), directory, os.path.join(directory, "missing.ies")]
+    for path in paths:
+        name = os.path.basename(path)
+        refused(run(binary, "inspect", path), f"inspect {name}")
+        refused(run(binary, "compress", path, "-o", out), f"compress {name}")
+        check(not os.path.exists(out), f"compress {name}: left a file behind")
+    refused(run(binary, "decode", os.path.join(ROOT, "README.md"), "-o", out), "decode README.md")
+    print(f"  {len(paths)} malformed, hostile and missing files")
+
+
+def truncations(binary, scratch, files):
+    """Every file cut at 50 places. A table of text may be whole where it is cut: then it must still be understood."""
+    cut, accepted = os.path.join(scratch, "cut"), 0
+    for path, options in files:
+        with open(os.path.join(ROOT, path), "rb") as file:
+            content = file.read()
+        extension = os.path.splitext(path)[1]
+        binary_format = extension in (".wlm", ".npy", ".mbsdf")
+        # Without its last number, and without the spaces before it, a text file has certainly lost something.
+        complete = len(content.rstrip()) - len(content.split()[-1]) if not binary_format else len(content)
+        may_end_anywhere = extension == ".csv"
+        side_car = os.path.splitext(path)[0] + ".axes.json"
+        if extension == ".npy" and os.path.exists(os.path.join(ROOT, side_car)):
+            options = [*options, "--axes", side_car]
+        for i in range(TRUNCATIONS):
+            size = len(content) * i // TRUNCATIONS
+            with open(cut + extension, "wb") as file:
+                file.write(content[:size])
+            command = ["decode", cut + extension, "-o", cut + ".out"] if extension == ".wlm" else ["inspect", cut + extension]
+            done = run(binary, *command, *(options if extension != ".wlm" else []))
+            if done.code == 0 and (may_end_anywhere or size >= complete):
+                accepted += 1
+                continue
+            refused(done, f"{os.path.basename(path)} cut at {size} of {len(content)}")
+    print(f"  {len(files)} files cut at {TRUNCATIONS} places each; {accepted} cuts left a whole table")
+
+
+def equal_bytes(release, debug, scratch, arrays):
+    """The same bytes in debug and release builds, on any number of threads, on every run."""
+    compared = 0
+
+    def material(binary, path, threads, options):
+        out = os.path.join(scratch, "equal.wlm")
+        done = run(binary, "compress", path, "-o", out, "--threads", str(threads), *options)
+        check(done.code == 0, f"{os.path.basename(path)}: {done.err.strip()}")
+        with open(out, "rb") as file:
+            return file.read()
+
+    small = [(path, options) for path, options in REAL] + [(arrays["edf_led"], []), (arrays["edf_f11"], [])]
+    for path, options in small + [(arrays[name], []) for name in ("brdf_wood", "brdf_aniso", "phase_hazy")]:
+        first = material(release, path, 1, options)
+        for threads in (2, 5):
+            check(material(release, path, threads, options) == first, f"{os.path.basename(path)}: {threads} threads differ")
+        compared += 2
+    policies = [[], ["--policy", "conventional", "--ratio", "20"], ["--lossless"], ["--max-relative-error", "0.05"]]
+    for path, options in small:
+        for policy in policies:
+            if policy and path not in (arrays["edf_led"], "data/carpaint_blue.mbsdf", "data/illuminant_D65.csv"):
+                continue
+            same = material(debug, path, 2, options + policy) == material(release, path, 1, options + policy)
+            check(same, f"{os.path.basename(path)} {' '.join(policy)}: debug and release differ")
+            compared += 1
+    print(f"  {compared} pairs of materials compared byte by byte")
+
+
+def main():
+    if len(sys.argv) != 3:
+        sys.exit(__doc__.splitlines()[2])
+    release, debug = (os.path.abspath(path) for path in sys.argv[1:])
+    with tempfile.TemporaryDirectory() as scratch:
+        print("Arrays and real files, compressed to er(L2) 1 % and scored with numpy")
+        arrays = {name: gen.generate(os.path.join(scratch, "arrays"), name) for name in gen.ARRAYS}
+        for path in arrays.values():
+            promise(release, scratch, path, [], own_tensor=path)
+        good = []
+        for i, (path, options) in enumerate(REAL):
+            material = promise(release, scratch, path, options)
+            if material:
+                kept = os.path.join(scratch, f"good{i}.wlm")
+                os.replace(material, kept)
+                good.append((kept, []))
+        print("Refusals")
+        refusals(release, scratch)
+        truncations(release, scratch, REAL + good[:3] + [(arrays["edf_f11"], [])])
+        print("Equal bytes")
+        equal_bytes(release, debug, scratch, arrays)
+    if failures:
+        sys.exit(f"{len(failures)} checks failed")
+    print("all held")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,218 @@
+//! Nothing imports upward, and the scientific rooms know no runtime, database, network, clock or global randomness.
+
+#![allow(clippy::unwrap_used, reason = "a test's helper fails by panicking, like the test")]
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Each room, and the rooms it may name. A new room needs a line here.
+const ROOMS: &[(&str, &[&str])] = &[
+    ("domain", &[]),
+    ("formats", &["domain"]),
+    ("projection", &["formats", "domain"]),
+    ("transform", &["domain"]),
+    ("codec", &["transform", "domain"]),
+    ("compress", &["codec", "transform", "domain"]),
+    ("evaluate", &["compress", "codec", "transform", "domain"]),
+    ("pipeline", SCIENCE),
+    ("store", &[]),
+    ("catalog", &["store", "domain"]),
+    ("jobs", BELOW_JOBS),
+    ("api", BELOW_API),
+    ("cli", BELOW_CLI),
+];
+
+const SCIENCE: &[&str] = &["domain", "formats", "projection", "transform", "codec", "compress", "evaluate"];
+const BELOW_JOBS: &[&str] =
+    &["domain", "formats", "projection", "transform", "codec", "compress", "evaluate", "pipeline", "store", "catalog"];
+const BELOW_API: &[&str] = &[
+    "domain",
+    "formats",
+    "projection",
+    "transform",
+    "codec",
+    "compress",
+    "evaluate",
+    "pipeline",
+    "store",
+    "catalog",
+    "jobs",
+];
+const BELOW_CLI: &[&str] = &[
+    "domain",
+    "formats",
+    "projection",
+    "transform",
+    "codec",
+    "compress",
+    "evaluate",
+    "pipeline",
+    "store",
+    "catalog",
+    "jobs",
+    "api",
+];
+
+/// What the scientific rooms must not name.
+const SERVICE_NAMES: &[&str] = &[
+    "tokio",
+    "sqlx",
+    "axum",
+    "reqwest",
+    "hyper",
+    "tower",
+    "object_store",
+    "async",
+    "await",
+    "Instant",
+    "SystemTime",
+    "thread_rng",
+    "ThreadRng",
+    "OsRng",
+    "SysRng",
+    "getrandom",
+    "clap",
+];
+const SERVICE_PATHS: &[&str] = &["std::time", "std::net", "std::process", "rand::rng(", "rand::random"];
+
+fn sources(directory: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(directory).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(sources(&path));
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            found.push(path);
+        }
+    }
+    found.sort();
+    found
+}
+
+/// The code of a file: its comments blanked, doc links among them.
+fn code(path: &Path) -> String {
+    let text = fs::read_to_string(path).unwrap();
+    text.lines().map(|line| line.split("//").next().unwrap_or("")).collect::<Vec<_>>().join("\n")
+}
+
+fn room(path: &Path) -> Option<String> {
+    let inside = path.strip_prefix(source_directory()).unwrap();
+    let first = inside.components().next().unwrap().as_os_str().to_str().unwrap();
+    let name = first.trim_end_matches(".rs");
+    (!["lib", "main"].contains(&name)).then(|| name.to_owned())
+}
+
+fn source_directory() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("src")
+}
+
+fn leading_name(text: &str) -> &str {
+    let end = text.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(text.len());
+    &text[..end]
+}
+
+/// The names right behind `crate::`, one by one or in braces, and behind chains of `super::`.
+fn named_at_the_root(code: &str) -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    for root in ["crate::", "super::"] {
+        for (at, _) in code.match_indices(root) {
+            // `my_crate::` is another word.
+            if code[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_') {
+                continue;
+            }
+            let rest = &code[at + root.len()..];
+            let Some(list) = rest.strip_prefix('{') else {
+                names.insert(leading_name(rest).to_owned());
+                continue;
+            };
+            let mut depth = 0;
+            let mut expects_name = true;
+            for (i, c) in list.char_indices() {
+                match c {
+                    '{' => depth += 1,
+                    '}' if depth == 0 => break,
+                    '}' => depth -= 1,
+                    ',' if depth == 0 => expects_name = true,
+                    c if depth == 0 && expects_name && c.is_alphabetic() => {
+                        names.insert(leading_name(&list[i..]).to_owned());
+                        expects_name = false;
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+    names
+}
+
+fn words(code: &str) -> BTreeSet<&str> {
+    code.split(|c: char| !(c.is_alphanumeric() || c == '_')).collect()
+}
+
+#[test]
+fn every_room_is_in_the_table() {
+    let table: BTreeSet<_> = ROOMS.iter().map(|(name, _)| (*name).to_owned()).collect();
+    let found: BTreeSet<_> = sources(&source_directory()).iter().filter_map(|path| room(path)).collect();
+    let unknown: Vec<_> = found.difference(&table).collect();
+    assert!(unknown.is_empty(), "rooms without a line in the table: {unknown:?}");
+}
+
+#[test]
+fn nothing_imports_upward() {
+    let mut upward = Vec::new();
+    for path in sources(&source_directory()) {
+        let Some(room) = room(&path) else { continue };
+        let (_, allowed) = ROOMS.iter().find(|(name, _)| *name == room).unwrap();
+        // A room's own modules may have the name of another room (`cli/compress.rs`), but only `super::` reaches them.
+        let own: BTreeSet<String> = sources(&source_directory().join(&room))
+            .iter()
+            .map(|file| file.file_stem().unwrap().to_str().unwrap().to_owned())
+            .collect();
+        let code = code(&path);
+        for name in named_at_the_root(&code) {
+            let is_room = ROOMS.iter().any(|(known, _)| *known == name);
+            let is_own = name == room || (own.contains(&name) && !code.contains(&format!("crate::{name}")));
+            if is_room && !is_own && !allowed.contains(&name.as_str()) {
+                upward.push(format!("{}: {room} names {name}", path.display()));
+            }
+        }
+    }
+    assert!(upward.is_empty(), "{}", upward.join("\n"));
+}
+
+#[test]
+fn the_scientific_rooms_know_no_service() {
+    let mut found = Vec::new();
+    for room in SCIENCE.iter().chain(&["pipeline"]) {
+        let directory = source_directory().join(room);
+        if !directory.is_dir() {
+            continue;
+        }
+        for path in sources(&directory) {
+            let code = code(&path);
+            let words = words(&code);
+            let names = SERVICE_NAMES.iter().filter(|name| words.contains(**name));
+            let paths = SERVICE_PATHS.iter().filter(|path| code.contains(**path));
+            found.extend(names.chain(paths).map(|name| format!("{}: {name}", path.display())));
+        }
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
+fn every_file_begins_with_its_charter() {
+    for path in sources(&source_directory()) {
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.starts_with("//! "), "{}: no charter on its first line", path.display());
+    }
+}
+
+#[test]
+fn imports_are_found_in_every_form() {
+    let code = "use crate::api::x;\nuse crate::{jobs, store::{self, catalog}, cli as c};\nlet y = crate::evaluate::z;";
+    let names = named_at_the_root(code);
+    assert_eq!(names.iter().map(String::as_str).collect::<Vec<_>>(), ["api", "cli", "evaluate", "jobs", "store"]);
+    assert!(named_at_the_root("use super::super::jobs;").contains("jobs"));
+    assert!(named_at_the_root("other_crate::jobs").is_empty());
+}
