@@ -188,9 +188,9 @@ impl<'a> Work<'a> {
 fn transform_of(axis: &Axis, basis: LineBasis) -> AxisTransform {
     match axis {
         Axis::Triangles(_) => AxisTransform::Sphere(SphereBasis::BioHaar),
-        Axis::Elevation(_) => AxisTransform::Line(LineBasis::Bior44),
-        Axis::Wavelength(_) => AxisTransform::Line(basis),
-        Axis::Rgb => AxisTransform::Line(LineBasis::Haar),
+        Axis::Elevation(_) => AxisTransform::line(LineBasis::BIOR44),
+        Axis::Wavelength(_) => AxisTransform::line(basis),
+        Axis::Rgb => AxisTransform::line(LineBasis::HAAR),
         Axis::Index { .. } => AxisTransform::Identity,
     }
 }

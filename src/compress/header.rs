@@ -4,8 +4,8 @@
 //! u8      quantity, unit, sampling (codes in the order of their lists in `domain`)
 //! axes    as in `codec`'s axes
 //! u8      policy: 0 rate–distortion, 1 conventional, 2 lossless
-//! policy 0, 1:  u8 a transform for each axis: 0 identity, 1 haar, 2 bior2.2, 3 bior4.4,
-//!               16 bio-Haar, 17 orthonormal by area, 18 orthonormal by count
+//! policy 0, 1:  varint a transform for each axis: 0 identity, 1 bio-Haar, 2 orthonormal by area, 3 orthonormal by count,
+//!               16 + the number of a basis on a line, followed by u8 its boundary rule
 //! policy 0:     f32 step; f32 correction step, 0 if there is no corrections chunk
 //! u8      1 if there is a classes chunk, else 0 (every sample is positive or, in policies 1 and 2, measured)
 //! f32     absolute floor, 0 if none was declared
@@ -18,7 +18,7 @@
 use super::{Policy, Summary, basis_of};
 use crate::codec::{CodecError, Reader, Writer, read_axes, write_axes};
 use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
-use crate::transform::{AxisTransform, LineBasis, SphereBasis, Weights};
+use crate::transform::{AxisTransform, Boundary, LineBasis, SphereBasis, Weights};
 
 /// Everything in the header chunk.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,15 +38,38 @@ pub(crate) struct Header {
     pub(crate) errors: ErrorReport,
 }
 
-const TRANSFORMS: [(u8, AxisTransform); 7] = [
+const FIXED: [(u64, AxisTransform); 4] = [
     (0, AxisTransform::Identity),
-    (1, AxisTransform::Line(LineBasis::Haar)),
-    (2, AxisTransform::Line(LineBasis::Bior22)),
-    (3, AxisTransform::Line(LineBasis::Bior44)),
-    (16, AxisTransform::Sphere(SphereBasis::BioHaar)),
-    (17, AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Area))),
-    (18, AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count))),
+    (1, AxisTransform::Sphere(SphereBasis::BioHaar)),
+    (2, AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Area))),
+    (3, AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count))),
 ];
+
+/// The code of basis 0 on a line.
+const FIRST_LINE: u64 = 16;
+
+fn write_transform(w: &mut Writer, transform: AxisTransform) {
+    if let AxisTransform::Line { basis, boundary } = transform {
+        w.varint(FIRST_LINE + u64::from(basis.code()));
+        w.u8(boundary.code());
+    } else {
+        w.varint(FIXED.iter().find(|(_, known)| *known == transform).map_or(0, |(code, _)| *code));
+    }
+}
+
+fn read_transform(r: &mut Reader<'_>) -> Result<AxisTransform, CodecError> {
+    let code = r.varint("transform")?;
+    if let Some((_, transform)) = FIXED.iter().find(|(known, _)| *known == code) {
+        return Ok(*transform);
+    }
+    let number = code.checked_sub(FIRST_LINE).and_then(|number| u16::try_from(number).ok());
+    let Some(basis) = number.and_then(LineBasis::from_code) else {
+        return Err(r.malformed(format!("transform {code} is unknown")));
+    };
+    let rule = r.u8("boundary rule")?;
+    let boundary = Boundary::from_code(rule).ok_or_else(|| r.malformed(format!("boundary rule {rule} is unknown")))?;
+    Ok(AxisTransform::Line { basis, boundary })
+}
 
 impl Header {
     pub(crate) fn write(&self) -> Vec<u8> {
@@ -56,9 +79,8 @@ impl Header {
         w.u8(self.sampling.code());
         write_axes(&mut w, &self.axes);
         w.u8(self.policy.code());
-        for transform in &self.transforms {
-            let code = TRANSFORMS.iter().find(|(_, known)| known == transform).map_or(0, |(code, _)| *code);
-            w.u8(code);
+        for &transform in &self.transforms {
+            write_transform(&mut w, transform);
         }
         if self.policy == Policy::Rd {
             w.f32(self.step);
@@ -96,10 +118,9 @@ impl Header {
         let sampling = coded(r, "sampling", Sampling::from_code)?;
         let axes = read_axes(r)?;
         let policy = coded(r, "policy", Policy::from_code)?;
-        let transform = |code: u8| TRANSFORMS.iter().find(|(known, _)| *known == code).map(|(_, transform)| *transform);
         let transforms = match policy {
             Policy::Lossless => Vec::new(),
-            _ => (0..axes.len()).map(|_| coded(r, "transform", transform)).collect::<Result<_, _>>()?,
+            _ => (0..axes.len()).map(|_| read_transform(r)).collect::<Result<_, _>>()?,
         };
         let (step, correction_step) = match policy {
             Policy::Rd => (r.f32("step")?, r.f32("correction step")?),
@@ -178,6 +199,20 @@ mod tests {
             assert!(up >= error && up <= error * (1.0 + 2e-7) + 1e-44);
         }
         assert_eq!(rounded_up(f64::MAX), f32::MAX);
+    }
+
+    #[test]
+    fn every_transform_is_read_as_it_was_written() {
+        let lines = LineBasis::all()
+            .flat_map(|basis| Boundary::ALL.iter().map(move |&boundary| AxisTransform::Line { basis, boundary }));
+        for transform in FIXED.into_iter().map(|(_, transform)| transform).chain(lines) {
+            let mut w = Writer::default();
+            write_transform(&mut w, transform);
+            assert_eq!(read_transform(&mut Reader::new(&w.into_bytes(), 0)), Ok(transform));
+        }
+        for bytes in [[9, 0], [16, 5]] {
+            assert!(matches!(read_transform(&mut Reader::new(&bytes, 0)), Err(CodecError::Malformed { .. })));
+        }
     }
 
     proptest! {

@@ -63,7 +63,7 @@ pub struct Settings {
     pub target: Target,
     /// The policy.
     pub policy: Policy,
-    /// Name of the spectral basis (`haar`, `bior2.2`, `bior4.4`), or `auto`.
+    /// Name of the spectral basis (`haar`, `db4`, `bior4.4`, any of [`LineBasis::all`]), or `auto`.
     pub basis: String,
     /// Samples below `floor ×` the maximum leave the relative errors and are kept within that absolutely.
     pub floor: Option<f64>,
@@ -166,7 +166,7 @@ fn check(settings: &Settings) -> Result<(), CompressError> {
         return refuse(format!("floor is {floor}, expected a fraction of the maximum between 0 and 1"));
     }
     if settings.basis != "auto" && settings.basis.parse::<LineBasis>().is_err() {
-        let known = LineBasis::ALL.iter().map(|basis| basis.name()).collect::<Vec<_>>().join(", ");
+        let known = LineBasis::all().map(LineBasis::name).collect::<Vec<_>>().join(", ");
         return refuse(format!("unknown basis `{}`, expected auto or one of {known}", settings.basis));
     }
     if let Some(metadata) = &settings.metadata
@@ -217,8 +217,8 @@ fn candidate_bases(axes: &[Axis], settings: &Settings) -> Vec<LineBasis> {
     let has_wavelengths = axes.iter().any(|axis| matches!(axis, Axis::Wavelength(grid) if grid.len() > 1));
     match settings.basis.parse() {
         Ok(basis) => vec![basis],
-        Err(_) if has_wavelengths => vec![LineBasis::Bior44, LineBasis::Bior22, LineBasis::Haar],
-        Err(_) => vec![LineBasis::Bior44],
+        Err(_) if has_wavelengths => vec![LineBasis::BIOR44, LineBasis::BIOR22, LineBasis::HAAR],
+        Err(_) => vec![LineBasis::BIOR44],
     }
 }
 
@@ -226,7 +226,7 @@ fn candidate_bases(axes: &[Axis], settings: &Settings) -> Vec<LineBasis> {
 fn basis_of(axes: &[Axis], transforms: &[AxisTransform]) -> String {
     let on_wavelength = axes.iter().zip(transforms).find(|(axis, _)| matches!(axis, Axis::Wavelength(_)));
     match on_wavelength {
-        Some((_, AxisTransform::Line(basis))) => basis.name().to_owned(),
+        Some((_, AxisTransform::Line { basis, .. })) => basis.name().to_owned(),
         _ => "none".to_owned(),
     }
 }

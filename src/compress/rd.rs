@@ -410,9 +410,9 @@ fn smallest_step(progress: &dyn Progress, fits: impl Fn(f32) -> bool) -> Result<
 fn transform_of(axis: &Axis, basis: LineBasis) -> AxisTransform {
     match axis {
         Axis::Triangles(_) => AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count)),
-        Axis::Elevation(_) => AxisTransform::Line(LineBasis::Bior44),
-        Axis::Wavelength(_) => AxisTransform::Line(basis),
-        Axis::Rgb => AxisTransform::Line(LineBasis::Haar),
+        Axis::Elevation(_) => AxisTransform::line(LineBasis::BIOR44),
+        Axis::Wavelength(_) => AxisTransform::line(basis),
+        Axis::Rgb => AxisTransform::line(LineBasis::HAAR),
         Axis::Index { .. } => AxisTransform::Identity,
     }
 }

@@ -77,7 +77,7 @@ mod tests {
         let mesh = |level| Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, level).unwrap());
         let axes = [mesh(1), mesh(2), Axis::Wavelength(WavelengthGrid::even(380.0, 5.0, 11).unwrap())];
         let sphere = AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count));
-        let plan = Plan::new(&axes, &[sphere, sphere, AxisTransform::Line(LineBasis::Bior44)]).unwrap();
+        let plan = Plan::new(&axes, &[sphere, sphere, AxisTransform::line(LineBasis::BIOR44)]).unwrap();
         let rows = coding_order(&axes, &plan);
         assert_eq!(rows.order.len(), 16 * 64);
         let mut rank = vec![0; rows.order.len()];

@@ -1,21 +1,8 @@
-//! The bases by their usual names, their tables, and where the numbers come from.
+//! What can happen to an axis, the bases on the sphere, and what people and tools are told of a basis.
 
-use crate::domain::named;
+use super::boundary::Boundary;
+use super::lines::LineBasis;
 use serde::Serialize;
-
-/// A basis on a line (wavelength, elevation, or any ordered entries). All are critically sampled at every length, reach
-/// down to one smooth coefficient, and have the sign and scale of PyWavelets (low-pass gain √2 at zero frequency).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum LineBasis {
-    /// Haar; at odd lengths unbalanced, so that it stays orthonormal and a constant has no detail.
-    Haar,
-    /// Cohen–Daubechies–Feauveau 5/3 (of Le Gall and Tabatabai), by lifting with whole-sample symmetric extension.
-    Bior22,
-    /// Cohen–Daubechies–Feauveau 9/7 (Antonini, Brislawn), by lifting with whole-sample symmetric extension.
-    Bior44,
-}
-named!(LineBasis, "basis on a line", { Haar = "haar", Bior22 = "bior2.2", Bior44 = "bior4.4" });
 
 /// In which inner product triangles are measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -44,7 +31,12 @@ pub enum AxisTransform {
     /// Nothing.
     Identity,
     /// A wavelet on a line.
-    Line(LineBasis),
+    Line {
+        /// The basis.
+        basis: LineBasis,
+        /// What is beyond the ends.
+        boundary: Boundary,
+    },
     /// A wavelet on the sphere's triangles.
     Sphere(SphereBasis),
 }
@@ -78,89 +70,14 @@ pub struct BasisInfo {
     pub symmetric: bool,
     /// Whether it is orthonormal (on the sphere: in the inner product of its weights).
     pub orthogonal: bool,
+    /// How far its filters are from perfect reconstruction (the largest deviation of an inner product of filters from 0
+    /// or 1). Above 1e-9 the inverse is computed, so that transforms are inverted exactly all the same.
+    pub reconstruction_error: f64,
+    /// Its own rule at the ends; none on the sphere.
+    pub boundary: Option<Boundary>,
     /// Where it comes from.
     pub source: &'static str,
 }
-
-/// How a line basis is computed between the even (smooth) and odd (detail) samples of one level.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Scheme {
-    /// Each pair is reflected: `(α·a + β·b, β·a − α·b)` with α² + β² = 1 from how many samples each stands for.
-    Pairs,
-    /// Lifting steps, then even × `low`, odd × −1/`low`.
-    Lifting {
-        /// In order: which samples change, and by which multiple of the sum of their two neighbours.
-        steps: &'static [(Parity, f32)],
-        /// The scale of the smooth samples.
-        low: f32,
-    },
-}
-
-/// The even or the odd samples of a level.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Parity {
-    Even,
-    Odd,
-}
-
-pub(super) struct Table {
-    pub(super) scheme: Scheme,
-    info: BasisInfo,
-}
-
-static HAAR: Table = Table {
-    scheme: Scheme::Pairs,
-    info: BasisInfo {
-        name: "haar",
-        space: Space::Line,
-        family: "Daubechies",
-        analysis_length: 2,
-        synthesis_length: 2,
-        vanishing_moments: 1,
-        symmetric: true,
-        orthogonal: true,
-        source: "Haar 1910; odd lengths: Girardi & Sweldens 1997, A new class of unbalanced Haar wavelets",
-    },
-};
-
-static BIOR22: Table = Table {
-    scheme: Scheme::Lifting { steps: &[(Parity::Odd, -0.5), (Parity::Even, 0.25)], low: std::f32::consts::SQRT_2 },
-    info: BasisInfo {
-        name: "bior2.2",
-        space: Space::Line,
-        family: "Cohen-Daubechies-Feauveau",
-        analysis_length: 5,
-        synthesis_length: 3,
-        vanishing_moments: 2,
-        symmetric: true,
-        orthogonal: false,
-        source: "Cohen, Daubechies & Feauveau 1992; lifting: Daubechies & Sweldens 1998, section 7.5 (N = Ñ = 2)",
-    },
-};
-
-static BIOR44: Table = Table {
-    scheme: Scheme::Lifting {
-        steps: &[
-            (Parity::Odd, -1.586_134_3),
-            (Parity::Even, -0.052_980_12),
-            (Parity::Odd, 0.882_911_1),
-            (Parity::Even, 0.443_506_85),
-        ],
-        // Daubechies & Sweldens' ζ, with which a constant grows by √2 a level.
-        low: 1.149_604_4,
-    },
-    info: BasisInfo {
-        name: "bior4.4",
-        space: Space::Line,
-        family: "Cohen-Daubechies-Feauveau",
-        analysis_length: 9,
-        synthesis_length: 7,
-        vanishing_moments: 4,
-        symmetric: true,
-        orthogonal: false,
-        source: "Cohen, Daubechies & Feauveau 1992; Antonini et al. 1992; lifting: Daubechies & Sweldens 1998, section 7.7",
-    },
-};
 
 const fn sphere(name: &'static str, orthogonal: bool, source: &'static str) -> BasisInfo {
     BasisInfo {
@@ -172,6 +89,8 @@ const fn sphere(name: &'static str, orthogonal: bool, source: &'static str) -> B
         vanishing_moments: 1,
         symmetric: orthogonal,
         orthogonal,
+        reconstruction_error: 0.0,
+        boundary: None,
         source,
     }
 }
@@ -187,21 +106,6 @@ static ORTHONORMAL_COUNT: BasisInfo = sphere(
     true,
     "Householder reflection of (1/2, 1/2, 1/2, 1/2); after Lessig & Fiume 2008 with equal areas",
 );
-
-impl LineBasis {
-    pub(super) fn table(self) -> &'static Table {
-        match self {
-            Self::Haar => &HAAR,
-            Self::Bior22 => &BIOR22,
-            Self::Bior44 => &BIOR44,
-        }
-    }
-
-    /// What is known of it.
-    pub fn info(self) -> &'static BasisInfo {
-        &self.table().info
-    }
-}
 
 impl SphereBasis {
     /// Every basis on the sphere.
@@ -219,11 +123,16 @@ impl SphereBasis {
 }
 
 impl AxisTransform {
+    /// `basis` on a line with its own rule at the ends.
+    pub fn line(basis: LineBasis) -> Self {
+        Self::Line { basis, boundary: basis.boundary() }
+    }
+
     /// The name of its basis; `identity` where there is none.
     pub fn name(self) -> &'static str {
         match self {
             Self::Identity => "identity",
-            Self::Line(basis) => basis.info().name,
+            Self::Line { basis, .. } => basis.name(),
             Self::Sphere(basis) => basis.info().name,
         }
     }
@@ -231,7 +140,7 @@ impl AxisTransform {
 
 /// Every basis there is, lines first.
 pub fn bases() -> Vec<BasisInfo> {
-    let lines = LineBasis::ALL.iter().map(|basis| basis.info().clone());
+    let lines = LineBasis::all().map(|basis| basis.info().clone());
     lines.chain(SphereBasis::ALL.iter().map(|basis| basis.info().clone())).collect()
 }
 
@@ -240,21 +149,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_agree_and_are_unique() {
-        for &basis in LineBasis::ALL {
-            assert_eq!(basis.info().name, basis.name());
-        }
+    fn names_are_unique() {
         let mut names: Vec<_> = bases().iter().map(|basis| basis.name).collect();
         names.sort_unstable();
         names.dedup();
-        assert_eq!(names.len(), LineBasis::ALL.len() + SphereBasis::ALL.len());
+        assert_eq!(names.len(), LineBasis::all().len() + SphereBasis::ALL.len());
     }
 
     #[test]
     fn bases_serialise_as_a_list() {
         let json = serde_json::to_value(bases()).unwrap();
-        assert_eq!(json[2]["name"], "bior4.4");
-        assert_eq!(json[2]["analysis_length"], 9);
-        assert_eq!(json[3]["space"], "sphere");
+        let named = |name: &str| json.as_array().unwrap().iter().find(|basis| basis["name"] == name).unwrap().clone();
+        assert_eq!(named("bior4.4")["analysis_length"], 9);
+        assert_eq!(named("bior4.4")["boundary"], "whole-sample");
+        assert_eq!(named("bio-haar")["space"], "sphere");
     }
 }

@@ -1,91 +1,186 @@
 //! Wavelets on a line of any length, in place: at stride s the even multiples stay smooth, the odd ones become details.
 //!
-//! The synthesis of a symmetric lifting scheme mirrors samples at both ends (`x[−1] = x[1]`, `x[n] = x[n − 2]`), so any
-//! length is critically sampled and perfectly reconstructed (Daubechies & Sweldens 1998; ISO 15444-1 annex F).
+//! Every level is a banded matrix between rows (`level.rs`). Lifting and Haar do the same arithmetic in place: the synthesis
+//! of a symmetric lifting scheme mirrors samples at both ends (`x[−1] = x[1]`, `x[n] = x[n − 2]`), so any length is
+//! critically sampled and perfectly reconstructed (Daubechies & Sweldens 1998; ISO 15444-1 annex F).
 
-use super::basis::{LineBasis, Parity, Scheme};
-use super::rows::{Pass, axpy, axpy2, for_rows, reflect, scale};
+use super::banded::{Banded, Row, Window};
+use super::boundary::Boundary;
+use super::level::{self, Level, pair_weights};
+use super::lines::{Lifting, LineBasis, Parity, Scheme};
+use super::rows::{Pass, axpy, axpy2, combine, reflect, scale};
 
-/// One pass over the rows of a line.
-pub(super) fn transform(rows: &mut [&mut [f32]], basis: LineBasis, pass: Pass) {
-    let n = rows.len();
-    let levels = levels(n);
-    match pass {
-        Pass::Forward | Pass::InverseTransposed => {
-            for k in 0..levels {
-                level(rows, 1 << k, basis, pass);
-            }
-        }
-        Pass::Inverse | Pass::ForwardTransposed => {
-            for k in (0..levels).rev() {
-                level(rows, 1 << k, basis, pass);
-            }
-        }
-    }
+/// A line with its levels, finest first.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct LinePlan {
+    length: usize,
+    basis: LineBasis,
+    boundary: Boundary,
+    levels: Vec<Level>,
 }
-
-/// Unit vectors that are synthesised together.
-const UNITS: usize = 16;
 
 /// How many levels a line of `n` samples has until one smooth coefficient is left.
 pub(super) fn levels(n: usize) -> u32 {
     n.next_power_of_two().trailing_zeros()
 }
 
-/// The norms of the synthesis functions of every index, all samples weighing the same.
-pub(super) fn norms(n: usize, basis: LineBasis) -> Vec<f64> {
-    if matches!(basis.table().scheme, Scheme::Pairs) {
-        return vec![1.0; n];
+impl LinePlan {
+    pub(super) fn new(length: usize, basis: LineBasis, boundary: Boundary, limit: u32) -> Self {
+        let (line, own) = (basis.line(), basis.boundary());
+        let levels = match (line.scheme, boundary) {
+            (Scheme::Pairs, Boundary::Fitted) => level::unbalanced(length, limit),
+            _ => level::levels(basis.bank(), own, boundary, basis.info().vanishing_moments, length, limit),
+        };
+        Self { length, basis, boundary, levels }
     }
-    let info = basis.info();
-    let filter = info.analysis_length.max(info.synthesis_length);
-    let mut norms = vec![0.0; n];
-    // A synthesis function of stride 2s reaches at most (filter − 1)·s from its place; those that do not reach an end
-    // are the same but for a shift, so one of them is measured for all.
-    let mut measured = vec![0];
-    let mut shifted: Vec<(usize, usize)> = Vec::new();
-    for k in 0..levels(n) {
-        let s = 1_usize << k;
-        let reach = (filter - 1) * s;
-        let mut inner = None;
-        for place in (s..n).step_by(2 * s) {
-            if place < reach || place + reach >= n {
-                measured.push(place);
-            } else if let Some(same) = inner {
-                shifted.push((place, same));
-            } else {
-                inner = Some(place);
-                measured.push(place);
+
+    /// How many levels are transformed.
+    pub(super) fn depth(&self) -> u32 {
+        self.levels.len() as u32
+    }
+
+    #[cfg(test)]
+    pub(super) fn levels(&self) -> &[Level] {
+        &self.levels
+    }
+
+    /// One pass over the rows of a line.
+    pub(super) fn transform(&self, rows: &mut [&mut [f32]], pass: Pass) {
+        let mut scratch = Vec::new();
+        match pass {
+            Pass::Forward | Pass::InverseTransposed => {
+                for k in 0..self.levels.len() {
+                    self.level(rows, k, pass, &mut scratch);
+                }
+            }
+            Pass::Inverse | Pass::ForwardTransposed => {
+                for k in (0..self.levels.len()).rev() {
+                    self.level(rows, k, pass, &mut scratch);
+                }
             }
         }
     }
-    let mut scratch = vec![0.0_f32; n * UNITS];
-    for places in measured.chunks(UNITS) {
-        scratch.fill(0.0);
-        for (lane, &place) in places.iter().enumerate() {
-            scratch[place * UNITS + lane] = 1.0;
-        }
-        for_rows(&mut scratch, n, UNITS, |rows| transform(rows, basis, Pass::Inverse));
-        for (lane, &place) in places.iter().enumerate() {
-            let square: f64 = scratch.iter().skip(lane).step_by(UNITS).map(|&x| f64::from(x) * f64::from(x)).sum();
-            norms[place] = square.sqrt();
+
+    fn level(&self, rows: &mut [&mut [f32]], k: usize, pass: Pass, scratch: &mut Vec<f32>) {
+        match (self.basis.line().scheme, self.boundary) {
+            (Scheme::Pairs, Boundary::Fitted) => pairs(rows, 1 << k),
+            (Scheme::Lifting(lifting), Boundary::WholeSample) => lift(rows, 1 << k, lifting, pass),
+            _ => {
+                let level = &self.levels[k];
+                let matrix = match pass {
+                    Pass::Forward => &level.analysis,
+                    Pass::ForwardTransposed => &level.analysis_transposed,
+                    Pass::Inverse => &level.synthesis,
+                    Pass::InverseTransposed => &level.synthesis_transposed,
+                };
+                apply(matrix, rows, 1 << k, scratch);
+            }
         }
     }
-    for (place, same) in shifted {
-        norms[place] = norms[same];
+
+    /// The synthesis function of coefficient `index`, and whether it keeps clear of the ends.
+    pub(super) fn footprint(&self, index: usize) -> (Window, bool) {
+        self.descend(index, |level| &level.synthesis_transposed)
     }
-    norms
+
+    /// What coefficient `index` takes of each sample.
+    pub(super) fn analysis_row(&self, index: usize) -> Window {
+        self.descend(index, |level| &level.analysis).0
+    }
+
+    /// What sample `index` takes of each coefficient.
+    pub(super) fn synthesis_row(&self, index: usize) -> Vec<(u32, f64)> {
+        let mut row = Vec::new();
+        let mut smooth = Window::unit(index);
+        for (k, level) in self.levels.iter().enumerate() {
+            let (all, _) = smooth.through(&level.synthesis, |j| j);
+            row.extend(all.iter().filter(|(m, w)| m % 2 == 1 && *w != 0.0).map(|(m, w)| ((m << k) as u32, w)));
+            let first = all.first.div_ceil(2);
+            smooth = Window { first, values: all.values.into_iter().skip(2 * first - all.first).step_by(2).collect() };
+        }
+        row.extend(smooth.iter().filter(|(_, w)| *w != 0.0).map(|(m, w)| ((m << self.levels.len()) as u32, w)));
+        row.sort_unstable_by_key(|&(i, _)| i);
+        row
+    }
+
+    fn descend(&self, index: usize, matrix: impl Fn(&Level) -> &Banded) -> (Window, bool) {
+        let depth = self.levels.len();
+        let height = if index == 0 { depth } else { depth.min(index.trailing_zeros() as usize) };
+        let (mut window, mut inner) = (Window::unit(index >> height), true);
+        if let Some(level) = self.levels.get(height) {
+            // A detail: its own level takes it as it stands, finer ones as their smooth coefficients.
+            (window, inner) = window.through(matrix(level), |m| m);
+        }
+        for level in self.levels[..height].iter().rev() {
+            let (next, clear) = window.through(matrix(level), |o| 2 * o);
+            window = next;
+            inner &= clear;
+        }
+        (window, inner)
+    }
+
+    /// The norms of the synthesis functions of every index, all samples weighing the same.
+    pub(super) fn norms(&self) -> Vec<f64> {
+        let n = self.length;
+        let orthogonal = self.basis.info().orthogonal
+            && (self.boundary == Boundary::Fitted || Some(self.boundary) != self.basis.bank().symmetry);
+        if orthogonal {
+            return vec![1.0; n];
+        }
+        let mut norms = vec![0.0; n];
+        let depth = self.levels.len() as u32;
+        for height in 0..=depth {
+            let (first, step) = if height == depth { (0, 1 << depth) } else { (1 << height, 2 << height) };
+            let places: Vec<usize> = (first..n).step_by(step).collect();
+            let measure = |place: usize| {
+                let (footprint, inner) = self.footprint(place);
+                (libm::sqrt(footprint.values.iter().map(|x| x * x).sum()), inner)
+            };
+            // Functions that keep clear of the ends are the same but for a shift, so one of them is measured for all.
+            let mut from = 0;
+            let mut same = None;
+            while from < places.len() && same.is_none() {
+                let (norm, inner) = measure(places[from]);
+                norms[places[from]] = norm;
+                same = inner.then_some(norm);
+                from += 1;
+            }
+            let mut to = places.len();
+            while to > from {
+                let (norm, inner) = measure(places[to - 1]);
+                if inner {
+                    break;
+                }
+                to -= 1;
+                norms[places[to]] = norm;
+            }
+            if let Some(norm) = same {
+                places[from..to.max(from)].iter().for_each(|&place| norms[place] = norm);
+            }
+        }
+        norms
+    }
 }
 
-fn level(rows: &mut [&mut [f32]], stride: usize, basis: LineBasis, pass: Pass) {
-    match basis.table().scheme {
-        Scheme::Pairs => pairs(rows, stride),
-        Scheme::Lifting { steps, low } => lift(rows, stride, steps, low, pass),
+/// The rows at a stride become `matrix` times them.
+fn apply(matrix: &Banded, rows: &mut [&mut [f32]], stride: usize, scratch: &mut Vec<f32>) {
+    let width = rows.first().map_or(0, |row| row.len());
+    scratch.resize(matrix.len() * width, 0.0);
+    for (copy, row) in scratch.chunks_exact_mut(width).zip(rows.iter().step_by(stride)) {
+        copy.copy_from_slice(row);
+    }
+    for (m, target) in rows.iter_mut().step_by(stride).enumerate() {
+        match matrix.row(m) {
+            Row::Edge(entries) => combine(target, scratch, entries.iter().map(|&(c, w)| (c, w as f32))),
+            Row::Inner(row, entries) => {
+                let row = row as i64;
+                combine(target, scratch, entries.iter().map(|&(c, w)| ((row + c) as usize, w as f32)));
+            }
+        }
     }
 }
 
-/// Unbalanced Haar: a coefficient that stands for w samples holds √w times their mean. The last one of an odd level has
-/// no partner and passes unchanged. Only the last pair can be unequal.
+/// Unbalanced Haar: the last one of an odd level has no partner and passes unchanged. Only the last pair can be unequal.
 fn pairs(rows: &mut [&mut [f32]], stride: usize) {
     let n = rows.len();
     for left in (0..n).step_by(2 * stride) {
@@ -93,16 +188,14 @@ fn pairs(rows: &mut [&mut [f32]], stride: usize) {
         if right >= n {
             break;
         }
-        let right_count = stride.min(n - right);
-        let total = (stride + right_count) as f64;
-        let alpha = libm::sqrt(stride as f64 / total) as f32;
-        let beta = libm::sqrt(right_count as f64 / total) as f32;
+        let (alpha, beta) = pair_weights(left, stride, n);
         let (before, after) = rows.split_at_mut(right);
-        reflect(before[left], after[0], alpha, beta);
+        reflect(before[left], after[0], alpha as f32, beta as f32);
     }
 }
 
-fn lift(rows: &mut [&mut [f32]], stride: usize, steps: &[(Parity, f32)], low: f32, pass: Pass) {
+fn lift(rows: &mut [&mut [f32]], stride: usize, lifting: &Lifting, pass: Pass) {
+    let &Lifting { steps, low } = lifting;
     let high = -1.0 / low;
     match pass {
         Pass::Forward => {

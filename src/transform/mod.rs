@@ -8,18 +8,29 @@
 //! Coefficients stay where the tree has them: nothing moves. [`AxisTree`] says which level each index belongs to, who its
 //! parent is, and in which order to read them coarse to fine.
 //!
-//! Adding a basis on a line: one table in `basis.rs`, one variant and one line of [`LineBasis`].
+//! Adding a basis on a line: one table in `tables/`, one line in `lines.rs`.
 
+mod banded;
 mod basis;
+mod boundary;
+mod ends;
+mod filters;
+mod level;
 mod line;
+mod lines;
 mod plan;
 mod rows;
 mod sphere;
+mod tables;
 mod tree;
 
-pub use basis::{AxisTransform, BasisInfo, LineBasis, Space, SphereBasis, Weights, bases};
+pub use basis::{AxisTransform, BasisInfo, Space, SphereBasis, Weights, bases};
+pub use boundary::Boundary;
+pub use lines::LineBasis;
 pub use plan::{Plan, PlanError};
 pub use tree::AxisTree;
 
+#[cfg(test)]
+mod line_tests;
 #[cfg(test)]
 mod tests;

@@ -1,7 +1,7 @@
 //! A plan: which transform each axis gets, as plain data with its tables, and the four passes over a flat tensor.
 
 use super::basis::{AxisTransform, Weights};
-use super::line;
+use super::line::{self, LinePlan};
 use super::rows::{Pass, for_rows};
 use super::sphere::{self, SphereTables};
 use super::tree::AxisTree;
@@ -21,8 +21,15 @@ struct AxisPlan {
     mesh: Option<TriangleMesh>,
     transform: AxisTransform,
     tree: AxisTree,
-    /// Present for sphere transforms only.
-    sphere: Option<SphereTables>,
+    operator: Operator,
+}
+
+/// What an axis' transform needs, worked out once.
+#[derive(Clone, Debug, PartialEq)]
+enum Operator {
+    Identity,
+    Line(LinePlan),
+    Sphere(SphereTables),
 }
 
 /// Why axes and transforms do not make a plan.
@@ -59,10 +66,17 @@ pub enum PlanError {
 impl Plan {
     /// Plans one transform for each axis: sphere bases on triangles only, line bases on everything else.
     pub fn new(axes: &[Axis], transforms: &[AxisTransform]) -> Result<Self, PlanError> {
-        if axes.len() != transforms.len() {
-            return Err(PlanError::Count { axes: axes.len(), transforms: transforms.len() });
+        Self::with_levels(axes, transforms, &vec![None; axes.len()])
+    }
+
+    /// As [`Plan::new`], but each line axis with a number goes down that many levels only (or as many as it has). The smooth
+    /// coefficients then lie at the multiples of 2^levels.
+    pub fn with_levels(axes: &[Axis], transforms: &[AxisTransform], levels: &[Option<u8>]) -> Result<Self, PlanError> {
+        if axes.len() != transforms.len() || axes.len() != levels.len() {
+            return Err(PlanError::Count { axes: axes.len(), transforms: transforms.len().min(levels.len()) });
         }
-        let axes = axes.iter().zip(transforms).enumerate().map(|(i, (axis, &t))| AxisPlan::new(i, axis, t));
+        let axes = axes.iter().zip(transforms).zip(levels).enumerate();
+        let axes = axes.map(|(i, ((axis, &transform), &levels))| AxisPlan::new(i, axis, transform, levels));
         Ok(Self { axes: axes.collect::<Result<_, _>>()? })
     }
 
@@ -128,9 +142,11 @@ impl Plan {
         let axis = &self.axes[axis];
         match (axis.transform, axis.mesh) {
             (AxisTransform::Sphere(basis), Some(mesh)) => sphere::norms(mesh, basis, weights),
-            (AxisTransform::Line(basis), _) => line::norms(axis.length, basis),
             (_, Some(mesh)) if weights == Weights::Area => mesh.solid_angles().into_iter().map(libm::sqrt).collect(),
-            _ => vec![1.0; axis.length],
+            _ => match &axis.operator {
+                Operator::Line(line) => line.norms(),
+                _ => vec![1.0; axis.length],
+            },
         }
     }
 
@@ -147,7 +163,7 @@ impl Plan {
 }
 
 impl AxisPlan {
-    fn new(position: usize, axis: &Axis, transform: AxisTransform) -> Result<Self, PlanError> {
+    fn new(position: usize, axis: &Axis, transform: AxisTransform, levels: Option<u8>) -> Result<Self, PlanError> {
         let length = axis.len();
         if length == 0 {
             return Err(PlanError::Empty { axis: position });
@@ -162,24 +178,28 @@ impl AxisPlan {
             found: axis.describe(),
             expected,
         };
-        let sphere = match (transform, mesh) {
-            (AxisTransform::Sphere(basis), Some(mesh)) => Some(SphereTables::new(mesh, basis)),
+        let operator = match (transform, mesh) {
+            (_, Some(_)) if levels.is_some() => return Err(unfit("all levels on triangles")),
+            (AxisTransform::Identity, _) => Operator::Identity,
+            (AxisTransform::Sphere(basis), Some(mesh)) => Operator::Sphere(SphereTables::new(mesh, basis)),
             (AxisTransform::Sphere(_), None) => return Err(unfit("triangles")),
-            (AxisTransform::Line(_), Some(_)) => return Err(unfit("wavelengths, elevations, channels or indices")),
-            _ => None,
+            (AxisTransform::Line { .. }, Some(_)) => {
+                return Err(unfit("wavelengths, elevations, channels or indices"));
+            }
+            (AxisTransform::Line { basis, boundary }, None) => {
+                let limit = levels.map_or(u32::MAX, u32::from).min(line::levels(length));
+                Operator::Line(LinePlan::new(length, basis, boundary, limit))
+            }
         };
-        Ok(Self { length, mesh, transform, tree: AxisTree::new(length, mesh, transform), sphere })
+        let depth = if let Operator::Line(line) = &operator { line.depth() } else { 0 };
+        Ok(Self { length, mesh, transform, tree: AxisTree::new(length, mesh, transform, depth), operator })
     }
 
     fn pass(&self, data: &mut [f32], inner: usize, pass: Pass) {
-        match (self.transform, &self.sphere) {
-            (AxisTransform::Line(basis), _) => {
-                for_rows(data, self.length, inner, |rows| line::transform(rows, basis, pass));
-            }
-            (AxisTransform::Sphere(_), Some(tables)) => {
-                for_rows(data, self.length, inner, |rows| tables.transform(rows, pass));
-            }
-            _ => {}
+        match &self.operator {
+            Operator::Line(line) => for_rows(data, self.length, inner, |rows| line.transform(rows, pass)),
+            Operator::Sphere(tables) => for_rows(data, self.length, inner, |rows| tables.transform(rows, pass)),
+            Operator::Identity => {}
         }
     }
 }

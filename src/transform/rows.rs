@@ -121,3 +121,31 @@ pub(super) fn mix(matrix: &[[f32; 4]; 4], a: &mut [f32], b: &mut [f32], c: &mut 
         *d = m3[0] * x + m3[1] * y + m3[2] * z + m3[3] * w;
     }
 }
+
+/// `target = Σ weight · source row`; the source rows lie one after another, each as wide as the target.
+pub(super) fn combine<T>(target: &mut [f32], source: &[f32], taps: T)
+where
+    T: Iterator<Item = (usize, f32)> + Clone,
+{
+    const CHUNK: usize = 32;
+    let width = target.len();
+    let mut chunks = target.chunks_exact_mut(CHUNK);
+    let mut at = 0;
+    for chunk in &mut chunks {
+        let mut sums = [0.0_f32; CHUNK];
+        for (row, w) in taps.clone() {
+            for (sum, x) in sums.iter_mut().zip(&source[row * width + at..][..CHUNK]) {
+                *sum += w * x;
+            }
+        }
+        chunk.copy_from_slice(&sums);
+        at += CHUNK;
+    }
+    let rest = chunks.into_remainder();
+    rest.fill(0.0);
+    for (row, w) in taps {
+        for (sum, x) in rest.iter_mut().zip(&source[row * width + at..]) {
+            *sum += w * x;
+        }
+    }
+}

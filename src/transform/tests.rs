@@ -15,9 +15,9 @@ fn triangles(domain: Domain, level: u8) -> Axis {
 /// Every axis and basis to test, with a name.
 fn cases() -> Vec<(String, Axis, AxisTransform)> {
     let mut cases = vec![("identity 5".to_owned(), index(5), AxisTransform::Identity)];
-    for &basis in LineBasis::ALL {
+    for basis in [LineBasis::HAAR, LineBasis::BIOR22, LineBasis::BIOR44] {
         for n in (1..=17).chain([31, 32, 33, 71, 75, 80, 91, 128, 2101]) {
-            cases.push((format!("{basis} {n}"), index(n), AxisTransform::Line(basis)));
+            cases.push((format!("{basis} {n}"), index(n), AxisTransform::line(basis)));
         }
     }
     for &basis in SphereBasis::ALL {
@@ -107,7 +107,7 @@ fn orthonormal_bases_keep_the_inner_product() {
                 mesh.solid_angles()
             }
             (
-                AxisTransform::Line(LineBasis::Haar)
+                AxisTransform::Line { basis: LineBasis::HAAR, .. }
                 | AxisTransform::Identity
                 | AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count)),
                 _,
@@ -143,9 +143,9 @@ fn constants_have_only_smooth_coefficients() {
 #[test]
 fn polynomials_vanish_in_the_interior() {
     let n = 128;
-    for (basis, degree) in [(LineBasis::Haar, 0), (LineBasis::Bior22, 1), (LineBasis::Bior44, 3)] {
+    for (basis, degree) in [(LineBasis::HAAR, 0), (LineBasis::BIOR22, 1), (LineBasis::BIOR44, 3)] {
         assert_eq!(basis.info().vanishing_moments, degree as usize + 1);
-        let plan = Plan::new(&[index(n)], &[AxisTransform::Line(basis)]).unwrap();
+        let plan = Plan::new(&[index(n)], &[AxisTransform::line(basis)]).unwrap();
         let finest = plan.tree(0).levels() - 1;
         for power in 0..=degree + 1 {
             let samples: Vec<f32> = (0..n).map(|i| (i as f32 / 64.0 - 1.0).powi(power)).collect();
@@ -181,8 +181,8 @@ fn norms_are_those_of_synthesised_unit_vectors() {
                 unit.iter().enumerate().map(|(j, &x)| weights(j) * f64::from(x) * f64::from(x)).sum::<f64>().sqrt()
             };
             let (by_count, by_area) = (measured(&|_| 1.0), measured(&|j| areas[j]));
-            assert!((count[i] - by_count).abs() < 1e-6 * by_count, "{name} {i}: {} {by_count}", count[i]);
-            assert!((area[i] - by_area).abs() < 1e-6 * by_area, "{name} {i}: {} {by_area}", area[i]);
+            assert!((count[i] - by_count).abs() < 3e-6 * by_count, "{name} {i}: {} {by_count}", count[i]);
+            assert!((area[i] - by_area).abs() < 3e-6 * by_area, "{name} {i}: {} {by_area}", area[i]);
         }
     }
 }
@@ -193,7 +193,7 @@ fn several_axes_are_one_axis_after_another() {
     let transforms = [
         AxisTransform::Sphere(SphereBasis::BioHaar),
         AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Area)),
-        AxisTransform::Line(LineBasis::Bior44),
+        AxisTransform::line(LineBasis::BIOR44),
     ];
     let shape = [16, 64, 11];
     let samples = noise(16 * 64 * 11, 5);
@@ -213,7 +213,7 @@ fn several_axes_are_one_axis_after_another() {
     let plan = Plan::new(&axes, &transforms).unwrap();
     assert_eq!(after(Plan::forward, &plan, &samples), by_hand);
     assert_eq!(plan.to_string(), "bio-haar[16] × orthonormal-area[64] × bior4.4[11]");
-    assert_eq!((plan.axes(), plan.transform(2)), (3, AxisTransform::Line(LineBasis::Bior44)));
+    assert_eq!((plan.axes(), plan.transform(2)), (3, AxisTransform::line(LineBasis::BIOR44)));
 }
 
 #[test]
@@ -222,7 +222,7 @@ fn threads_change_no_bit() {
     let transforms = [
         AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count)),
         AxisTransform::Sphere(SphereBasis::BioHaar),
-        AxisTransform::Line(LineBasis::Bior44),
+        AxisTransform::line(LineBasis::BIOR44),
     ];
     let plan = Plan::new(&axes, &transforms).unwrap();
     let samples = noise(16 * 256 * 75, 6);
@@ -235,7 +235,7 @@ fn threads_change_no_bit() {
 
 #[test]
 fn norms_of_long_lines_are_quick_and_shift_invariant() {
-    let plan = Plan::new(&[index(65_536)], &[AxisTransform::Line(LineBasis::Bior44)]).unwrap();
+    let plan = Plan::new(&[index(65_536)], &[AxisTransform::line(LineBasis::BIOR44)]).unwrap();
     let norms = plan.norms(0, Weights::Count);
     assert_eq!(norms[20_001], norms[40_001]);
     assert!((norms[1] - norms[20_001]).abs() > 1e-3);
@@ -257,12 +257,12 @@ fn squares(n: u32) -> Vec<f32> {
 #[test]
 fn interior_details_are_those_of_pywavelets() {
     let golden: [(LineBasis, [f32; 9]); 3] = [
-        (LineBasis::Haar, [14.84924, -4.94975, 19.09188, 14.0, -5.0, -8.5, FRAC_1_SQRT_2, 13.78858, -6.01041]),
-        (LineBasis::Bior22, [4.94975, 4.94975, 15.9099, 24.125, -3.0, -1.0625, -7.03792, 13.85487, -0.18783]),
-        (LineBasis::Bior44, [3.47937, 3.47937, 19.70231, 21.29434, -4.17369, -0.09788, -4.03532, 7.32401, -2.34281]),
+        (LineBasis::HAAR, [14.84924, -4.94975, 19.09188, 14.0, -5.0, -8.5, FRAC_1_SQRT_2, 13.78858, -6.01041]),
+        (LineBasis::BIOR22, [4.94975, 4.94975, 15.9099, 24.125, -3.0, -1.0625, -7.03792, 13.85487, -0.18783]),
+        (LineBasis::BIOR44, [3.47937, 3.47937, 19.70231, 21.29434, -4.17369, -0.09788, -4.03532, 7.32401, -2.34281]),
     ];
     for (basis, expected) in golden {
-        let plan = Plan::new(&[index(128)], &[AxisTransform::Line(basis)]).unwrap();
+        let plan = Plan::new(&[index(128)], &[AxisTransform::line(basis)]).unwrap();
         let coefficients = after(Plan::forward, &plan, &squares(128));
         let tree = plan.tree(0);
         let at = |level: usize, j: usize| coefficients[tree.at_level(level)[j] as usize];
@@ -281,16 +281,16 @@ fn interior_details_are_those_of_pywavelets() {
 fn an_odd_length_is_mirrored_at_both_ends() {
     let golden: [(LineBasis, [f32; 11]); 2] = [
         (
-            LineBasis::Bior22,
+            LineBasis::BIOR22,
             [-12.84375, 4.94975, -14.625, 15.9099, -14.73876, -6.01041, 8.625, 4.94975, -11.0625, 4.94975, -4.0],
         ),
         (
-            LineBasis::Bior44,
+            LineBasis::BIOR44,
             [-13.04272, 3.47937, -11.90189, 19.70231, -8.71708, -8.74215, 8.00632, 4.74074, -2.8788, 5.56847, -5.21517],
         ),
     ];
     for (basis, expected) in golden {
-        let plan = Plan::new(&[index(11)], &[AxisTransform::Line(basis)]).unwrap();
+        let plan = Plan::new(&[index(11)], &[AxisTransform::line(basis)]).unwrap();
         close(&after(Plan::forward, &plan, &squares(11)), &expected);
     }
 }
@@ -333,7 +333,7 @@ fn sphere_coefficients_are_those_of_the_formulas() {
 
 #[test]
 fn refusals_name_their_reason() {
-    let line = AxisTransform::Line(LineBasis::Haar);
+    let line = AxisTransform::line(LineBasis::HAAR);
     let sphere = AxisTransform::Sphere(SphereBasis::BioHaar);
     assert_eq!(Plan::new(&[index(3)], &[]), Err(PlanError::Count { axes: 1, transforms: 0 }));
     assert_eq!(Plan::new(&[index(3), index(0)], &[line, line]), Err(PlanError::Empty { axis: 1 }));

@@ -1,7 +1,6 @@
 //! Where the coefficients of one axis lie in their tree: level, parent, and the order from coarse to fine.
 
 use super::basis::AxisTransform;
-use super::line;
 use crate::domain::TriangleMesh;
 
 /// The tree of one axis' coefficients, by index along the axis.
@@ -34,10 +33,11 @@ impl AxisTree {
         &self.order[self.starts[level]..self.starts[level + 1]]
     }
 
-    pub(super) fn new(length: usize, mesh: Option<TriangleMesh>, transform: AxisTransform) -> Self {
+    /// The tree of a transformed axis; on a line of `depth` levels.
+    pub(super) fn new(length: usize, mesh: Option<TriangleMesh>, transform: AxisTransform, depth: u32) -> Self {
         let (level, parent) = match (transform, mesh) {
             (AxisTransform::Sphere(_), Some(mesh)) => sphere(mesh),
-            (AxisTransform::Line(_), _) => on_line(length),
+            (AxisTransform::Line { .. }, _) => on_line(length, depth),
             _ => (vec![0; length], vec![None; length]),
         };
         let levels = usize::from(level.iter().copied().max().unwrap_or(0)) + 1;
@@ -79,17 +79,17 @@ fn sphere(mesh: TriangleMesh) -> (Vec<u8>, Vec<Option<u32>>) {
         .unzip()
 }
 
-fn on_line(n: usize) -> (Vec<u8>, Vec<Option<u32>>) {
-    let levels = line::levels(n);
+fn on_line(n: usize, depth: u32) -> (Vec<u8>, Vec<Option<u32>>) {
     (0..n)
         .map(|i| {
-            if i == 0 {
+            let height = if i == 0 { depth } else { i.trailing_zeros().min(depth) };
+            if height == depth {
                 return (0, None);
             }
-            let height = i.trailing_zeros();
-            let level = levels - height;
+            let level = depth - height;
             let parent = if level == 1 {
-                0
+                // The smooth coefficient to its left.
+                i - (1 << height)
             } else {
                 // Detail j of stride s lies at (2j + 1)s. The level above may have one detail fewer than j / 2 asks for.
                 let stride = 2_usize << height;
@@ -106,6 +106,7 @@ fn on_line(n: usize) -> (Vec<u8>, Vec<Option<u32>>) {
 mod tests {
     use super::*;
     use crate::domain::Domain;
+    use crate::transform::line;
     use crate::transform::{LineBasis, SphereBasis};
 
     fn checked(tree: &AxisTree, smooth: usize) {
@@ -132,9 +133,20 @@ mod tests {
     #[test]
     fn line_trees_end_in_one_smooth_coefficient() {
         for n in (1..140).chain([2101]) {
-            let tree = AxisTree::new(n, None, AxisTransform::Line(LineBasis::Haar));
+            let tree = AxisTree::new(n, None, AxisTransform::line(LineBasis::HAAR), line::levels(n));
             checked(&tree, 1);
             assert_eq!(tree.levels(), 1 + line::levels(n) as usize);
+        }
+    }
+
+    #[test]
+    fn line_trees_of_fewer_levels_end_in_more_smooth_coefficients() {
+        for n in 1..80_usize {
+            for depth in 0..=line::levels(n) {
+                let tree = AxisTree::new(n, None, AxisTransform::line(LineBasis::HAAR), depth);
+                checked(&tree, n.div_ceil(1 << depth));
+                assert_eq!(tree.levels(), 1 + depth as usize);
+            }
         }
     }
 
@@ -143,7 +155,7 @@ mod tests {
         for &domain in Domain::ALL {
             for level in 0..=4 {
                 let mesh = TriangleMesh::new(domain, level).unwrap();
-                let tree = AxisTree::new(mesh.len(), Some(mesh), AxisTransform::Sphere(SphereBasis::BioHaar));
+                let tree = AxisTree::new(mesh.len(), Some(mesh), AxisTransform::Sphere(SphereBasis::BioHaar), 0);
                 checked(&tree, mesh.bases());
                 assert_eq!(tree.levels(), 1 + usize::from(level));
                 for i in 0..mesh.len() {
@@ -163,6 +175,6 @@ mod tests {
 
     #[test]
     fn an_untransformed_axis_is_all_smooth() {
-        checked(&AxisTree::new(7, None, AxisTransform::Identity), 7);
+        checked(&AxisTree::new(7, None, AxisTransform::Identity, 0), 7);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::k_term::{Approximation, RelativeErrors, exchange, greedy, largest, refitted};
 use super::{Constraint, Dictionary};
-use crate::transform::{AxisTransform, LineBasis};
+use crate::transform::{AxisTransform, Boundary, LineBasis};
 use rayon::prelude::*;
 
 /// How coefficients are chosen in each basis.
@@ -31,11 +31,19 @@ pub struct Ranked {
 const EXCHANGED: usize = 24;
 const ROUNDS: usize = 6;
 
-/// Every basis on a line of `length` samples.
+/// Every basis under every rule at the ends, on a line of `length` samples: `bior4.4` is the basis under its own rule,
+/// `bior4.4 periodic` under another.
 pub fn line_dictionaries(length: usize) -> Vec<Dictionary> {
-    let bases: Vec<LineBasis> = LineBasis::ALL.to_vec();
-    let dictionaries: Vec<Option<Dictionary>> =
-        bases.par_iter().map(|&basis| Dictionary::new(basis.name(), length, AxisTransform::Line(basis)).ok()).collect();
+    let pairs: Vec<(LineBasis, Boundary)> =
+        LineBasis::distinct().flat_map(|basis| Boundary::ALL.iter().map(move |&boundary| (basis, boundary))).collect();
+    let dictionaries: Vec<Option<Dictionary>> = pairs
+        .par_iter()
+        .map(|&(basis, boundary)| {
+            let own = boundary == basis.boundary();
+            let name = if own { basis.name().to_owned() } else { format!("{basis} {boundary}") };
+            Dictionary::new(name, length, AxisTransform::Line { basis, boundary }).ok()
+        })
+        .collect();
     dictionaries.into_iter().flatten().collect()
 }
 

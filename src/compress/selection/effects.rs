@@ -71,7 +71,7 @@ mod tests {
         let axes = [mesh, Axis::Index { count: 7, labels: Vec::new() }];
         let weights: Vec<f32> = (0..16 * 7).map(|i| 0.5 + (i % 13) as f32 * 0.2).collect();
         for &sphere in SphereBasis::ALL {
-            let transforms = [AxisTransform::Sphere(sphere), AxisTransform::Line(LineBasis::ALL[2])];
+            let transforms = [AxisTransform::Sphere(sphere), AxisTransform::line(LineBasis::BIOR44)];
             let plan = Plan::new(&axes, &transforms).unwrap();
             let found = effects(&axes, &transforms, &weights).unwrap();
             for k in 0..16 * 7 {

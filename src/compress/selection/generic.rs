@@ -244,7 +244,7 @@ mod tests {
             })
             .collect();
         let sphere = AxisTransform::Sphere(SphereBasis::BioHaar);
-        let transforms = [sphere, sphere, AxisTransform::Line(LineBasis::ALL[2])];
+        let transforms = [sphere, sphere, AxisTransform::line(LineBasis::BIOR44)];
         (GenericTransform::new(&axes, &transforms, &samples, normalised).unwrap(), samples)
     }
 

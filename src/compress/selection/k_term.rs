@@ -209,8 +209,8 @@ mod tests {
     use crate::transform::{AxisTransform, LineBasis};
 
     fn setup() -> (Dictionary, Vec<f64>) {
-        let basis = LineBasis::ALL[2];
-        let dictionary = Dictionary::new(basis.name(), 80, AxisTransform::Line(basis)).unwrap();
+        let basis = LineBasis::BIOR44;
+        let dictionary = Dictionary::new(basis.name(), 80, AxisTransform::line(basis)).unwrap();
         let samples = (0..80).map(|i| 0.2 + (f64::from(i) * 0.11).sin().powi(2) + 0.01 * f64::from(i % 7)).collect();
         (dictionary, samples)
     }

@@ -88,7 +88,7 @@ mod tests {
     #[test]
     fn conjugate_gradients_reach_the_dense_solution() {
         let samples: Vec<f64> = (0..80).map(|i| 0.3 + (f64::from(i) * 0.2).sin().powi(2)).collect();
-        let transform = AxisTransform::Line(LineBasis::ALL[2]);
+        let transform = AxisTransform::line(LineBasis::BIOR44);
         let dictionary = Dictionary::new("bior4.4", 80, transform).unwrap();
         let plain = largest(&dictionary, &samples, 10, true);
         let dense = refitted(&dictionary, &samples, &plain.kept, &[]).unwrap();

@@ -1,0 +1,399 @@
+//! Rows for the ends of a line: what the inner filters leave free, split into smooth and detail rows.
+//!
+//! Let the inner coefficients be those whose filters lie wholly inside. Analysis rows of the others must be orthogonal to
+//! all inner synthesis functions, so they are a basis of that orthogonal complement, which lives near the ends. Of it,
+//! smooth rows take what represents the polynomials to be kept, then what is nearest to the cut (or folded) low-pass
+//! filters; detail rows are the rest, so kept polynomials have no details. Polynomials are followed from level to level
+//! through the smooth rows, which makes this true at every level. All spans are built by Gram–Schmidt with the largest
+//! remainder first, ties to the lowest index, in f64: the same rows on any machine.
+//!
+//! Herley & Vetterli 1994, *Orthogonal time-varying filter banks and wavelet packets*, section III; Cohen, Daubechies & Vial
+//! 1993, *Wavelets on the interval and fast wavelet transforms*, section 4 (theirs preserve all moments and need tables).
+
+use super::banded::Window;
+use super::boundary::Boundary;
+use super::filters::{Bank, Taps};
+use super::level::folded;
+use std::ops::Range;
+
+/// The rows of one level that are not inner filters.
+#[derive(Debug)]
+pub(super) struct Ends {
+    /// Which coefficients (of both channels) have their filters as they are.
+    pub(super) inner: Range<usize>,
+    /// Interleaved index and row over samples.
+    pub(super) analysis: Vec<(usize, Window)>,
+    /// Interleaved index and synthesis function.
+    pub(super) synthesis: Vec<(usize, Window)>,
+}
+
+/// The smooth coefficients that enter a level, as far as the ends need to know them.
+#[derive(Debug)]
+pub(super) struct Sequence {
+    length: usize,
+    /// How many at each end stand for something else than the inner ones.
+    margins: [usize; 2],
+    /// The coefficients of 1, t, t², … (in a basis that is well-conditioned near that end), for each end; made when needed.
+    polynomials: Option<[Vec<Vec<f64>>; 2]>,
+}
+
+impl Sequence {
+    pub(super) fn new(length: usize) -> Self {
+        Self { length, margins: [0; 2], polynomials: None }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.length
+    }
+
+    /// After a level without rows of its own at the ends.
+    pub(super) fn pass_regular(&mut self) {
+        *self = Self::new(self.length.div_ceil(2));
+    }
+
+    /// After a level with these rows.
+    fn pass(&mut self, low: &Taps, ends: &Ends, keeps: bool) {
+        let n = self.length;
+        let length = n.div_ceil(2);
+        if !keeps {
+            *self = Self::new(length);
+            return;
+        }
+        for polynomial in self.polynomials.iter_mut().flatten().flatten() {
+            let mut next = vec![0.0; length];
+            for o in ends.inner.clone() {
+                next[o] = low.iter().map(|(k, w)| w * polynomial[(2 * o as i64 + k) as usize]).sum();
+            }
+            for (m, row) in ends.analysis.iter().filter(|(m, _)| m % 2 == 0) {
+                next[m / 2] = row.iter().map(|(i, w)| w * polynomial[i]).sum();
+            }
+            *polynomial = next;
+        }
+        self.margins = if ends.inner.is_empty() { [length, 0] } else { [ends.inner.start, length - ends.inner.end] };
+        self.length = length;
+    }
+}
+
+/// Legendre polynomials of degree below `count` on the first 64 of `n` samples, continued; from the other end if `flip`.
+fn polynomials(n: usize, count: usize, flip: bool) -> Vec<Vec<f64>> {
+    let scale = n.min(64) as f64;
+    let t = |i: usize| {
+        let i = if flip { n - 1 - i } else { i };
+        (2 * i + 1) as f64 / scale - 1.0
+    };
+    let mut all: Vec<Vec<f64>> = Vec::with_capacity(count);
+    for degree in 0..count {
+        let values = (0..n)
+            .map(|i| match degree {
+                0 => 1.0,
+                1 => t(i),
+                d => ((2 * d - 1) as f64 * t(i) * all[d - 1][i] - (d - 1) as f64 * all[d - 2][i]) / d as f64,
+            })
+            .collect();
+        all.push(values);
+    }
+    all
+}
+
+/// The ends of one level; `sequence` goes on to the next.
+pub(super) fn fitted(bank: &Bank, rule: Boundary, kept: usize, sequence: &mut Sequence) -> Ends {
+    let n = sequence.length;
+    let (lows, highs) = (n.div_ceil(2), n / 2);
+    let (first, last) = bank.reach();
+    let [left, right] = sequence.margins;
+    // Inner coefficients o have left ≤ 2o + first and 2o + last < n − right, and leave room for the kept polynomials.
+    let start = (left as i64 - first + 1).div_euclid(2).max(kept as i64);
+    let end = ((n as i64 - right as i64 - 1 - last).div_euclid(2) + 1).min(highs as i64 - kept as i64);
+    let inner = if start < end { start as usize..end as usize } else { 0..0 };
+    let given = sequence.polynomials.get_or_insert_with(|| [false, true].map(|flip| polynomials(n, kept, flip)));
+    // The columns that the inner filters leave free at each end.
+    let reach_left = (2 * inner.start as i64 - 1 + last).clamp(0, n as i64) as usize;
+    let reach_right = (2 * inner.end as i64 + first).clamp(0, n as i64) as usize;
+    let sides = if inner.is_empty() || reach_left > reach_right {
+        let slots = |count: usize| (0..count).filter(|o| !inner.contains(o)).collect();
+        vec![Side { columns: 0..n, slots: [slots(lows), slots(highs)], polynomials: &given[0] }]
+    } else {
+        let slots = |range: Range<usize>| range.collect::<Vec<_>>();
+        vec![
+            Side {
+                columns: 0..reach_left,
+                slots: [slots(0..inner.start), slots(0..inner.start)],
+                polynomials: &given[0],
+            },
+            Side {
+                columns: reach_right..n,
+                slots: [slots(inner.end..lows), slots(inner.end..highs)],
+                polynomials: &given[1],
+            },
+        ]
+    };
+    let mut ends = Ends { inner, analysis: Vec::new(), synthesis: Vec::new() };
+    for side in &sides {
+        side.rows(bank, rule, n, &mut ends);
+    }
+    sequence.pass(&bank.analysis[0], &ends, kept > 0);
+    ends
+}
+
+/// One end of a level, or the whole of a short one.
+struct Side<'a> {
+    columns: Range<usize>,
+    /// The smooth and the detail coefficients to be made.
+    slots: [Vec<usize>; 2],
+    polynomials: &'a [Vec<f64>],
+}
+
+impl Side<'_> {
+    fn rows(&self, bank: &Bank, rule: Boundary, n: usize, ends: &mut Ends) {
+        let count = self.slots[0].len() + self.slots[1].len();
+        let free = self.complement(&bank.synthesis, &ends.inner, count);
+        let mut low: Vec<Vec<f64>> = Vec::new();
+        for polynomial in self.polynomials {
+            let given = &polynomial[self.columns.clone()];
+            let mut part = projected(given, &free);
+            let whole = norm(given);
+            reject(&mut part, &low);
+            reject(&mut part, &low);
+            let rest = norm(&part);
+            if rest > 1e-10 * whole && low.len() < self.slots[0].len() {
+                scale(&mut part, 1.0 / rest);
+                low.push(part);
+            }
+        }
+        let cut = [0, 1].map(|channel| self.cut_filters(&bank.analysis[channel], rule, n, &ends.inner));
+        complete(&mut low, &[], &cut[0], &free, self.slots[0].len());
+        let mut high = Vec::new();
+        complete(&mut high, &low, &cut[1], &free, self.slots[1].len());
+        let low = self.placed(low, 0, &cut[0]);
+        let high = self.placed(high, 1, &cut[1]);
+        let rows: Vec<(usize, Vec<f64>)> = low.into_iter().chain(high).collect();
+        let window = |values: Vec<f64>| Window { first: self.columns.start, values };
+        if bank.orthogonal {
+            ends.synthesis.extend(rows.iter().map(|(m, row)| (*m, window(row.clone()))));
+        } else {
+            let functions = self.complement(&bank.analysis, &ends.inner, count);
+            let duals = dual(&rows, &functions);
+            ends.synthesis.extend(rows.iter().zip(duals).map(|((m, _), dual)| (*m, window(dual))));
+        }
+        ends.analysis.extend(rows.into_iter().map(|(m, row)| (m, window(row))));
+    }
+
+    /// An orthonormal basis, `count` vectors, of what is orthogonal to the inner filters `taps`.
+    fn complement(&self, taps: &[Taps; 2], inner: &Range<usize>, count: usize) -> Vec<Vec<f64>> {
+        let width = self.columns.len();
+        let mut filters = Vec::new();
+        for o in inner.clone() {
+            for taps in taps {
+                let row = self.cut(taps, o as i64, |i| usize::try_from(i).ok());
+                if row.iter().any(|&w| w != 0.0) {
+                    filters.push(row);
+                }
+            }
+        }
+        let taken = greedy(filters, &[], width - count);
+        let units = (0..width).map(|i| (0..width).map(|j| if i == j { 1.0 } else { 0.0 }).collect());
+        greedy(units.collect(), &taken, count)
+    }
+
+    /// The filters of one channel that are not inner, cut or folded, with their coefficients.
+    fn cut_filters(&self, taps: &Taps, rule: Boundary, n: usize, inner: &Range<usize>) -> Vec<(i64, Vec<f64>)> {
+        let (from, to) = match self.columns.start {
+            0 if self.columns.len() == n => (-taps.last(), n as i64 - taps.first),
+            0 => (-taps.last(), 2 * inner.start as i64),
+            _ => (2 * inner.end as i64, n as i64 - taps.first),
+        };
+        let place = |i: i64| match rule {
+            Boundary::HalfSample | Boundary::WholeSample => Some(folded(i, n, rule)),
+            _ => usize::try_from(i).ok(),
+        };
+        (from.div_euclid(2)..=to.div_euclid(2))
+            .filter(|o| !usize::try_from(*o).is_ok_and(|o| inner.contains(&o)))
+            .map(|o| (o, self.cut(taps, o, place)))
+            .filter(|(_, row)| row.iter().any(|&w| w != 0.0))
+            .collect()
+    }
+
+    /// The filter of coefficient `o` on the columns of this side.
+    fn cut(&self, taps: &Taps, o: i64, place: impl Fn(i64) -> Option<usize>) -> Vec<f64> {
+        let mut row = vec![0.0; self.columns.len()];
+        for (k, w) in taps.iter() {
+            if let Some(i) = place(2 * o + k)
+                && self.columns.contains(&i)
+            {
+                row[i - self.columns.start] += w;
+            }
+        }
+        row
+    }
+
+    /// Another orthonormal basis of the span of `rows`, each vector as near as can be to the cut filter of its coefficient.
+    fn placed(&self, rows: Vec<Vec<f64>>, channel: usize, cut: &[(i64, Vec<f64>)]) -> Vec<(usize, Vec<f64>)> {
+        let slots = &self.slots[channel];
+        let near: Vec<&(i64, Vec<f64>)> =
+            cut.iter().filter(|(o, _)| usize::try_from(*o).is_ok_and(|o| slots.contains(&o))).collect();
+        let mut rest: Vec<Vec<f64>> = near.iter().map(|(_, filter)| projected(filter, &rows)).collect();
+        let mut placed: Vec<(usize, Vec<f64>)> = Vec::new();
+        let mut basis = Vec::new();
+        while let Some((pick, mut row)) = largest(&mut rest, 1e-2) {
+            finish(&mut row, &basis);
+            reject_one(&mut rest, &row);
+            basis.push(row.clone());
+            placed.push((near[pick].0 as usize, row));
+        }
+        let missing = slots.len() - placed.len();
+        let free: Vec<usize> = slots.iter().copied().filter(|o| !placed.iter().any(|(used, _)| used == o)).collect();
+        placed.extend(free.into_iter().zip(greedy(rows, &basis, missing)));
+        placed.sort_by_key(|(o, _)| *o);
+        for (o, row) in &mut placed {
+            let filter = near.iter().find(|(at, _)| *at == *o as i64).map(|(_, filter)| filter);
+            // A single smooth row stands for the mean: it is positive whatever the filter's lobes are here.
+            let sum = match filter {
+                Some(filter) if channel == 1 || slots.len() > 1 => dot(row, filter),
+                _ => row.iter().sum(),
+            };
+            if sum < 0.0 {
+                scale(row, -1.0);
+            }
+        }
+        placed.into_iter().map(|(o, row)| (2 * o + channel, row)).collect()
+    }
+}
+
+/// Extends the orthonormal `rows`, all orthogonal to `against`, to `count` vectors within the span of `free`: first what the
+/// candidates add, the largest remainder first, then whatever is left.
+fn complete(rows: &mut Vec<Vec<f64>>, against: &[Vec<f64>], cut: &[(i64, Vec<f64>)], free: &[Vec<f64>], count: usize) {
+    let remainder = |rows: &[Vec<f64>], vector: &[f64]| {
+        let mut rest = vector.to_vec();
+        reject(&mut rest, against);
+        reject(&mut rest, rows);
+        rest
+    };
+    let mut rest: Vec<Vec<f64>> = cut.iter().map(|(_, filter)| remainder(rows, &projected(filter, free))).collect();
+    while rows.len() < count {
+        let Some((_, mut row)) = largest(&mut rest, 1e-3) else { break };
+        reject(&mut row, against);
+        finish(&mut row, rows);
+        reject_one(&mut rest, &row);
+        rows.push(row);
+    }
+    let missing = count - rows.len();
+    let taken: Vec<Vec<f64>> = against.iter().chain(rows.iter()).cloned().collect();
+    rows.extend(greedy(free.to_vec(), &taken, missing));
+}
+
+/// `count` orthonormal vectors from the span of `candidates` after `against`, the largest remainder first.
+fn greedy(candidates: Vec<Vec<f64>>, against: &[Vec<f64>], count: usize) -> Vec<Vec<f64>> {
+    let mut rest = candidates;
+    for row in &mut rest {
+        reject(row, against);
+    }
+    let mut chosen: Vec<Vec<f64>> = Vec::with_capacity(count);
+    while chosen.len() < count {
+        let Some((_, mut row)) = largest(&mut rest, 0.0) else { break };
+        reject(&mut row, against);
+        finish(&mut row, &chosen);
+        reject_one(&mut rest, &row);
+        chosen.push(row);
+    }
+    chosen
+}
+
+/// Takes out the vector of the largest norm, if that is above `least`.
+fn largest(rest: &mut [Vec<f64>], least: f64) -> Option<(usize, Vec<f64>)> {
+    let mut best = (0, least);
+    for (i, row) in rest.iter().enumerate() {
+        let size = norm(row);
+        if size > best.1 * (1.0 + 1e-9) {
+            best = (i, size);
+        }
+    }
+    let (at, size) = best;
+    (size > least).then(|| (at, rest[at].clone()))
+}
+
+/// Orthogonal to `basis` to the last digit, and of norm 1.
+fn finish(row: &mut [f64], basis: &[Vec<f64>]) {
+    scale(row, 1.0 / norm(row));
+    reject(row, basis);
+    scale(row, 1.0 / norm(row));
+}
+
+/// The functions in the span of `functions` that are dual to `rows`: `F·(R·F)⁻¹`, by elimination with row pivots.
+fn dual(rows: &[(usize, Vec<f64>)], functions: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let n = rows.len();
+    // Augmented [R·F | 1]; its inverse's column j mixes the functions into the dual of row j.
+    let mut matrix: Vec<Vec<f64>> = rows
+        .iter()
+        .enumerate()
+        .map(|(r, (_, row))| {
+            let products = functions.iter().map(|f| dot(row, f));
+            products.chain((0..n).map(|c| if c == r { 1.0 } else { 0.0 })).collect()
+        })
+        .collect();
+    for column in 0..n {
+        let mut pivot = column;
+        for r in column + 1..n {
+            if matrix[r][column].abs() > matrix[pivot][column].abs() {
+                pivot = r;
+            }
+        }
+        matrix.swap(column, pivot);
+        let by = 1.0 / matrix[column][column];
+        matrix[column].iter_mut().for_each(|x| *x *= by);
+        let source = matrix[column].clone();
+        for (r, row) in matrix.iter_mut().enumerate() {
+            let factor = row[column];
+            if r != column && factor != 0.0 {
+                row.iter_mut().zip(&source).for_each(|(x, s)| *x -= factor * s);
+            }
+        }
+    }
+    let width = functions.first().map_or(0, Vec::len);
+    (0..n)
+        .map(|j| {
+            let mut sum = vec![0.0; width];
+            for (function, row) in functions.iter().zip(&matrix) {
+                sum.iter_mut().zip(function).for_each(|(s, f)| *s += row[n + j] * f);
+            }
+            sum
+        })
+        .collect()
+}
+
+fn projected(vector: &[f64], basis: &[Vec<f64>]) -> Vec<f64> {
+    let mut sum = vec![0.0; vector.len()];
+    for b in basis {
+        let c = dot(vector, b);
+        sum.iter_mut().zip(b).for_each(|(s, b)| *s += c * b);
+    }
+    sum
+}
+
+/// Takes out of `row` its parts along the orthonormal `basis`, one after another.
+fn reject(row: &mut [f64], basis: &[Vec<f64>]) {
+    for b in basis {
+        let c = dot(row, b);
+        row.iter_mut().zip(b).for_each(|(x, b)| *x -= c * b);
+    }
+}
+
+fn reject_one(rows: &mut [Vec<f64>], unit: &[f64]) {
+    for row in rows {
+        let c = dot(row, unit);
+        row.iter_mut().zip(unit).for_each(|(x, u)| *x -= c * u);
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn norm(a: &[f64]) -> f64 {
+    dot(a, a).sqrt()
+}
+
+fn scale(row: &mut [f64], by: f64) {
+    for x in row {
+        *x *= by;
+    }
+}

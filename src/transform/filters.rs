@@ -1,0 +1,116 @@
+//! A table of one or two low-pass filters → the two-channel bank: all four filters, their symmetry, their error.
+
+use super::boundary::Boundary;
+
+/// The low-pass filters of a basis, over increasing samples.
+///
+/// A filter of even length 2r reaches from sample 2o + 1 − r to 2o + r, one of odd length 2r + 1 from 2o − r to 2o + r, for
+/// the coefficient o: PyWavelets' periodization has the same place.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Filters {
+    /// Analysis and synthesis with the same filter.
+    Orthogonal(&'static [f64]),
+    /// Analysis with one, synthesis with the other.
+    Biorthogonal {
+        /// Samples to smooth coefficients.
+        analysis: &'static [f64],
+        /// Smooth coefficients to samples.
+        synthesis: &'static [f64],
+    },
+}
+
+/// The weights of one filter; the first belongs to sample 2o + `first` of coefficient o.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Taps {
+    pub(super) first: i64,
+    pub(super) weights: Vec<f64>,
+}
+
+impl Taps {
+    /// The last sample relative to 2o.
+    pub(super) fn last(&self) -> i64 {
+        self.first + self.weights.len() as i64 - 1
+    }
+
+    /// The weight of sample 2o + `k`.
+    pub(super) fn at(&self, k: i64) -> f64 {
+        usize::try_from(k - self.first).ok().and_then(|i| self.weights.get(i)).copied().unwrap_or(0.0)
+    }
+
+    /// Every sample relative to 2o with its weight.
+    pub(super) fn iter(&self) -> impl Iterator<Item = (i64, f64)> + '_ {
+        (self.first..).zip(self.weights.iter().copied())
+    }
+}
+
+/// Both channels, analysis and synthesis; `[low, high]`.
+#[derive(Clone, Debug)]
+pub(super) struct Bank {
+    pub(super) analysis: [Taps; 2],
+    pub(super) synthesis: [Taps; 2],
+    /// The symmetric extension under which symmetric filters are critically sampled; `None` if they are not symmetric.
+    pub(super) symmetry: Option<Boundary>,
+    /// Whether analysis and synthesis share their filters.
+    pub(super) orthogonal: bool,
+    /// The largest deviation of ⟨analysis, shifted synthesis⟩ from 1 and 0.
+    pub(super) error: f64,
+}
+
+/// Banks whose error is larger than this get a computed inverse.
+pub(super) const PERFECT: f64 = 1e-9;
+
+impl Bank {
+    pub(super) fn new(filters: Filters) -> Self {
+        let (analysis, synthesis, orthogonal) = match filters {
+            Filters::Orthogonal(filter) => (filter, filter, true),
+            Filters::Biorthogonal { analysis, synthesis } => (analysis, synthesis, false),
+        };
+        let longest = analysis.len().max(synthesis.len());
+        // PyWavelets alternates signs from the end of a filter padded to even length.
+        let sign = if longest.div_ceil(2) % 2 == 1 { 1.0 } else { -1.0 };
+        let (low, dual_low) = (placed(analysis), placed(synthesis));
+        let error = biorthogonality_error(&low, &dual_low);
+        let symmetry = match (palindrome(analysis) && palindrome(synthesis), analysis.len() % 2) {
+            (false, _) => None,
+            (true, 0) => Some(Boundary::HalfSample),
+            (true, _) => Some(Boundary::WholeSample),
+        };
+        let (high, dual_high) = (modulated(&dual_low, sign), modulated(&low, sign));
+        Self { analysis: [low, high], synthesis: [dual_low, dual_high], symmetry, orthogonal, error }
+    }
+
+    /// The first and the last sample, relative to 2o, that any of the four filters reaches.
+    pub(super) fn reach(&self) -> (i64, i64) {
+        let taps = || self.analysis.iter().chain(&self.synthesis);
+        let first = taps().map(|t| t.first).min().unwrap_or(0);
+        let last = taps().map(Taps::last).max().unwrap_or(0);
+        (first, last)
+    }
+}
+
+fn placed(filter: &[f64]) -> Taps {
+    let half = filter.len() as i64 / 2;
+    let first = if filter.len().is_multiple_of(2) { 1 - half } else { -half };
+    Taps { first, weights: filter.to_vec() }
+}
+
+/// `sign · (−1)^k · low[1 − k]`.
+fn modulated(low: &Taps, sign: f64) -> Taps {
+    let first = 1 - low.last();
+    let weights = (first..=1 - low.first).map(|k| if k % 2 == 0 { sign } else { -sign } * low.at(1 - k)).collect();
+    Taps { first, weights }
+}
+
+fn palindrome(filter: &[f64]) -> bool {
+    filter.iter().zip(filter.iter().rev()).all(|(a, b)| (a - b).abs() < 1e-12)
+}
+
+fn biorthogonality_error(analysis: &Taps, synthesis: &Taps) -> f64 {
+    let shifts = (analysis.weights.len() + synthesis.weights.len()) as i64;
+    (-shifts..=shifts)
+        .map(|m| {
+            let product: f64 = analysis.iter().map(|(k, w)| w * synthesis.at(k + 2 * m)).sum();
+            (product - if m == 0 { 1.0 } else { 0.0 }).abs()
+        })
+        .fold(0.0, f64::max)
+}
