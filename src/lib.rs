@@ -17,6 +17,7 @@ pub mod evaluate;
 pub mod formats;
 #[cfg(feature = "service")]
 pub mod jobs;
+pub mod paper;
 pub mod pipeline;
 pub mod projection;
 #[cfg(feature = "service")]

@@ -1,0 +1,7 @@
+//! Table 7.
+use super::PaperError;
+use super::report::Table;
+use crate::domain::Progress;
+pub(super) fn make(_progress: &dyn Progress) -> Result<Table, PaperError> {
+    Err(PaperError::NoSuchTable { found: 7 })
+}
