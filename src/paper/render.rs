@@ -35,8 +35,8 @@ impl Table {
             let method = if figures.method.is_empty() { String::new() } else { format!("{}: ", figures.method) };
             let _ = writeln!(
                 out,
-                "{method}ours / paper over {} cells: geometric mean {:.3}, largest {:.3}",
-                figures.cells, figures.geometric_mean, figures.largest
+                "{method}ours / paper over {} cells: geometric mean {:.3}, median {:.3}, largest {:.3}",
+                figures.cells, figures.geometric_mean, figures.median, figures.largest
             );
         }
         out
@@ -139,7 +139,10 @@ mod tests {
         let table = table();
         assert!((table.figures[0].geometric_mean - 1.0).abs() < 1e-12 && table.figures[0].largest == 2.0);
         let text = table.text();
-        assert!(text.contains("0.500 (1.00)") && text.contains("geometric mean 1.000, largest 2.000"), "{text}");
+        assert!(
+            text.contains("0.500 (1.00)") && text.contains("geometric mean 1.000, median 1.250, largest 2.000"),
+            "{text}"
+        );
         assert!(table.csv().ends_with("9,Light Skin,plain,16 L1,0.5,1,0.5\n9,Light Skin,plain,\"16, L2\",4,2,2\n"));
         assert_eq!(table.json()["rows"][0]["cells"][1]["ratio"], 2.0);
     }

@@ -54,6 +54,8 @@ pub struct Figures {
     pub cells: usize,
     /// The geometric mean of their ratios.
     pub geometric_mean: f64,
+    /// Their median.
+    pub median: f64,
     /// The largest ratio.
     pub largest: f64,
 }
@@ -77,13 +79,15 @@ impl Table {
         }
         let figures = methods.into_iter().filter_map(|method| {
             let rows = self.rows.iter().filter(|row| row.method == method);
-            let ratios: Vec<f64> = rows.flat_map(|row| row.cells.iter().filter_map(|cell| cell.ratio)).collect();
+            let mut ratios: Vec<f64> = rows.flat_map(|row| row.cells.iter().filter_map(|cell| cell.ratio)).collect();
+            ratios.sort_by(f64::total_cmp);
             let logs: f64 = ratios.iter().map(|r| libm::log(r.max(1e-12))).sum();
             (!ratios.is_empty()).then(|| Figures {
                 method: method.to_owned(),
                 cells: ratios.len(),
                 geometric_mean: libm::exp(logs / ratios.len() as f64),
-                largest: ratios.iter().copied().fold(0.0, f64::max),
+                median: 0.5 * (ratios[(ratios.len() - 1) / 2] + ratios[ratios.len() / 2]),
+                largest: ratios[ratios.len() - 1],
             })
         });
         self.figures = figures.collect();

@@ -53,8 +53,11 @@ pub struct Search {
     pub decoded: Vec<f32>,
 }
 
-/// Thresholds of outer spaces that are tried, as multiples of the last space's.
-const RATIOS: [f64; 8] = [0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
+/// Thresholds of outer spaces that are tried, as multiples of the last space's; √d and norms of functions of unlike size
+/// make their ratios span decades.
+const RATIOS: [f64; 8] = [1.0 / 16.0, 0.25, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0];
+/// And around the best of these.
+const REFINEMENTS: [f64; 2] = [0.5, 2.0];
 
 impl GenericTransform {
     /// Transforms `samples` axis after axis and measures every norm in the counting measure of er(L2): `normalised`, a
@@ -114,12 +117,22 @@ impl GenericTransform {
             return best;
         }
         for a in (0..last).rev() {
-            let mut chosen = ratios[a];
-            for ratio in RATIOS.into_iter().filter(|&ratio| ratio > 0.0) {
+            let mut chosen = 0.0;
+            let mut attempt = |ratio: f64, chosen: &mut f64| {
                 ratios[a] = ratio;
                 let found = self.at_count(count, &ratios, rule, judge);
                 if found.error < best.error {
-                    (best, chosen) = (found, ratio);
+                    best = found;
+                    *chosen = ratio;
+                }
+            };
+            for ratio in RATIOS {
+                attempt(ratio, &mut chosen);
+            }
+            let coarse = chosen;
+            if coarse > 0.0 {
+                for refinement in REFINEMENTS {
+                    attempt(coarse * refinement, &mut chosen);
                 }
             }
             ratios[a] = chosen;

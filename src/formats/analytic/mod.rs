@@ -176,7 +176,7 @@ fn fill(acquisition: &mut Acquisition, document: &Document) -> Result<(), Format
         (axes.incoming.unwrap_or_else(Entries::none), axes.outgoing.unwrap_or_else(Entries::none));
     bound(&lobes, &incoming, &outgoing, lambdas.len())?;
     let mut values = sampling::evaluate(&lobes, &incoming, &outgoing, lambdas.len());
-    if acquisition.quantity == Quantity::Brdf {
+    if acquisition.quantity == Quantity::Brdf && matches!(acquisition.samples, Samples::OnAxes { .. }) {
         note_energy(&lobes, &lambdas, &mut acquisition.report);
     }
     if let Some(noise) = document.noise {
