@@ -16,6 +16,7 @@ mod lossless;
 mod rd;
 mod rows;
 mod search;
+pub mod selection;
 
 pub use crate::codec::CodecError as DecodeError;
 pub use decode::{Decoded, decode, inspect, payload_digest};
