@@ -2,6 +2,7 @@
 //!
 //! Data flow downward; nothing imports upward:
 //! file → [`formats`] → [`projection`] → tensor ([`domain`]) → [`transform`] → [`codec`] → [`compress`] → [`evaluate`].
+//! `paper` makes the tables of the paper again on the same rooms.
 //! The service stands on these: `store` (bytes under their digest) → `catalog` (what is known of them) → `jobs` → `api`.
 
 #[cfg(feature = "service")]
@@ -17,6 +18,7 @@ pub mod evaluate;
 pub mod formats;
 #[cfg(feature = "service")]
 pub mod jobs;
+pub mod paper;
 pub mod pipeline;
 pub mod projection;
 #[cfg(feature = "service")]

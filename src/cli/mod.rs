@@ -16,6 +16,7 @@ mod inspect;
 mod migrate;
 mod openapi;
 mod output;
+mod paper;
 mod project;
 mod query;
 mod report;
@@ -70,6 +71,8 @@ enum Command {
     Bases(bases::Args),
     /// List the file formats
     Formats(formats::Args),
+    /// Make the paper's tables again, beside the printed figures
+    Paper(paper::Args),
     /// Start the service on real measurements, compress them and show how to use it
     Demo(demo::Args),
     /// Start the service
@@ -126,6 +129,7 @@ impl Cli {
             Command::Export(args) => export::run(&args),
             Command::Bases(args) => bases::run(&args),
             Command::Formats(args) => formats::run(&args),
+            Command::Paper(args) => paper::run(&args),
             Command::Demo(args) => demo::run(&args),
             Command::Serve(args) => serve::run(&args),
             Command::Migrate(args) => migrate::run(&args),

@@ -5,14 +5,14 @@
 //! 0       4       magic 89 57 4C 4D ("\x89WLM")
 //! 4       1       version, 1
 //! 5       …       chunks, in this order, each at most once; H and E always:
-//!                   H header, C classes, Q coefficients, R corrections, X exact samples, M metadata, E end
+//!                   H header, C classes, B basis, Q coefficients, R corrections, X exact samples, M metadata, E end
 //!
 //! chunk:  1       kind, the letter above
 //!         varint  length of the payload in bytes (LEB128, shortest form; 0 for E)
 //!         length  payload
 //!         4       checksum: the first 4 bytes of the BLAKE3 hash of kind, length and payload as they stand
 //! ```
-//! E is the last byte sequence of the file: nothing may follow it. Which of C, Q, R and X are there follows from the header.
+//! E is the last byte sequence of the file: nothing may follow it. Which of C, B, Q, R and X are there follows from the header.
 //! The file's BLAKE3 digest is its name; the *payload digest* is that of the file without its M chunk.
 
 use super::bytes::{Reader, Writer};
@@ -30,6 +30,8 @@ pub enum ChunkKind {
     Header,
     /// Positive, negative, zero or masked.
     Classes,
+    /// The data's own spectral basis.
+    Basis,
     /// Quantised or exact coefficients.
     Coefficients,
     /// The second layer of a pointwise guarantee.
@@ -43,13 +45,22 @@ pub enum ChunkKind {
 }
 
 impl ChunkKind {
-    const ALL: [Self; 7] =
-        [Self::Header, Self::Classes, Self::Coefficients, Self::Corrections, Self::Exact, Self::Metadata, Self::End];
+    const ALL: [Self; 8] = [
+        Self::Header,
+        Self::Classes,
+        Self::Basis,
+        Self::Coefficients,
+        Self::Corrections,
+        Self::Exact,
+        Self::Metadata,
+        Self::End,
+    ];
 
     fn letter(self) -> u8 {
         match self {
             Self::Header => b'H',
             Self::Classes => b'C',
+            Self::Basis => b'B',
             Self::Coefficients => b'Q',
             Self::Corrections => b'R',
             Self::Exact => b'X',
@@ -62,6 +73,7 @@ impl ChunkKind {
         match self {
             Self::Header => "header",
             Self::Classes => "classes",
+            Self::Basis => "basis",
             Self::Coefficients => "coefficients",
             Self::Corrections => "corrections",
             Self::Exact => "exact",
@@ -184,7 +196,7 @@ fn read_chunk<'a>(r: &mut Reader<'a>) -> Result<Chunk<'a>, CodecError> {
     let start = r.offset();
     let letter = r.u8("chunk kind")?;
     let kind = ChunkKind::ALL.into_iter().find(|kind| kind.letter() == letter).ok_or_else(|| {
-        CodecError::Malformed { at: start, reason: format!("chunk kind {letter:#04x}, expected one of HCQRXME") }
+        CodecError::Malformed { at: start, reason: format!("chunk kind {letter:#04x}, expected one of HCBQRXME") }
     })?;
     let length = r.size(usize::MAX >> 1, "chunk length")?;
     if kind == ChunkKind::End && length != 0 {

@@ -9,7 +9,7 @@ use super::header::Header;
 use super::rd::Scales;
 use super::rows::{clear_uncoded, coding_order};
 use super::search::largest;
-use super::{CompressError, Compressed, Policy, Settings, Target, candidate_bases};
+use super::{CompressError, Compressed, Policy, Settings, SpectralBasis, Target, candidate_bases};
 use crate::codec::{ChunkKind, Class, Encoder, Payload, Rows, code_coefficients};
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress};
 use crate::transform::{AxisTransform, LineBasis, Plan, SphereBasis};
@@ -30,7 +30,7 @@ pub(crate) fn compress(
         samples.iter().map(|s| if s.is_nan() { Class::Masked } else { Class::Positive }).collect();
     let classes_coded = classes_chunk(axes, &mut classes);
     fill(axes, &mut samples);
-    let bases = candidate_bases(axes, settings);
+    let bases = candidate_bases(axes, settings, Policy::Conventional);
     let mut best: Option<Compressed> = None;
     for (i, &basis) in bases.iter().enumerate() {
         progress.step(0.05 + 0.9 * i as f64 / bases.len() as f64)?;
@@ -66,7 +66,7 @@ impl<'a> Work<'a> {
     fn new(
         measurement: &'a Measurement,
         samples: &[f32],
-        basis: LineBasis,
+        basis: SpectralBasis,
         settings: &'a Settings,
         floor: f32,
         (classes, classes_coded): (&[Class], Option<(ChunkKind, Vec<u8>)>),
@@ -175,6 +175,7 @@ impl<'a> Work<'a> {
             axes: measurement.tensor.axes().to_vec(),
             policy: Policy::Conventional,
             transforms: self.transforms.clone(),
+            klt: false,
             step: 0.0,
             correction_step: 0.0,
             has_classes: self.classes.is_some(),
@@ -187,11 +188,14 @@ impl<'a> Work<'a> {
     }
 }
 
-fn transform_of(axis: &Axis, basis: LineBasis) -> AxisTransform {
+fn transform_of(axis: &Axis, basis: SpectralBasis) -> AxisTransform {
     match axis {
         Axis::Triangles(_) => AxisTransform::Sphere(SphereBasis::BioHaar),
         Axis::Elevation(_) => AxisTransform::line(LineBasis::BIOR44),
-        Axis::Wavelength(_) => AxisTransform::line(basis),
+        Axis::Wavelength(_) => match basis {
+            SpectralBasis::Line(basis) => AxisTransform::line(basis),
+            SpectralBasis::Identity | SpectralBasis::Klt => AxisTransform::Identity,
+        },
         Axis::Rgb => AxisTransform::line(LineBasis::HAAR),
         Axis::Index { .. } => AxisTransform::Identity,
     }

@@ -6,7 +6,7 @@
 use super::exponential::exp;
 use super::file::lanes;
 use super::header::Header;
-use super::rd::Scales;
+use super::rd::{Scales, decode_adaptive};
 use super::rows::coding_order;
 use super::{Policy, Summary};
 use crate::codec::{
@@ -58,6 +58,7 @@ fn open(bytes: &[u8]) -> Result<(Header, Container<'_>), CodecError> {
     let header = Header::read(&mut container.require(ChunkKind::Header)?.reader())?;
     let expected = [
         (ChunkKind::Classes, header.has_classes),
+        (ChunkKind::Basis, header.klt),
         (ChunkKind::Coefficients, header.policy != Policy::Lossless),
         (ChunkKind::Corrections, header.correction_step != 0.0),
         (ChunkKind::Exact, header.policy == Policy::Lossless),
@@ -106,7 +107,22 @@ pub(crate) fn samples_of<'a>(
     });
     let coefficients = payload(ChunkKind::Coefficients);
     let mut samples = match header.policy {
-        Policy::Rd => rd_samples(header, classes.as_deref(), coefficients, payload(ChunkKind::Corrections))?,
+        Policy::Rd => {
+            let mut logs = if header.klt {
+                let chunks = (payload(ChunkKind::Basis), coefficients);
+                decode_adaptive(&header.axes, &header.transforms, classes.as_deref(), header.step, chunks)?
+            } else {
+                fixed_logs(header, classes.as_deref(), coefficients)?
+            };
+            if header.correction_step != 0.0 {
+                let mut steps = vec![0_i32; count];
+                let mut corrections = Decoder::new(payload(ChunkKind::Corrections));
+                code_corrections(&mut corrections, lanes(&header.axes), &mut steps);
+                add_corrections(header.correction_step, &steps, &mut logs);
+            }
+            exponentiate(&mut logs);
+            logs
+        }
         Policy::Conventional => conventional_samples(header, classes.as_deref(), coefficients)?,
         Policy::Lossless => {
             let mut samples = vec![0.0; count];
@@ -137,27 +153,17 @@ fn plan_of(header: &Header) -> Result<Plan, CodecError> {
     Plan::new(&header.axes, &header.transforms).map_err(|e| CodecError::Malformed { at: 0, reason: e.to_string() })
 }
 
-fn rd_samples(
-    header: &Header,
-    classes: Option<&[Class]>,
-    coded: &[u8],
-    corrections: &[u8],
-) -> Result<Vec<f32>, CodecError> {
+/// The logarithms of a first layer in fixed bases.
+fn fixed_logs(header: &Header, classes: Option<&[Class]>, coded: &[u8]) -> Result<Vec<f32>, CodecError> {
     let plan = plan_of(header)?;
-    let count = header.axes.iter().map(Axis::len).product();
-    let mut quantised = vec![0_i32; count];
+    let mut quantised = vec![0_i32; header.axes.iter().map(Axis::len).product()];
     let rows = coding_order(&header.axes, &plan, classes);
     code_coefficients(&mut Decoder::new(coded), &rows, Payload::Integer, &mut quantised);
     drop(rows);
-    let mut logs = vec![0.0_f32; count];
+    let mut logs = vec![0.0_f32; quantised.len()];
     Scales::new(&header.axes, &plan).dequantise(header.step, &quantised, &mut logs);
+    drop(quantised);
     plan.inverse(&mut logs);
-    if header.correction_step != 0.0 {
-        quantised.fill(0);
-        code_corrections(&mut Decoder::new(corrections), lanes(&header.axes), &mut quantised);
-        add_corrections(header.correction_step, &quantised, &mut logs);
-    }
-    exponentiate(&mut logs);
     Ok(logs)
 }
 

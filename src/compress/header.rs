@@ -5,6 +5,7 @@
 //! axes    as in `codec`'s axes
 //! u8      policy: 0 rate–distortion, 1 conventional, 2 lossless
 //! policy 0, 1:  varint a transform for each axis: 0 identity, 1 bio-Haar, 2 orthonormal by area, 3 orthonormal by count,
+//!               4 the data's own basis in the basis chunk (policy 0, last axis only),
 //!               16 + the number of a basis on a line, followed by u8 its boundary rule
 //! policy 0:     f32 step; f32 correction step, 0 if there is no corrections chunk
 //! u8      1 if there is a classes chunk, else 0 (every sample is positive or, in policies 1 and 2, measured)
@@ -30,6 +31,8 @@ pub(crate) struct Header {
     pub(crate) policy: Policy,
     /// One for each axis; empty for lossless.
     pub(crate) transforms: Vec<AxisTransform>,
+    /// Whether the last axis is in the basis of the basis chunk; its transform is then the identity.
+    pub(crate) klt: bool,
     pub(crate) step: f32,
     pub(crate) correction_step: f32,
     pub(crate) has_classes: bool,
@@ -45,6 +48,8 @@ const FIXED: [(u64, AxisTransform); 4] = [
     (3, AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count))),
 ];
 
+/// The code of the data's own basis.
+const KLT: u64 = 4;
 /// The code of basis 0 on a line.
 const FIRST_LINE: u64 = 16;
 
@@ -55,6 +60,30 @@ fn write_transform(w: &mut Writer, transform: AxisTransform) {
     } else {
         w.varint(FIXED.iter().find(|(_, known)| *known == transform).map_or(0, |(code, _)| *code));
     }
+}
+
+/// One transform for each axis, and whether the last is the data's own basis.
+fn read_transforms(
+    r: &mut Reader<'_>,
+    axes: &[Axis],
+    policy: Policy,
+) -> Result<(Vec<AxisTransform>, bool), CodecError> {
+    if policy == Policy::Lossless {
+        return Ok((Vec::new(), false));
+    }
+    let mut transforms = Vec::new();
+    let mut klt = false;
+    for axis in 1..=axes.len() {
+        let mut ahead = r.clone();
+        klt = axis == axes.len() && policy == Policy::Rd && ahead.varint("transform")? == KLT;
+        if klt {
+            *r = ahead;
+            transforms.push(AxisTransform::Identity);
+        } else {
+            transforms.push(read_transform(r)?);
+        }
+    }
+    Ok((transforms, klt))
 }
 
 fn read_transform(r: &mut Reader<'_>) -> Result<AxisTransform, CodecError> {
@@ -79,8 +108,12 @@ impl Header {
         w.u8(self.sampling.code());
         write_axes(&mut w, &self.axes);
         w.u8(self.policy.code());
-        for &transform in &self.transforms {
-            write_transform(&mut w, transform);
+        for (axis, &transform) in self.transforms.iter().enumerate() {
+            if self.klt && axis + 1 == self.transforms.len() {
+                w.varint(KLT);
+            } else {
+                write_transform(&mut w, transform);
+            }
         }
         if self.policy == Policy::Rd {
             w.f32(self.step);
@@ -118,10 +151,7 @@ impl Header {
         let sampling = coded(r, "sampling", Sampling::from_code)?;
         let axes = read_axes(r)?;
         let policy = coded(r, "policy", Policy::from_code)?;
-        let transforms = match policy {
-            Policy::Lossless => Vec::new(),
-            _ => (0..axes.len()).map(|_| read_transform(r)).collect::<Result<_, _>>()?,
-        };
+        let (transforms, klt) = read_transforms(r, &axes, policy)?;
         let (step, correction_step) = match policy {
             Policy::Rd => (r.f32("step")?, r.f32("correction step")?),
             _ => (0.0, 0.0),
@@ -155,6 +185,7 @@ impl Header {
             axes,
             policy,
             transforms,
+            klt,
             step,
             correction_step,
             has_classes,
@@ -172,7 +203,7 @@ impl Header {
             sampling: self.sampling,
             axes: self.axes.clone(),
             policy: self.policy,
-            basis: basis_of(&self.axes, &self.transforms),
+            basis: basis_of(&self.axes, &self.transforms, self.klt),
             kept_coefficients: (self.policy != Policy::Lossless).then_some(self.kept),
             floor: f64::from(self.floor),
             errors: self.errors,

@@ -31,6 +31,7 @@ pub(crate) fn compress(
         axes: axes.to_vec(),
         policy: Policy::Lossless,
         transforms: Vec::new(),
+        klt: false,
         step: 0.0,
         correction_step: 0.0,
         has_classes: classes.is_some(),

@@ -16,6 +16,7 @@ mod lossless;
 mod rd;
 mod rows;
 mod search;
+pub mod selection;
 
 pub use crate::codec::CodecError as DecodeError;
 pub use decode::{Decoded, decode, inspect, payload_digest};
@@ -164,9 +165,13 @@ fn check(settings: &Settings) -> Result<(), CompressError> {
     {
         return refuse(format!("floor is {floor}, expected a fraction of the maximum between 0 and 1"));
     }
-    if settings.basis != "auto" && settings.basis.parse::<LineBasis>().is_err() {
+    let basis = SpectralBasis::named(&settings.basis);
+    if settings.basis != "auto" && basis.is_none() {
         let known = LineBasis::all().map(LineBasis::name).collect::<Vec<_>>().join(", ");
-        return refuse(format!("unknown basis `{}`, expected auto or one of {known}", settings.basis));
+        return refuse(format!("unknown basis `{}`, expected auto, klt, identity or one of {known}", settings.basis));
+    }
+    if basis == Some(SpectralBasis::Klt) && settings.policy == Policy::Conventional {
+        return refuse("basis klt: the conventional policy has fixed bases only".to_owned());
     }
     if let Some(metadata) = &settings.metadata
         && !matches!(serde_json::from_str(metadata), Ok(serde_json::Value::Object(_)))
@@ -211,21 +216,58 @@ fn keeps_its_promise(settings: &Settings, floor: f32, compressed: &Compressed) -
     Ok(())
 }
 
-/// The bases to try along wavelength.
-fn candidate_bases(axes: &[Axis], settings: &Settings) -> Vec<LineBasis> {
-    let has_wavelengths = axes.iter().any(|axis| matches!(axis, Axis::Wavelength(grid) if grid.len() > 1));
-    match settings.basis.parse() {
-        Ok(basis) => vec![basis],
-        Err(_) if has_wavelengths => vec![LineBasis::BIOR44, LineBasis::BIOR22, LineBasis::HAAR],
-        Err(_) => vec![LineBasis::BIOR44],
+/// What happens along wavelength.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum SpectralBasis {
+    /// A wavelet.
+    Line(LineBasis),
+    /// Nothing.
+    Identity,
+    /// The data's own principal components, stored with the material (policy `rd`).
+    Klt,
+}
+
+impl SpectralBasis {
+    /// The basis of a name; `None` for `auto` and for names unknown.
+    fn named(name: &str) -> Option<Self> {
+        match name {
+            "klt" => Some(Self::Klt),
+            "identity" => Some(Self::Identity),
+            _ => name.parse().ok().map(Self::Line),
+        }
     }
 }
 
+/// Wavelengths up to which the data's own basis is tried without being asked for: its cost grows with their cube.
+const MOST_FOR_KLT: usize = 256;
+/// Spectra from which a basis of their own is worth its bytes.
+const LEAST_FOR_KLT: usize = 32;
+
+/// The bases to try along wavelength.
+fn candidate_bases(axes: &[Axis], settings: &Settings, policy: Policy) -> Vec<SpectralBasis> {
+    if let Some(basis) = SpectralBasis::named(&settings.basis) {
+        return vec![basis];
+    }
+    let wavelengths = axes.last().filter(|axis| matches!(axis, Axis::Wavelength(_))).map_or(1, Axis::len);
+    if wavelengths < 2 {
+        return vec![SpectralBasis::Line(LineBasis::BIOR44)];
+    }
+    let spectra: usize = axes[..axes.len() - 1].iter().map(Axis::len).product();
+    let mut bases = Vec::new();
+    if policy == Policy::Rd && wavelengths <= MOST_FOR_KLT && spectra >= LEAST_FOR_KLT {
+        bases.push(SpectralBasis::Klt);
+    }
+    bases.extend([LineBasis::BIOR44, LineBasis::BIOR22, LineBasis::HAAR].map(SpectralBasis::Line));
+    bases
+}
+
 /// The name of the basis on the wavelength axis.
-fn basis_of(axes: &[Axis], transforms: &[AxisTransform]) -> String {
+fn basis_of(axes: &[Axis], transforms: &[AxisTransform], klt: bool) -> String {
     let on_wavelength = axes.iter().zip(transforms).find(|(axis, _)| matches!(axis, Axis::Wavelength(_)));
     match on_wavelength {
+        Some(_) if klt => "klt".to_owned(),
         Some((_, AxisTransform::Line { basis, .. })) => basis.name().to_owned(),
+        Some((_, AxisTransform::Identity)) => "identity".to_owned(),
         _ => "none".to_owned(),
     }
 }

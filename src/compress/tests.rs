@@ -200,6 +200,28 @@ fn threads_and_metadata_do_not_change_the_payload() {
 }
 
 #[test]
+fn a_basis_of_the_data_is_stored_with_the_material() {
+    let axes = vec![mesh(Domain::Hemisphere, 1), mesh(Domain::Hemisphere, 3), wavelengths(31)];
+    for m in [measurement(Quantity::Brdf, axes.clone(), 0.003), hurt(measurement(Quantity::Brdf, axes, 0.003))] {
+        for target in [Target::ErL2(0.01), Target::MaxRelativeError(0.02), Target::Ratio(8.0), Target::Bytes(9_000)] {
+            let klt = Settings { basis: "klt".to_owned(), ..settings(target, Policy::Rd) };
+            let compressed = check_file(&m, &klt);
+            assert_eq!(compressed.summary.basis, "klt");
+            let bytes = &compressed.bytes;
+            for at in (0..bytes.len()).step_by(7) {
+                let mut flipped = bytes.clone();
+                flipped[at] ^= 0x10;
+                assert!(decode(&flipped).is_err());
+            }
+        }
+        let identity = Settings { basis: "identity".to_owned(), ..settings(Target::ErL2(0.01), Policy::Rd) };
+        assert_eq!(check_file(&m, &identity).summary.basis, "identity");
+    }
+    let spectrum = measurement(Quantity::Spectrum, vec![wavelengths(40)], 0.01);
+    check_file(&spectrum, &Settings { basis: "klt".to_owned(), ..settings(Target::ErL2(0.01), Policy::Rd) });
+}
+
+#[test]
 fn labels_travel_in_the_metadata() {
     let m = measurement(Quantity::Reflectance, vec![index(5), wavelengths(80)], 0.01);
     let compressed = check_file(&m, &settings(Target::ErL2(0.01), Policy::Rd));

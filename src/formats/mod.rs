@@ -1,6 +1,7 @@
 //! Bytes of instruments and archives to measurements: one file a format, one visible table, probing by content.
 
 mod acquisition;
+mod analytic;
 mod azimuth;
 mod error;
 mod foreign;
@@ -64,7 +65,7 @@ pub struct Format {
 }
 
 /// Every format that is read, in the order of probing. A new one is its file and its line here.
-const TABLE: &[Reader] = &[npy::READER, mbsdf::READER, lm63::READER, spectral_table::READER];
+const TABLE: &[Reader] = &[npy::READER, mbsdf::READER, lm63::READER, analytic::READER, spectral_table::READER];
 
 /// A format as data, a probe and a function.
 struct Reader {

@@ -180,7 +180,8 @@ impl SphereTables {
 
     fn node(&self, parent_level: u8, node: usize) -> &(Matrix, Matrix) {
         let matrices = &self.nodes[usize::from(parent_level)];
-        &matrices[node % matrices.len()]
+        // One for all, or as many as an octant has nodes: a power of two, which needs no division.
+        &matrices[node & (matrices.len() - 1)]
     }
 }
 

@@ -15,6 +15,16 @@ pub(super) enum Entry {
     Angle(Angle),
 }
 
+impl Entry {
+    /// How many entries the axis has.
+    pub(super) fn len(&self) -> usize {
+        match self {
+            Self::Axis(axis) => axis.len(),
+            Self::Angle(angle) => angle.values.len(),
+        }
+    }
+}
+
 pub(super) struct Angle {
     /// Position of the axis, for messages.
     pub(super) axis: usize,
@@ -54,8 +64,22 @@ impl Role {
 const KINDS: &str = "\"hemi:LEVEL\", \"lower:LEVEL\", \"sphere:LEVEL\", \"lambda:START:STEP:COUNT\", \"rgb\", \"index\", or \
                      an object with `kind` triangles, wavelength, elevation, theta_i, phi_i, theta_o, phi_o or index";
 
-/// Reads axis number `axis` of a manifest; `length` is the array's.
+/// Reads axis number `axis` of a manifest for an array of `length` there.
 pub(super) fn parse(axis: usize, value: &Value, length: usize, how: &Interpretation) -> Result<Entry, FormatError> {
+    let entry = described(axis, value, length, how)?;
+    let what = match &entry {
+        Entry::Axis(axis) => axis.describe(),
+        Entry::Angle(_) => "the angles listed".to_owned(),
+    };
+    let found = entry.len();
+    if found != length {
+        return Err(unfit(format!("axis {axis}: {found} entries ({what}), the array has {length} there")));
+    }
+    Ok(entry)
+}
+
+/// What axis number `axis` of a manifest describes; `length` is that of an axis that does not say its own.
+pub(super) fn described(axis: usize, value: &Value, length: usize, how: &Interpretation) -> Result<Entry, FormatError> {
     let unknown = |found: &str| unfit(format!("axis {axis}: found {}, expected {KINDS}", snippet(found)));
     let entry = match value {
         Value::String(short) => short_form(axis, short, length, how)?.map(Entry::Axis),
@@ -71,15 +95,7 @@ pub(super) fn parse(axis: usize, value: &Value, length: usize, how: &Interpretat
         }
         _ => None,
     };
-    let entry = entry.ok_or_else(|| unknown(&value.to_string()))?;
-    let (found, what) = match &entry {
-        Entry::Axis(axis) => (axis.len(), axis.describe()),
-        Entry::Angle(angle) => (angle.values.len(), "the angles listed".to_owned()),
-    };
-    if found != length {
-        return Err(unfit(format!("axis {axis}: {found} entries ({what}), the array has {length} there")));
-    }
-    Ok(entry)
+    entry.ok_or_else(|| unknown(&value.to_string()))
 }
 
 fn short_form(axis: usize, short: &str, length: usize, how: &Interpretation) -> Result<Option<Axis>, FormatError> {

@@ -15,13 +15,7 @@ pub(super) fn assemble(
     mut values: Vec<f32>,
     report: &mut ParseReport,
 ) -> Result<AngleGrid, FormatError> {
-    let mut lengths: Vec<usize> = entries
-        .iter()
-        .map(|entry| match entry {
-            Entry::Axis(axis) => axis.len(),
-            Entry::Angle(angle) => angle.values.len(),
-        })
-        .collect();
+    let mut lengths: Vec<usize> = entries.iter().map(Entry::len).collect();
     let (mut index, mut spectral, mut angles) = (Vec::new(), None, [const { None::<Angle> }; 4]);
     let mut last = Role::Index;
     for (i, entry) in entries.into_iter().enumerate() {

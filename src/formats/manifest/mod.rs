@@ -37,6 +37,16 @@ fn describe(axis: &Axis) -> Value {
     }
 }
 
+/// The lengths of the axes that `manifest` describes, for data that are made to fit it.
+pub(super) fn shape(manifest: &Value, how: &Interpretation) -> Result<Vec<usize>, FormatError> {
+    let Some(axes) = manifest.get("axes").and_then(Value::as_array) else {
+        return Err(unfit("no list `axes`, expected {\"quantity\": …, \"axes\": […]}"));
+    };
+    let bare = how.wavelengths.as_deref().and_then(|range| WavelengthGrid::parse_range(range).ok());
+    let length = bare.map_or(1, |grid| grid.len());
+    axes.iter().enumerate().map(|(i, axis)| Ok(entry::described(i, axis, length, how)?.len())).collect()
+}
+
 /// Gives `samples` of `shape` (row-major) the axes, quantity and unit that the manifest and the user name.
 pub(super) fn interpret(
     manifest: &Value,

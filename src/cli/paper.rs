@@ -1,0 +1,44 @@
+//! `wavelume paper`: the tables of the paper, made again beside the printed figures.
+
+use super::failure::Failure;
+use super::output::{print, print_json};
+use crate::domain::Silent;
+use crate::paper::{self, PaperError, TABLES};
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Make this table only (1 to 7); may be given several times
+    #[arg(long = "table", value_name = "N", value_parser = clap::value_parser!(u8).range(1..=7))]
+    tables: Vec<u8>,
+    /// Print an array of JSON
+    #[arg(long, conflicts_with = "csv")]
+    json: bool,
+    /// Print one line of CSV a figure
+    #[arg(long)]
+    csv: bool,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let wanted: &[u8] = if args.tables.is_empty() { &TABLES } else { &args.tables };
+    let make = |&number: &u8| {
+        paper::table(number, &Silent).map_err(|error| match error {
+            PaperError::NoSuchTable { .. } => Failure::usage(error),
+            _ => Failure::failed(error),
+        })
+    };
+    if args.json {
+        let tables: Vec<_> = wanted.iter().map(make).collect::<Result<_, _>>()?;
+        return print_json(&tables);
+    }
+    // Each is shown as soon as it is made.
+    for (i, number) in wanted.iter().enumerate() {
+        let table = make(number)?;
+        if args.csv {
+            let text = table.csv();
+            print(if i == 0 { &text } else { text.split_once('\n').map_or("", |(_, lines)| lines) })?;
+        } else {
+            print(&format!("{}{}", if i == 0 { "" } else { "\n" }, table.text()))?;
+        }
+    }
+    Ok(())
+}

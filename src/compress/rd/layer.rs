@@ -1,0 +1,90 @@
+//! The first layer of a file: what approximates the logarithms at a step, in a fixed basis on every axis.
+
+use super::super::SpectralBasis;
+use super::super::rows::{clear_uncoded, coding_order};
+use super::scales::Scales;
+use crate::codec::{ChunkKind, Class, Encoder, Payload, Rows, code_coefficients};
+use crate::domain::Axis;
+use crate::transform::{AxisTransform, LineBasis, Plan, PlanError, SphereBasis, Weights};
+
+/// What approximates the logarithms of a measurement at any step.
+pub(crate) trait FirstLayer {
+    /// What a decoder has at `step`, into `logs`.
+    fn approximate(&self, step: f32, logs: &mut [f32]);
+    /// The chunks at `step`, in the order of a file.
+    fn chunks(&self, step: f32) -> Vec<(ChunkKind, Vec<u8>)>;
+    /// Coefficients that are not 0 at `step`.
+    fn kept(&self, step: f32) -> u64;
+    /// What happens to each axis.
+    fn transforms(&self) -> &[AxisTransform];
+    /// The basis on the spectral axis.
+    fn basis(&self) -> SpectralBasis;
+}
+
+/// Coefficients in fixed bases on all axes.
+pub(crate) struct FixedLayer {
+    plan: Plan,
+    basis: SpectralBasis,
+    transforms: Vec<AxisTransform>,
+    scales: Scales,
+    rows: Rows,
+    coefficients: Vec<f32>,
+}
+
+impl FixedLayer {
+    /// Transforms `logs` on `axes`; `classes` where some samples have no logarithm.
+    pub(crate) fn new(
+        axes: &[Axis],
+        classes: Option<&[Class]>,
+        basis: SpectralBasis,
+        mut logs: Vec<f32>,
+    ) -> Result<Self, PlanError> {
+        let transforms: Vec<_> = axes.iter().map(|axis| transform_of(axis, basis)).collect();
+        let plan = Plan::new(axes, &transforms)?;
+        plan.forward(&mut logs);
+        let rows = coding_order(axes, &plan, classes);
+        clear_uncoded(&rows, &mut logs);
+        Ok(Self { scales: Scales::new(axes, &plan), plan, basis, transforms, rows, coefficients: logs })
+    }
+}
+
+impl FirstLayer for FixedLayer {
+    fn approximate(&self, step: f32, logs: &mut [f32]) {
+        self.scales.requantise(step, &self.coefficients, logs);
+        self.plan.inverse(logs);
+    }
+
+    fn chunks(&self, step: f32) -> Vec<(ChunkKind, Vec<u8>)> {
+        let mut quantised = vec![0; self.coefficients.len()];
+        self.scales.quantise(step, &self.coefficients, &mut quantised);
+        let mut encoder = Encoder::default();
+        code_coefficients(&mut encoder, &self.rows, Payload::Integer, &mut quantised);
+        vec![(ChunkKind::Coefficients, encoder.finish())]
+    }
+
+    fn kept(&self, step: f32) -> u64 {
+        self.scales.count_kept(step, &self.coefficients)
+    }
+
+    fn transforms(&self) -> &[AxisTransform] {
+        &self.transforms
+    }
+
+    fn basis(&self) -> SpectralBasis {
+        self.basis
+    }
+}
+
+/// The transform of an axis that carries logarithms.
+pub(crate) fn transform_of(axis: &Axis, basis: SpectralBasis) -> AxisTransform {
+    match axis {
+        Axis::Triangles(_) => AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count)),
+        Axis::Elevation(_) => AxisTransform::line(LineBasis::BIOR44),
+        Axis::Wavelength(_) => match basis {
+            SpectralBasis::Line(basis) => AxisTransform::line(basis),
+            SpectralBasis::Identity | SpectralBasis::Klt => AxisTransform::Identity,
+        },
+        Axis::Rgb => AxisTransform::line(LineBasis::HAAR),
+        Axis::Index { .. } => AxisTransform::Identity,
+    }
+}

@@ -1,0 +1,121 @@
+//! The uniform quantiser: one step for all coefficients, each normalised by the norm of its synthesis function.
+
+use crate::domain::Axis;
+use crate::transform::{Plan, Weights};
+use rayon::prelude::*;
+
+/// Coefficients within half a step and this much more become 0.
+const DEAD_ZONE: f32 = 0.12;
+/// Other coefficients decode this much closer to 0, where their density is higher.
+const RECONSTRUCTION_OFFSET: f32 = 0.03;
+/// Quantised magnitudes stay below this.
+const LARGEST: f32 = (1 << 30) as f32;
+
+/// The norms of synthesis functions, by row and by lane: a coefficient times both is in units of the error it makes.
+pub(crate) struct Scales {
+    rows: Vec<Scale>,
+    lanes: Vec<Scale>,
+}
+
+/// A norm and its inverse, so that the inner loops do not divide.
+#[derive(Clone, Copy)]
+struct Scale {
+    norm: f32,
+    inverse: f32,
+}
+
+impl Scale {
+    fn times(self, other: Self) -> Self {
+        Self { norm: self.norm * other.norm, inverse: self.inverse * other.inverse }
+    }
+}
+
+impl Scales {
+    pub(crate) fn new(axes: &[Axis], plan: &Plan) -> Self {
+        let norms = |axis| plan.norms(axis, Weights::Count);
+        let mut rows = vec![1.0_f64];
+        for axis in 0..axes.len().saturating_sub(1) {
+            let norms = norms(axis);
+            rows = rows.iter().flat_map(|row| norms.iter().map(move |norm| row * norm)).collect();
+        }
+        let lanes = axes.len().checked_sub(1).map_or_else(|| vec![1.0], norms);
+        let single =
+            |v: Vec<f64>| v.into_iter().map(|norm| Scale { norm: norm as f32, inverse: (1.0 / norm) as f32 }).collect();
+        Self { rows: single(rows), lanes: single(lanes) }
+    }
+
+    /// One row of `lanes` coefficients that all weigh the same.
+    pub(crate) fn uniform(lanes: usize) -> Self {
+        let one = Scale { norm: 1.0, inverse: 1.0 };
+        Self { rows: vec![one], lanes: vec![one; lanes] }
+    }
+
+    /// Calls `each(coefficient, scale, out)` for every element, rows in parallel.
+    fn for_each<A: Sync, B: Send>(&self, from: &[A], to: &mut [B], each: impl Fn(&A, Scale, &mut B) + Sync) {
+        let n = self.lanes.len();
+        // Blocks of whole rows, large enough to be worth a task.
+        let block = (1_usize << 14).div_ceil(n);
+        let rows = self.rows.par_chunks(block);
+        rows.zip(from.par_chunks(block * n)).zip(to.par_chunks_mut(block * n)).for_each(|((rows, from), to)| {
+            for ((row, from), to) in rows.iter().zip(from.chunks_exact(n)).zip(to.chunks_exact_mut(n)) {
+                for ((lane, from), to) in self.lanes.iter().zip(from).zip(to) {
+                    each(from, row.times(*lane), to);
+                }
+            }
+        });
+    }
+
+    /// Integers of coefficients.
+    pub(crate) fn quantise(&self, step: f32, coefficients: &[f32], quantised: &mut [i32]) {
+        let inverse = 1.0 / step;
+        self.for_each(coefficients, quantised, |&c, scale, q| *q = quantise(c, scale, inverse));
+    }
+
+    /// Coefficients of quantised integers.
+    pub(crate) fn dequantise(&self, step: f32, quantised: &[i32], coefficients: &mut [f32]) {
+        self.for_each(quantised, coefficients, |&q, scale, c| *c = dequantise(q, scale, step));
+    }
+
+    /// What a decoder will have instead of `coefficients`.
+    pub(crate) fn requantise(&self, step: f32, coefficients: &[f32], decoded: &mut [f32]) {
+        let inverse = 1.0 / step;
+        self.for_each(coefficients, decoded, |&c, scale, d| *d = dequantise(quantise(c, scale, inverse), scale, step));
+    }
+
+    /// Coefficients whose normalised magnitude reaches `threshold`, 0 for the others.
+    pub(crate) fn threshold(&self, threshold: f32, coefficients: &[f32], kept: &mut [f32]) {
+        self.for_each(coefficients, kept, |&c, scale, k| *k = if c.abs() * scale.norm >= threshold { c } else { 0.0 });
+    }
+
+    /// How many coefficients have a normalised magnitude of at least `threshold` and are not 0.
+    pub(crate) fn count_above(&self, threshold: f32, coefficients: &[f32]) -> u64 {
+        self.count(coefficients, |c, scale| c != 0.0 && c.abs() * scale.norm >= threshold)
+    }
+
+    /// How many coefficients are not 0 at `step`.
+    pub(crate) fn count_kept(&self, step: f32, coefficients: &[f32]) -> u64 {
+        let inverse = 1.0 / step;
+        self.count(coefficients, |c, scale| quantise(c, scale, inverse) != 0)
+    }
+
+    fn count(&self, coefficients: &[f32], counts: impl Fn(f32, Scale) -> bool + Sync) -> u64 {
+        let n = self.lanes.len();
+        let rows = self.rows.par_iter().zip(coefficients.par_chunks_exact(n));
+        rows.map(|(row, c)| c.iter().zip(&self.lanes).filter(|(c, lane)| counts(**c, row.times(**lane))).count() as u64)
+            .sum()
+    }
+}
+
+fn quantise(coefficient: f32, scale: Scale, inverse_step: f32) -> i32 {
+    let x = coefficient * scale.norm * inverse_step;
+    let magnitude = (x.abs() + (0.5 - DEAD_ZONE)).min(LARGEST) as i32;
+    if x < 0.0 { -magnitude } else { magnitude }
+}
+
+fn dequantise(quantised: i32, scale: Scale, step: f32) -> f32 {
+    let offset = match quantised.signum() {
+        0 => return 0.0,
+        sign => sign as f32 * RECONSTRUCTION_OFFSET,
+    };
+    (quantised as f32 - offset) * step * scale.inverse
+}

@@ -1,0 +1,123 @@
+//! The best of all bases for a spectrum: tried in parallel, ranked in one order whatever the threads.
+
+use super::k_term::{Approximation, RelativeErrors, exchange, greedy, largest, refitted};
+use super::{Constraint, Dictionary};
+use crate::transform::{AxisTransform, Boundary, LineBasis};
+use rayon::prelude::*;
+
+/// How coefficients are chosen in each basis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Choice {
+    /// The largest, as they are.
+    Largest,
+    /// The same, refitted for er(L2).
+    Refitted,
+    /// Chosen one by one for er(L2), refitted, and exchanged while that helps.
+    Greedy,
+}
+
+/// A basis and what it reaches.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ranked {
+    /// The basis' name.
+    pub basis: String,
+    /// Its approximation.
+    pub approximation: Approximation,
+    /// The errors of that.
+    pub errors: RelativeErrors,
+}
+
+/// Bases that are worth exchanging functions in, once greedy selection has ranked them.
+const EXCHANGED: usize = 24;
+const ROUNDS: usize = 6;
+
+/// Every basis under every rule at the ends, on a line of `length` samples: `bior4.4` is the basis under its own rule,
+/// `bior4.4 periodic` under another.
+pub fn line_dictionaries(length: usize) -> Vec<Dictionary> {
+    let pairs: Vec<(LineBasis, Boundary)> =
+        LineBasis::distinct().flat_map(|basis| Boundary::ALL.iter().map(move |&boundary| (basis, boundary))).collect();
+    let dictionaries: Vec<Option<Dictionary>> = pairs
+        .par_iter()
+        .map(|&(basis, boundary)| {
+            let own = boundary == basis.boundary();
+            let name = if own { basis.name().to_owned() } else { format!("{basis} {boundary}") };
+            Dictionary::new(name, length, AxisTransform::Line { basis, boundary }).ok()
+        })
+        .collect();
+    dictionaries.into_iter().flatten().collect()
+}
+
+/// The `count`-term approximations of `samples` in every dictionary, least er(L2) first, ties in the order given.
+/// Constraints bind refitted and greedy choices; dictionaries that cannot meet them are left out.
+pub fn best_basis(
+    dictionaries: &[Dictionary],
+    samples: &[f64],
+    count: usize,
+    choice: Choice,
+    constraints: &[Constraint],
+) -> Vec<Ranked> {
+    let approximate = |dictionary: &Dictionary| match choice {
+        // Plain selection has two usual rankings; the better one is taken.
+        Choice::Largest => Some(better(samples, [false, true].map(|r| largest(dictionary, samples, count, r)))),
+        Choice::Refitted => {
+            let both = [false, true].map(|relative| largest(dictionary, samples, count, relative));
+            let fitted = both.into_iter().filter_map(|plain| refitted(dictionary, samples, &plain.kept, constraints));
+            fitted.reduce(|a, b| better(samples, [a, b]))
+        }
+        Choice::Greedy => greedy(dictionary, samples, count, constraints),
+    };
+    let found: Vec<Option<Approximation>> = dictionaries.par_iter().map(approximate).collect();
+    let mut ranked: Vec<(usize, Approximation, f64)> = found
+        .into_iter()
+        .enumerate()
+        .filter_map(|(i, approximation)| approximation.map(|a| (i, a)))
+        .map(|(i, a)| {
+            let error = RelativeErrors::between(samples, &a.samples).l2;
+            (i, a, error)
+        })
+        .collect();
+    sort(&mut ranked);
+    if choice == Choice::Greedy {
+        let head = ranked.len().min(EXCHANGED);
+        ranked[..head].par_iter_mut().for_each(|(i, approximation, error)| {
+            *approximation = exchange(&dictionaries[*i], samples, approximation.clone(), ROUNDS, constraints);
+            *error = RelativeErrors::between(samples, &approximation.samples).l2;
+        });
+        sort(&mut ranked);
+    }
+    ranked
+        .into_iter()
+        .map(|(i, approximation, _)| Ranked {
+            basis: dictionaries[i].name().to_owned(),
+            errors: RelativeErrors::between(samples, &approximation.samples),
+            approximation,
+        })
+        .collect()
+}
+
+fn sort(ranked: &mut [(usize, Approximation, f64)]) {
+    ranked.sort_by(|a, b| a.2.total_cmp(&b.2).then(a.0.cmp(&b.0)));
+}
+
+fn better(samples: &[f64], [a, b]: [Approximation; 2]) -> Approximation {
+    let error = |x: &Approximation| RelativeErrors::between(samples, &x.samples).l2;
+    if error(&b) < error(&a) { b } else { a }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ranking_is_ordered_and_the_same_on_any_number_of_threads() {
+        let samples: Vec<f64> = (0..80).map(|i| 1.0 + (f64::from(i) * 0.2).cos().abs()).collect();
+        let dictionaries = line_dictionaries(80);
+        for choice in [Choice::Largest, Choice::Refitted, Choice::Greedy] {
+            let ranked = best_basis(&dictionaries, &samples, 8, choice, &[]);
+            assert_eq!(ranked.len(), dictionaries.len());
+            assert!(ranked.is_sorted_by(|a, b| a.errors.l2 <= b.errors.l2));
+            let single = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+            assert_eq!(single.install(|| best_basis(&dictionaries, &samples, 8, choice, &[])), ranked);
+        }
+    }
+}

@@ -1,0 +1,344 @@
+//! The paper's policies on a tensor: conventional, generic, adaptive ([CPB06] section 4.2), thresholds found automatically.
+//!
+//! Transforming over the first axis turns the tensor into *generic coefficients*, functions of the remaining axes; each
+//! is then transformed over the next axis, and so on. A generic coefficient whose norm √⟨u, u⟩ is below the threshold of
+//! its space goes, with everything that it would become; what is gone is never looked at again. Dropping a function does
+//! not change the others, so all norms are measured once and every set of thresholds is a matter of comparing.
+
+use crate::domain::Axis;
+use crate::transform::{AxisTransform, Plan, PlanError, Weights};
+use rayon::prelude::*;
+
+/// How thresholds meet coefficients.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Rule {
+    /// One threshold on the final coefficients.
+    Conventional,
+    /// One threshold a space.
+    Generic,
+    /// One threshold ε a space, ε√d for what is inside a function of range d = max − min.
+    Adaptive,
+}
+
+/// A tensor's coefficients and the norms of its generic coefficients, space by space.
+#[derive(Clone, Debug)]
+pub struct GenericTransform {
+    plan: Plan,
+    coefficients: Vec<f32>,
+    spaces: Vec<Space>,
+    /// √(max − min) of the tensor itself.
+    spread: f32,
+}
+
+#[derive(Clone, Debug)]
+struct Space {
+    /// Of each generic coefficient over the axes so far.
+    norms: Vec<f32>,
+    /// √d of the same; empty for the last space, whose coefficients are numbers.
+    spreads: Vec<f32>,
+    /// How many of this space's coefficients belong to one of the space before.
+    length: usize,
+}
+
+/// Thresholds found, and what they keep.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Search {
+    /// One threshold a space, outermost first; 0 drops nothing.
+    pub thresholds: Vec<f64>,
+    /// How many coefficients are kept; none of them is 0 by threshold.
+    pub kept: usize,
+    /// What the judge said of the decoded samples.
+    pub error: f64,
+    /// The decoded samples.
+    pub decoded: Vec<f32>,
+}
+
+/// Thresholds of outer spaces that are tried, as multiples of the last space's; √d and norms of functions of unlike size
+/// make their ratios span decades.
+const RATIOS: [f64; 8] = [1.0 / 16.0, 0.25, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0];
+/// And around the best of these.
+const REFINEMENTS: [f64; 2] = [0.5, 2.0];
+
+impl GenericTransform {
+    /// Transforms `samples` axis after axis and measures every norm in the counting measure of er(L2): `normalised`, a
+    /// coefficient weighs as its synthesis function does; raw, as it stands.
+    pub fn new(
+        axes: &[Axis],
+        transforms: &[AxisTransform],
+        samples: &[f32],
+        normalised: bool,
+    ) -> Result<Self, PlanError> {
+        let plan = Plan::new(axes, transforms)?;
+        let mut coefficients = samples.to_vec();
+        let spread = spread(&coefficients);
+        let mut spaces = Vec::with_capacity(axes.len());
+        let mut scales = vec![1.0_f64];
+        for (a, axis) in axes.iter().enumerate() {
+            let only: Vec<AxisTransform> = transforms
+                .iter()
+                .enumerate()
+                .map(|(b, &transform)| if b == a { transform } else { AxisTransform::Identity })
+                .collect();
+            Plan::new(axes, &only)?.forward(&mut coefficients);
+            let norms = if normalised { plan.norms(a, Weights::Count) } else { vec![1.0; axis.len()] };
+            scales = scales.iter().flat_map(|scale| norms.iter().map(move |norm| scale * norm)).collect();
+            spaces.push(Space::new(&coefficients, &scales, axis.len(), a + 1 == axes.len()));
+        }
+        Ok(Self { plan, coefficients, spaces, spread })
+    }
+
+    /// The coefficients, in the plan's order.
+    pub fn coefficients(&self) -> &[f32] {
+        &self.coefficients
+    }
+
+    /// The plan that made them.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// The coefficients that `thresholds` (one a space) keep, the others 0, and how many are kept.
+    ///
+    /// # Panics
+    /// If there is not one threshold a space.
+    pub fn select(&self, thresholds: &[f64], rule: Rule) -> (Vec<f32>, usize) {
+        let critical = self.critical(thresholds, rule);
+        self.keep(|i| critical[i] > 1.0)
+    }
+
+    /// The thresholds that keep at most `count` coefficients with the least error by `judge`, which sees decoded samples.
+    /// Generic rules start from the conventional one and are never worse than it by more than their √d makes them.
+    pub fn search_count(&self, count: usize, rule: Rule, judge: &(dyn Fn(&[f32]) -> f64 + Sync)) -> Search {
+        let last = self.spaces.len() - 1;
+        let mut ratios = vec![0.0; self.spaces.len()];
+        ratios[last] = 1.0;
+        let mut best = self.at_count(count, &ratios, rule, judge);
+        if rule == Rule::Conventional {
+            return best;
+        }
+        for a in (0..last).rev() {
+            let mut chosen = 0.0;
+            let mut attempt = |ratio: f64, chosen: &mut f64| {
+                ratios[a] = ratio;
+                let found = self.at_count(count, &ratios, rule, judge);
+                if found.error < best.error {
+                    best = found;
+                    *chosen = ratio;
+                }
+            };
+            for ratio in RATIOS {
+                attempt(ratio, &mut chosen);
+            }
+            let coarse = chosen;
+            if coarse > 0.0 {
+                for refinement in REFINEMENTS {
+                    attempt(coarse * refinement, &mut chosen);
+                }
+            }
+            ratios[a] = chosen;
+        }
+        best
+    }
+
+    /// The thresholds that keep the fewest coefficients with an error of at most `error` by `judge`; `None` if even all of
+    /// them do not reach it. The error is taken to fall as coefficients are added.
+    pub fn search_error(&self, error: f64, rule: Rule, judge: &(dyn Fn(&[f32]) -> f64 + Sync)) -> Option<Search> {
+        let (mut low, mut high) = (0, self.coefficients.len());
+        let mut best = Some(self.search_count(high, rule, judge)).filter(|found| found.error <= error)?;
+        while high - low > 1.max(high / 256) {
+            let middle =
+                if low == 0 { high / 8 } else { ((low as f64 * high as f64).sqrt() as usize).clamp(low + 1, high - 1) };
+            let found = self.search_count(middle, rule, judge);
+            if found.error <= error {
+                (best, high) = (found, middle);
+            } else {
+                low = middle;
+            }
+            if high <= 1 {
+                break;
+            }
+        }
+        Some(best)
+    }
+
+    fn at_count(&self, count: usize, ratios: &[f64], rule: Rule, judge: &(dyn Fn(&[f32]) -> f64 + Sync)) -> Search {
+        let critical = self.critical(ratios, rule);
+        let threshold = threshold_of(&critical, count);
+        let (mut decoded, kept) = self.keep(|i| critical[i] > threshold);
+        self.plan.inverse(&mut decoded);
+        let thresholds = ratios.iter().map(|ratio| if *ratio == 0.0 { 0.0 } else { ratio * f64::from(threshold) });
+        Search { thresholds: thresholds.collect(), kept, error: judge(&decoded), decoded }
+    }
+
+    fn keep(&self, keeps: impl Fn(usize) -> bool) -> (Vec<f32>, usize) {
+        let mut kept = 0;
+        let selected = self.coefficients.iter().enumerate().map(|(i, &c)| {
+            if keeps(i) {
+                kept += 1;
+                c
+            } else {
+                0.0
+            }
+        });
+        let selected = selected.collect();
+        (selected, kept)
+    }
+
+    /// For each final coefficient the largest factor that all thresholds `ratios` may be multiplied with before it, or a
+    /// function that it belongs to, is dropped.
+    fn critical(&self, ratios: &[f64], rule: Rule) -> Vec<f32> {
+        assert_eq!(ratios.len(), self.spaces.len(), "one threshold a space");
+        let mut outer = vec![f32::INFINITY];
+        let mut spreads: &[f32] = std::slice::from_ref(&self.spread);
+        for (space, &ratio) in self.spaces.iter().zip(ratios) {
+            let mut critical = vec![0.0_f32; space.norms.len()];
+            let rows = critical.par_chunks_mut(space.length).zip(space.norms.par_chunks(space.length)).enumerate();
+            rows.with_min_len(64).for_each(|(function, (critical, norms))| {
+                let local = if rule == Rule::Adaptive { ratio as f32 * spreads[function] } else { ratio as f32 };
+                for (critical, &norm) in critical.iter_mut().zip(norms) {
+                    let own = if local > 0.0 { norm / local } else { f32::INFINITY };
+                    *critical = if norm > 0.0 { own.min(outer[function]) } else { 0.0 };
+                }
+            });
+            outer = critical;
+            spreads = &space.spreads;
+        }
+        outer
+    }
+}
+
+impl Space {
+    fn new(coefficients: &[f32], scales: &[f64], length: usize, last: bool) -> Self {
+        let inner = coefficients.len() / scales.len();
+        let rows = || coefficients.par_chunks(inner).zip(scales).with_min_len(64);
+        let norm = |(row, &scale): (&[f32], &f64)| {
+            let square: f64 = row.iter().map(|&c| f64::from(c) * f64::from(c)).sum();
+            (square.sqrt() * scale) as f32
+        };
+        let norms = rows().map(norm).collect();
+        let spreads =
+            if last { Vec::new() } else { rows().map(|(row, &scale)| spread(row) * scale.sqrt() as f32).collect() };
+        Self { norms, spreads, length }
+    }
+}
+
+/// √(max − min).
+fn spread(row: &[f32]) -> f32 {
+    let (low, high) = row.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &c| (l.min(c), h.max(c)));
+    (high - low).max(0.0).sqrt()
+}
+
+/// A threshold above which `count` values lie, fewer where the next ones are equal: half way between neighbours.
+fn threshold_of(values: &[f32], count: usize) -> f32 {
+    if count >= values.len() {
+        return 0.0;
+    }
+    let mut sorted = values.to_vec();
+    let (above, &mut below, _) = sorted.select_nth_unstable_by(count, |a, b| b.total_cmp(a));
+    let least = above.iter().copied().fold(f32::INFINITY, f32::min);
+    let middle = below + 0.5 * (least - below);
+    if middle.is_finite() { middle } else { below.min(f32::MAX) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::{Domain, ErrorReport, TriangleMesh};
+    use crate::transform::{LineBasis, SphereBasis};
+
+    fn setup(normalised: bool) -> (GenericTransform, Vec<f32>) {
+        let mesh = |level| Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, level).unwrap());
+        let axes = [mesh(1), mesh(2), Axis::Index { count: 19, labels: Vec::new() }];
+        let samples: Vec<f32> = (0..16 * 64 * 19)
+            .map(|i| {
+                let (a, b, c) = (i / (64 * 19), i / 19 % 64, i % 19);
+                let peak = if (b + 4 * a) % 61 < 3 { 30.0 } else { 0.0 };
+                1.0 + 0.3 * ((a * b) as f32 * 0.1).sin() + 0.1 * (c as f32 * 0.7).cos() + peak
+            })
+            .collect();
+        let sphere = AxisTransform::Sphere(SphereBasis::BioHaar);
+        let transforms = [sphere, sphere, AxisTransform::line(LineBasis::BIOR44)];
+        (GenericTransform::new(&axes, &transforms, &samples, normalised).unwrap(), samples)
+    }
+
+    fn er(samples: &[f32]) -> impl Fn(&[f32]) -> f64 + Sync {
+        move |decoded| ErrorReport::measure(samples, decoded, 0.0).er_l2
+    }
+
+    /// The policy as the paper tells it: space after space, functions dropped whole.
+    fn by_the_letter(t: &GenericTransform, thresholds: &[f64], adaptive: bool) -> Vec<f32> {
+        let (n1, n2) = (64, 19);
+        let mut kept = t.coefficients.clone();
+        for i in 0..16 {
+            let root = if adaptive { t.spread } else { 1.0 };
+            let dead = t.spaces[0].norms[i] < thresholds[0] as f32 * root;
+            for j in 0..n1 {
+                let local = if adaptive { t.spaces[0].spreads[i] } else { 1.0 };
+                let dead = dead || t.spaces[1].norms[i * n1 + j] < thresholds[1] as f32 * local;
+                for k in 0..n2 {
+                    let at = (i * n1 + j) * n2 + k;
+                    let local = if adaptive { t.spaces[1].spreads[i * n1 + j] } else { 1.0 };
+                    if dead || t.spaces[2].norms[at] < thresholds[2] as f32 * local {
+                        kept[at] = 0.0;
+                    }
+                }
+            }
+        }
+        kept
+    }
+
+    #[test]
+    fn selection_is_that_of_the_paper() {
+        for normalised in [false, true] {
+            let (t, _) = setup(normalised);
+            for thresholds in [[0.0, 0.0, 0.2], [3.0, 1.0, 0.5], [20.0, 0.0, 0.0]] {
+                for (rule, adaptive) in [(Rule::Generic, false), (Rule::Adaptive, true)] {
+                    let (found, kept) = t.select(&thresholds, rule);
+                    let expected = by_the_letter(&t, &thresholds, adaptive);
+                    let differing = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
+                    // A norm on the very threshold may fall either way by rounding.
+                    assert!(differing <= 1, "{thresholds:?} {rule:?}: {differing}");
+                    assert!(kept > 0 && kept < found.len());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn searches_keep_to_their_count_and_generic_ones_are_no_worse() {
+        for normalised in [false, true] {
+            let (t, samples) = setup(normalised);
+            for count in [200, 1000, 5000] {
+                let conventional = t.search_count(count, Rule::Conventional, &er(&samples));
+                let generic = t.search_count(count, Rule::Generic, &er(&samples));
+                let adaptive = t.search_count(count, Rule::Adaptive, &er(&samples));
+                assert!(generic.error <= conventional.error);
+                for found in [&conventional, &generic, &adaptive] {
+                    // A function comes or goes whole, so a generic count may fall short.
+                    assert!(found.kept <= count && found.kept > count / 2, "{} of {count}", found.kept);
+                }
+                let (mut again, _) = t.select(&generic.thresholds, Rule::Generic);
+                t.plan().inverse(&mut again);
+                assert!((er(&samples)(&again) - generic.error).abs() < 1e-3);
+            }
+        }
+    }
+
+    #[test]
+    fn a_wanted_error_is_met_with_few_coefficients() {
+        let (t, samples) = setup(true);
+        let found = t.search_error(0.05, Rule::Generic, &er(&samples)).unwrap();
+        assert!(found.error <= 0.05 && found.kept < samples.len() / 2);
+        let fewer = t.search_count(found.kept * 9 / 10, Rule::Generic, &er(&samples));
+        assert!(fewer.error > 0.05);
+        assert!(t.search_error(-1.0, Rule::Conventional, &er(&samples)).is_none());
+    }
+
+    #[test]
+    fn normalised_conventional_thresholds_rank_by_norm() {
+        let (t, _) = setup(true);
+        let norms = &t.spaces[2].norms;
+        let (_, kept) = t.select(&[0.0, 0.0, 0.3], Rule::Conventional);
+        assert_eq!(kept, norms.iter().filter(|&&n| n / 0.3 > 1.0).count());
+    }
+}

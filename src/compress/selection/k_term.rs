@@ -1,0 +1,263 @@
+//! K-term approximations of a spectrum: the largest coefficients, the same refitted, and greedy selection.
+//!
+//! All weigh a sample by the inverse of itself where the relative error is meant: er(L2)² = mean ((s' − s)/s)².
+
+use super::Dictionary;
+use super::least_squares::{constrained, dot, subtract};
+
+/// Some of a dictionary's functions, their coefficients, and the samples that they make.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Approximation {
+    /// Which functions.
+    pub kept: Vec<usize>,
+    /// One coefficient each.
+    pub coefficients: Vec<f64>,
+    /// Their sum.
+    pub samples: Vec<f64>,
+}
+
+/// The relative errors of the samples > 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RelativeErrors {
+    /// Mean |s' − s|/s.
+    pub l1: f64,
+    /// √ mean ((s' − s)/s)².
+    pub l2: f64,
+}
+
+/// A linear functional of the samples that an approximation keeps exactly.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Constraint {
+    /// One weight a sample.
+    pub weights: Vec<f64>,
+}
+
+impl RelativeErrors {
+    /// The errors of `found` against `samples`.
+    pub fn between(samples: &[f64], found: &[f64]) -> Self {
+        let (mut l1, mut l2, mut n) = (0.0, 0.0, 0.0);
+        for (&s, f) in samples.iter().zip(found).filter(|(s, _)| **s > 0.0) {
+            let q = (f - s).abs() / s;
+            l1 += q;
+            l2 += q * q;
+            n += 1.0;
+        }
+        if n == 0.0 { Self::default() } else { Self { l1: l1 / n, l2: (l2 / n).sqrt() } }
+    }
+}
+
+/// How much a sample counts: 1/s, and nothing where a relative error has no meaning.
+fn weights(samples: &[f64]) -> Vec<f64> {
+    samples.iter().map(|&s| if s > 0.0 { 1.0 / s } else { 0.0 }).collect()
+}
+
+/// Plain selection: the `count` coefficients of largest effect on the relative error, |c|·‖ψ/s‖, or if not `relative` of
+/// largest L2 norm, |c|·‖ψ‖; values as they are.
+pub fn largest(dictionary: &Dictionary, samples: &[f64], count: usize, relative: bool) -> Approximation {
+    let c = dictionary.coefficients(samples);
+    let w = if relative { weights(samples) } else { vec![1.0; samples.len()] };
+    let magnitude = |k: usize| {
+        let square: f64 = dictionary.atom(k).iter().zip(&w).map(|(a, w)| (a * w) * (a * w)).sum();
+        c[k].abs() * square.sqrt()
+    };
+    let mut ranked: Vec<(f64, usize)> = (0..dictionary.len()).map(|k| (magnitude(k), k)).collect();
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let kept: Vec<usize> = ranked.into_iter().take(count).map(|(_, k)| k).collect();
+    let coefficients: Vec<f64> = kept.iter().map(|&k| c[k]).collect();
+    let samples = dictionary.synthesise(&kept, &coefficients);
+    Approximation { kept, coefficients, samples }
+}
+
+/// The functions `kept` with the coefficients of least er(L2) that meet every constraint exactly; `None` if there are
+/// none, or the functions depend on each other.
+pub fn refitted(
+    dictionary: &Dictionary,
+    samples: &[f64],
+    kept: &[usize],
+    constraints: &[Constraint],
+) -> Option<Approximation> {
+    let w = weights(samples);
+    let weighted = |v: &[f64]| -> Vec<f64> { v.iter().zip(&w).map(|(v, w)| v * w).collect() };
+    let columns: Vec<Vec<f64>> = kept.iter().map(|&k| weighted(dictionary.atom(k))).collect();
+    let bounds: Vec<(Vec<f64>, f64)> = constraints
+        .iter()
+        .map(|c| (kept.iter().map(|&k| dot(&c.weights, dictionary.atom(k))).collect(), dot(&c.weights, samples)))
+        .collect();
+    let coefficients = constrained(&columns, &weighted(samples), &bounds)?;
+    let samples = dictionary.synthesise(kept, &coefficients);
+    Some(Approximation { kept: kept.to_vec(), coefficients, samples })
+}
+
+/// Greedy selection for er(L2), refitted: orthogonal least squares (Chen, Billings & Luo 1989), which adds the function
+/// that lowers the error most with all coefficients free. Constraints count as samples of great weight while selecting.
+pub fn greedy(
+    dictionary: &Dictionary,
+    samples: &[f64],
+    count: usize,
+    constraints: &[Constraint],
+) -> Option<Approximation> {
+    let problem = Problem::new(dictionary, samples, constraints);
+    let mut kept = Vec::with_capacity(count);
+    while kept.len() < count {
+        kept.push(problem.best_addition(&kept)?);
+    }
+    refitted(dictionary, samples, &kept, constraints)
+}
+
+/// Betters `start` by exchanging one function at a time, until no exchange lowers the error or after `rounds` rounds.
+pub fn exchange(
+    dictionary: &Dictionary,
+    samples: &[f64],
+    start: Approximation,
+    rounds: usize,
+    constraints: &[Constraint],
+) -> Approximation {
+    let problem = Problem::new(dictionary, samples, constraints);
+    let mut best = start;
+    let mut error = RelativeErrors::between(samples, &best.samples).l2;
+    for _ in 0..rounds {
+        let mut improved = false;
+        for i in 0..best.kept.len() {
+            let mut kept = best.kept.clone();
+            kept.remove(i);
+            let Some(added) = problem.best_addition(&kept) else { continue };
+            kept.push(added);
+            let Some(candidate) = refitted(dictionary, samples, &kept, constraints) else { continue };
+            let found = RelativeErrors::between(samples, &candidate.samples).l2;
+            if found < error * (1.0 - 1e-9) {
+                (best, error, improved) = (candidate, found, true);
+            }
+        }
+        if !improved {
+            break;
+        }
+    }
+    best
+}
+
+/// The weighted samples and functions, with a row for each constraint.
+struct Problem {
+    columns: Vec<Vec<f64>>,
+    target: Vec<f64>,
+}
+
+/// How much more than all samples together a constraint counts while selecting.
+const CONSTRAINT_WEIGHT: f64 = 30.0;
+
+impl Problem {
+    fn new(dictionary: &Dictionary, samples: &[f64], constraints: &[Constraint]) -> Self {
+        let w = weights(samples);
+        let bound = CONSTRAINT_WEIGHT * (samples.len() as f64).sqrt();
+        let extended = |v: &[f64]| {
+            let rows = constraints.iter().map(|c| bound * dot(&c.weights, v) / dot(&c.weights, samples));
+            v.iter().zip(&w).map(|(v, w)| v * w).chain(rows).collect()
+        };
+        let columns = (0..dictionary.len()).map(|k| extended(dictionary.atom(k))).collect();
+        Self { columns, target: extended(samples) }
+    }
+
+    /// The function that lowers the squared error most beside `kept`.
+    fn best_addition(&self, kept: &[usize]) -> Option<usize> {
+        let mut basis: Vec<Vec<f64>> = Vec::with_capacity(kept.len());
+        for &k in kept {
+            let mut v = self.columns[k].clone();
+            let before = dot(&v, &v);
+            // Twice is enough (Kahan): the second pass removes what rounding left of the first.
+            for _ in 0..2 {
+                for q in &basis {
+                    let along = dot(q, &v);
+                    subtract(&mut v, along, q);
+                }
+            }
+            let length = dot(&v, &v);
+            if length > 1e-20 * before {
+                let scale = 1.0 / length.sqrt();
+                for x in &mut v {
+                    *x *= scale;
+                }
+                basis.push(v);
+            }
+        }
+        let mut residual = self.target.clone();
+        for q in &basis {
+            let along = dot(q, &residual);
+            subtract(&mut residual, along, q);
+        }
+        let mut best: Option<(f64, usize)> = None;
+        for (k, column) in self.columns.iter().enumerate() {
+            if kept.contains(&k) {
+                continue;
+            }
+            let whole = dot(column, column);
+            let free = whole - basis.iter().map(|q| dot(q, column)).map(|along| along * along).sum::<f64>();
+            if free <= 1e-9 * whole {
+                continue;
+            }
+            let along = dot(column, &residual);
+            let gain = along * along / free;
+            if best.is_none_or(|(highest, _)| gain > highest) {
+                best = Some((gain, k));
+            }
+        }
+        best.map(|(_, k)| k)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transform::{AxisTransform, LineBasis};
+
+    fn setup() -> (Dictionary, Vec<f64>) {
+        let basis = LineBasis::BIOR44;
+        let dictionary = Dictionary::new(basis.name(), 80, AxisTransform::line(basis)).unwrap();
+        let samples = (0..80).map(|i| 0.2 + (f64::from(i) * 0.11).sin().powi(2) + 0.01 * f64::from(i % 7)).collect();
+        (dictionary, samples)
+    }
+
+    fn er(samples: &[f64], found: &Approximation) -> f64 {
+        RelativeErrors::between(samples, &found.samples).l2
+    }
+
+    #[test]
+    fn each_refinement_lowers_the_error() {
+        let (dictionary, samples) = setup();
+        for count in [3, 4, 8, 16] {
+            let plain = largest(&dictionary, &samples, count, true);
+            let fitted = refitted(&dictionary, &samples, &plain.kept, &[]).unwrap();
+            let picked = greedy(&dictionary, &samples, count, &[]).unwrap();
+            let exchanged = exchange(&dictionary, &samples, picked.clone(), 4, &[]);
+            let errors = [plain, fitted, picked, exchanged].map(|a| er(&samples, &a));
+            assert!(errors[1] <= errors[0] && errors[3] <= errors[2], "{count}: {errors:?}");
+            assert!(errors[2] <= errors[1] * 1.05, "{count}: {errors:?}");
+        }
+        let all = largest(&dictionary, &samples, 80, false);
+        assert!(er(&samples, &all) < 1e-5);
+    }
+
+    #[test]
+    fn constraints_hold_exactly() {
+        let (dictionary, samples) = setup();
+        let constraints: Vec<Constraint> = (0..3)
+            .map(|j| Constraint {
+                weights: (0..80).map(|i| (-0.01 * (f64::from(i) - 20.0 * f64::from(j + 1)).powi(2)).exp()).collect(),
+            })
+            .collect();
+        for count in [3, 7, 11] {
+            let found = greedy(&dictionary, &samples, count, &constraints).unwrap();
+            assert_eq!(found.kept.len(), count);
+            for constraint in &constraints {
+                let (wanted, got) = (dot(&constraint.weights, &samples), dot(&constraint.weights, &found.samples));
+                assert!((got - wanted).abs() < 1e-9 * wanted, "{count}");
+            }
+        }
+        assert_eq!(refitted(&dictionary, &samples, &[0, 1], &constraints), None);
+    }
+
+    #[test]
+    fn samples_without_relative_error_do_not_count() {
+        let errors = RelativeErrors::between(&[0.0, -1.0, 2.0, 4.0], &[9.0, 9.0, 2.2, 4.0]);
+        assert!((errors.l1 - 0.05).abs() < 1e-12 && (errors.l2 - (0.005_f64).sqrt()).abs() < 1e-12);
+        assert_eq!(RelativeErrors::between(&[0.0], &[1.0]), RelativeErrors::default());
+    }
+}

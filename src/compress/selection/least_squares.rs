@@ -1,0 +1,104 @@
+//! Small dense least squares: projections, and minima under linear constraints.
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// `a − factor·b`.
+pub(super) fn subtract(a: &mut [f64], factor: f64, b: &[f64]) {
+    a.iter_mut().zip(b).for_each(|(x, y)| *x -= factor * y);
+}
+
+/// The solution of a square system (row-major, right-hand side last in each row), by Gaussian elimination with partial
+/// pivoting; `None` if it is singular to working precision.
+pub(super) fn solve(rows: &mut [Vec<f64>]) -> Option<Vec<f64>> {
+    let n = rows.len();
+    let scale = rows.iter().flat_map(|row| &row[..n]).fold(0.0_f64, |m, x| m.max(x.abs()));
+    for column in 0..n {
+        let pivot = (column..n).max_by(|&a, &b| rows[a][column].abs().total_cmp(&rows[b][column].abs()))?;
+        if rows[pivot][column].abs() <= 1e-14 * scale {
+            return None;
+        }
+        rows.swap(column, pivot);
+        let (above, below) = rows.split_at_mut(column + 1);
+        let leader = &above[column];
+        for row in below {
+            let factor = row[column] / leader[column];
+            subtract(&mut row[column..], factor, &leader[column..]);
+        }
+    }
+    let mut x = vec![0.0; n];
+    for i in (0..n).rev() {
+        x[i] = (rows[i][n] - dot(&rows[i][i + 1..n], &x[i + 1..])) / rows[i][i];
+    }
+    Some(x)
+}
+
+/// The `c` that minimises |Σ cₖ·columnₖ − target|² while Σ cₖ·constraint[j][k] = value[j]; columns may be of any scale.
+/// `None` if the columns or the constraints depend on each other.
+pub(super) fn constrained(columns: &[Vec<f64>], target: &[f64], constraints: &[(Vec<f64>, f64)]) -> Option<Vec<f64>> {
+    let (k, m) = (columns.len(), constraints.len());
+    if m > k {
+        return None;
+    }
+    // Unit columns: the normal equations square the condition, so at least the scales should not add to it.
+    let scales: Vec<f64> = columns.iter().map(|c| 1.0 / dot(c, c).sqrt()).collect();
+    if scales.iter().any(|s| !s.is_finite()) {
+        return None;
+    }
+    let mut rows = vec![vec![0.0; k + m + 1]; k + m];
+    for i in 0..k {
+        for j in 0..k {
+            rows[i][j] = dot(&columns[i], &columns[j]) * scales[i] * scales[j];
+        }
+        rows[i][k + m] = dot(&columns[i], target) * scales[i];
+    }
+    for (j, (weights, value)) in constraints.iter().enumerate() {
+        let length = weights.iter().zip(&scales).map(|(w, s)| (w * s) * (w * s)).sum::<f64>().sqrt();
+        if length == 0.0 {
+            return None;
+        }
+        for i in 0..k {
+            let weight = weights[i] * scales[i] / length;
+            rows[k + j][i] = weight;
+            rows[i][k + j] = weight;
+        }
+        rows[k + j][k + m] = value / length;
+    }
+    let mut c = solve(&mut rows)?;
+    c.truncate(k);
+    c.iter_mut().zip(scales).for_each(|(c, s)| *c *= s);
+    c.iter().all(|c| c.is_finite()).then_some(c)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn minima_are_orthogonal_to_what_is_free() {
+        let columns = vec![vec![1.0, 2.0, 0.5, 4.0], vec![0.0, 1.0, -1.0, 200.0], vec![3.0, 0.1, 1.0, 1.0]];
+        let target = [1.0, 1.0, 2.0, 1.0];
+        let residual = |c: &[f64]| {
+            let mut r = target.to_vec();
+            columns.iter().zip(c).for_each(|(column, &c)| subtract(&mut r, c, column));
+            r
+        };
+        let free = constrained(&columns, &target, &[]).unwrap();
+        assert!(columns.iter().all(|column| dot(column, &residual(&free)).abs() < 1e-9));
+        let constraint = (vec![1.0, 1.0, 1.0], 5.0);
+        let bound = constrained(&columns, &target, std::slice::from_ref(&constraint)).unwrap();
+        assert!((bound.iter().sum::<f64>() - 5.0).abs() < 1e-12);
+        // What remains is a multiple of the constraint's gradient.
+        let gradient: Vec<f64> = columns.iter().map(|column| dot(column, &residual(&bound))).collect();
+        assert!((gradient[0] - gradient[1]).abs() < 1e-9 && (gradient[1] - gradient[2]).abs() < 1e-9);
+    }
+
+    #[test]
+    fn dependent_systems_are_refused() {
+        let columns = vec![vec![1.0, 2.0], vec![2.0, 4.0]];
+        assert_eq!(constrained(&columns, &[1.0, 1.0], &[]), None);
+        assert_eq!(constrained(&columns[..1], &[1.0, 1.0], &[(vec![1.0], 1.0), (vec![1.0], 2.0)]), None);
+        assert_eq!(constrained(&[vec![0.0, 0.0]], &[1.0, 1.0], &[]), None);
+    }
+}

@@ -1,0 +1,20 @@
+//! Which coefficients to keep: the paper's policies, K-term selection, greedy selection, refitting, and the best basis.
+//!
+//! * [`Dictionary`]: a basis on a line as dense matrices, for spectra of a few dozen samples, where everything can be tried.
+//! * [`GenericTransform`]: a tensor's coefficients with the norms of each space, for the policies of [CPB06] section 4.2.
+//! * [`effects`]: what each coefficient does to the relative error. [`refit`]: the best values of those kept.
+
+mod best_basis;
+mod dictionary;
+mod effects;
+mod generic;
+mod k_term;
+mod least_squares;
+mod refit;
+
+pub use best_basis::{Choice, Ranked, best_basis, line_dictionaries};
+pub use dictionary::Dictionary;
+pub use effects::effects;
+pub use generic::{GenericTransform, Rule, Search};
+pub use k_term::{Approximation, Constraint, RelativeErrors, exchange, greedy, largest, refitted};
+pub use refit::refit;
