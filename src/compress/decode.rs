@@ -123,7 +123,9 @@ pub(crate) fn samples_of<'a>(
             exponentiate(&mut logs);
             logs
         }
-        Policy::Conventional => conventional_samples(header, classes.as_deref(), coefficients)?,
+        Policy::Conventional | Policy::Generic | Policy::Adaptive => {
+            thresholded_samples(header, classes.as_deref(), coefficients)?
+        }
         Policy::Lossless => {
             let mut samples = vec![0.0; count];
             code_exact(&mut Decoder::new(payload(ChunkKind::Exact)), lanes(&header.axes), &mut samples);
@@ -185,7 +187,7 @@ pub(crate) fn exponentiate(logs: &mut [f32]) {
     });
 }
 
-fn conventional_samples(header: &Header, classes: Option<&[Class]>, coded: &[u8]) -> Result<Vec<f32>, CodecError> {
+fn thresholded_samples(header: &Header, classes: Option<&[Class]>, coded: &[u8]) -> Result<Vec<f32>, CodecError> {
     let plan = plan_of(header)?;
     let mut bits = vec![0_i32; header.axes.iter().map(Axis::len).product()];
     let rows = coding_order(&header.axes, &plan, classes);

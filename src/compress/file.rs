@@ -2,7 +2,7 @@
 
 use super::decode::samples_of;
 use super::header::Header;
-use super::{CompressError, Compressed};
+use super::{CompressError, Compressed, Ranked};
 use crate::codec::{ChunkKind, Class, Encoder, code_classes, write_container};
 use crate::domain::{Axis, ErrorReport, Measurement};
 
@@ -70,5 +70,7 @@ pub(crate) fn finish(
     let bytes = assemble(&parts, metadata.as_deref());
     let mut summary = parts.header.summary(metadata);
     summary.axes = measurement.tensor.axes().to_vec();
-    Ok(Compressed { bytes, summary })
+    let ranking =
+        vec![Ranked { basis: summary.basis.clone(), bytes: bytes.len() as u64, er_l2: Some(summary.errors.er_l2) }];
+    Ok(Compressed { bytes, summary, ranking })
 }

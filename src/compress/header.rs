@@ -3,12 +3,12 @@
 //! ```text
 //! u8      quantity, unit, sampling (codes in the order of their lists in `domain`)
 //! axes    as in `codec`'s axes
-//! u8      policy: 0 rate–distortion, 1 conventional, 2 lossless
-//! policy 0, 1:  varint a transform for each axis: 0 identity, 1 bio-Haar, 2 orthonormal by area, 3 orthonormal by count,
+//! u8      policy: 0 rate–distortion, 1 conventional, 2 lossless, 3 generic, 4 adaptive
+//! not policy 2: varint a transform for each axis: 0 identity, 1 bio-Haar, 2 orthonormal by area, 3 orthonormal by count,
 //!               4 the data's own basis in the basis chunk (policy 0, last axis only),
 //!               16 + the number of a basis on a line, followed by u8 its boundary rule
 //! policy 0:     f32 step; f32 correction step, 0 if there is no corrections chunk
-//! u8      1 if there is a classes chunk, else 0 (every sample is positive or, in policies 1 and 2, measured)
+//! u8      1 if there is a classes chunk, else 0 (every sample is positive or, other than in policy 0, measured)
 //! f32     absolute floor, 0 if none was declared
 //! varint  coefficients that are not zero (absent in policy 2)
 //! f32     er(L1), er(L2), largest relative error, relative RMSE, largest absolute error, the same of unscored samples;

@@ -2,24 +2,26 @@
 //!
 //! * `rd`: sign and logarithm of every sample, orthonormal Haar on triangles and a wavelet along wavelength, one uniform
 //!   step for all normalised coefficients, adaptive range coding; optionally a second layer that bounds every sample.
-//! * `conventional`: the paper's policy (\[CPB06\] section 4.2): linear domain, bio-Haar, one threshold on L2-normalised
+//! * `conventional`, `generic`, `adaptive`: the paper's policies (\[CPB06\] section 4.2): linear domain, bio-Haar, thresholds on L2-normalised
 //!   coefficients, the kept ones exact.
 //! * `lossless`: every bit of every sample.
 
-mod conventional;
 mod decode;
 mod exponential;
 mod file;
 mod fill;
 mod header;
 mod lossless;
+mod ranking;
 mod rd;
 mod rows;
 mod search;
 pub mod selection;
+mod thresholded;
 
 pub use crate::codec::CodecError as DecodeError;
 pub use decode::{Decoded, decode, inspect, payload_digest};
+pub use ranking::Ranked;
 
 use crate::codec::MAGIC;
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress, Quantity, Sampling, Unit};
@@ -53,8 +55,12 @@ pub enum Policy {
     Conventional,
     /// Every bit; the only policy of [`Target::Lossless`].
     Lossless,
+    /// The paper's: one threshold a space, whole functions dropped.
+    Generic,
+    /// The paper's: the same with ε√d inside a function of range d.
+    Adaptive,
 }
-crate::domain::named!(Policy, "policy", { Rd = "rd", Conventional = "conventional", Lossless = "lossless" });
+crate::domain::named!(Policy, "policy", { Rd = "rd", Conventional = "conventional", Lossless = "lossless", Generic = "generic", Adaptive = "adaptive" });
 
 /// Everything that decides the bytes, beside the measurement.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,6 +84,8 @@ pub struct Compressed {
     pub bytes: Vec<u8>,
     /// What was achieved; its errors are those of the decoded bytes, in full precision.
     pub summary: Summary,
+    /// The bases that competed, best first; one where the basis was named.
+    pub ranking: Vec<Ranked>,
 }
 
 /// What is known of a material from its header.
@@ -135,7 +143,9 @@ pub fn compress(
     let floor = absolute_floor(measurement, settings);
     let compressed = match policy {
         Policy::Rd => rd::compress(measurement, settings, floor, progress)?,
-        Policy::Conventional => conventional::compress(measurement, settings, floor, progress)?,
+        Policy::Conventional | Policy::Generic | Policy::Adaptive => {
+            thresholded::compress(measurement, settings, floor, progress)?
+        }
         Policy::Lossless => lossless::compress(measurement, settings, floor, progress)?,
     };
     progress.report(1.0);
@@ -170,8 +180,8 @@ fn check(settings: &Settings) -> Result<(), CompressError> {
         let known = LineBasis::all().map(LineBasis::name).collect::<Vec<_>>().join(", ");
         return refuse(format!("unknown basis `{}`, expected auto, klt, identity or one of {known}", settings.basis));
     }
-    if basis == Some(SpectralBasis::Klt) && settings.policy == Policy::Conventional {
-        return refuse("basis klt: the conventional policy has fixed bases only".to_owned());
+    if basis == Some(SpectralBasis::Klt) && settings.policy != Policy::Rd {
+        return refuse(format!("basis klt: the {} policy has fixed bases only", settings.policy));
     }
     if let Some(metadata) = &settings.metadata
         && !matches!(serde_json::from_str(metadata), Ok(serde_json::Value::Object(_)))
@@ -228,6 +238,14 @@ pub(crate) enum SpectralBasis {
 }
 
 impl SpectralBasis {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Line(basis) => basis.name(),
+            Self::Identity => "identity",
+            Self::Klt => "klt",
+        }
+    }
+
     /// The basis of a name; `None` for `auto` and for names unknown.
     fn named(name: &str) -> Option<Self> {
         match name {
@@ -236,29 +254,6 @@ impl SpectralBasis {
             _ => name.parse().ok().map(Self::Line),
         }
     }
-}
-
-/// Wavelengths up to which the data's own basis is tried without being asked for: its cost grows with their cube.
-const MOST_FOR_KLT: usize = 256;
-/// Spectra from which a basis of their own is worth its bytes.
-const LEAST_FOR_KLT: usize = 32;
-
-/// The bases to try along wavelength.
-fn candidate_bases(axes: &[Axis], settings: &Settings, policy: Policy) -> Vec<SpectralBasis> {
-    if let Some(basis) = SpectralBasis::named(&settings.basis) {
-        return vec![basis];
-    }
-    let wavelengths = axes.last().filter(|axis| matches!(axis, Axis::Wavelength(_))).map_or(1, Axis::len);
-    if wavelengths < 2 {
-        return vec![SpectralBasis::Line(LineBasis::BIOR44)];
-    }
-    let spectra: usize = axes[..axes.len() - 1].iter().map(Axis::len).product();
-    let mut bases = Vec::new();
-    if policy == Policy::Rd && wavelengths <= MOST_FOR_KLT && spectra >= LEAST_FOR_KLT {
-        bases.push(SpectralBasis::Klt);
-    }
-    bases.extend([LineBasis::BIOR44, LineBasis::BIOR22, LineBasis::HAAR].map(SpectralBasis::Line));
-    bases
 }
 
 /// The name of the basis on the wavelength axis.

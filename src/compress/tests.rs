@@ -100,8 +100,9 @@ fn check_file(m: &Measurement, settings: &Settings) -> Compressed {
 #[test]
 fn er_l2_is_kept_by_every_policy_on_every_shape() {
     for m in shapes().into_iter().flat_map(|m| [m.clone(), hurt(m)]) {
-        for policy in [Policy::Rd, Policy::Conventional] {
-            for target in [0.001, 0.01, 0.05] {
+        for policy in [Policy::Rd, Policy::Conventional, Policy::Generic, Policy::Adaptive] {
+            let targets: &[f64] = if policy == Policy::Rd { &[0.001, 0.01, 0.05] } else { &[0.01, 0.05] };
+            for &target in targets {
                 let compressed = check_file(&m, &settings(Target::ErL2(target), policy));
                 let errors = compressed.summary.errors;
                 assert!(errors.er_l2 <= target, "{:?} {policy} {target}: {}", m.tensor.shape(), errors.er_l2);
@@ -137,10 +138,21 @@ fn every_sample_keeps_a_pointwise_bound() {
 #[test]
 fn ratios_count_coefficients_and_bytes_are_kept() {
     for m in shapes() {
-        for policy in [Policy::Rd, Policy::Conventional] {
+        for policy in [Policy::Rd, Policy::Conventional, Policy::Generic, Policy::Adaptive] {
             let n = m.tensor.len() as f64;
+            if policy == Policy::Adaptive && m.tensor.len() == 1 {
+                let result = compress(&m, &settings(Target::Ratio(8.0), policy), &Silent);
+                assert!(matches!(result, Err(CompressError::Unreachable(_))));
+                continue;
+            }
             let compressed = check_file(&m, &settings(Target::Ratio(8.0), policy));
-            assert!(compressed.summary.kept_coefficients.unwrap() as f64 <= n / 8.0);
+            let kept = compressed.summary.kept_coefficients.unwrap() as f64;
+            assert!(
+                kept <= n / 8.0,
+                "{policy} {:?}: {kept} of {n}, basis {}",
+                m.tensor.shape(),
+                compressed.summary.basis
+            );
             let bytes = 400 + m.tensor.len() as u64 / 8;
             let compressed = check_file(&m, &settings(Target::Bytes(bytes), policy));
             assert!(compressed.bytes.len() as u64 <= bytes, "{} of {bytes}", compressed.bytes.len());
@@ -219,6 +231,24 @@ fn a_basis_of_the_data_is_stored_with_the_material() {
     }
     let spectrum = measurement(Quantity::Spectrum, vec![wavelengths(40)], 0.01);
     check_file(&spectrum, &Settings { basis: "klt".to_owned(), ..settings(Target::ErL2(0.01), Policy::Rd) });
+}
+
+#[test]
+fn every_basis_competes_at_a_wanted_ratio_and_the_ranking_is_the_same_on_any_threads() {
+    let m = measurement(Quantity::Spectrum, vec![wavelengths(71)], 0.02);
+    for policy in [Policy::Rd, Policy::Conventional] {
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| compress(&m, &settings(Target::Ratio(8.0), policy), &Silent).unwrap())
+        };
+        let (one, two) = (run(1), run(2));
+        assert_eq!((&one.bytes, &one.ranking), (&two.bytes, &two.ranking));
+        assert!(one.ranking.len() > 90, "{}", one.ranking.len());
+        assert_eq!(one.ranking[0].basis, one.summary.basis);
+        assert!(one.ranking.is_sorted_by(|a, b| a.er_l2 <= b.er_l2));
+        let named = Settings { basis: "bior4.4".to_owned(), ..settings(Target::Ratio(8.0), policy) };
+        assert!(one.summary.errors.er_l2 <= compress(&m, &named, &Silent).unwrap().summary.errors.er_l2 * 1.000_001);
+    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! What a user asks for, whole: bytes of a measurement and a request in, a compressed material with its report out.
 
-use crate::compress::{self, CompressError, Policy, Settings, Target};
+use crate::compress::{self, CompressError, Policy, Ranked, Settings, Target};
 use crate::domain::{Axis, ErrorReport, Progress, Quantity, Unit, WavelengthError, WavelengthGrid};
 use crate::formats::{self, Acquisition, FormatError, Interpretation, Note};
 use crate::projection::{self, AxesRequest, Coverage, Projected, ProjectionError};
@@ -126,6 +126,8 @@ pub struct Report {
     pub policy: Policy,
     /// The spectral basis.
     pub basis: String,
+    /// The bases that competed for the wavelength axis, best first.
+    pub basis_ranking: Vec<Ranked>,
     /// The axes, for people.
     pub axes: Vec<String>,
     /// The size of the file.
@@ -231,6 +233,7 @@ fn report(acquisition: &Acquisition, samples: usize, coverage: Coverage, compres
         unit: summary.unit,
         policy: summary.policy,
         basis: summary.basis.clone(),
+        basis_ranking: compressed.ranking.clone(),
         axes: summary.axes.iter().map(Axis::describe).collect(),
         bytes: compressed.bytes.len() as u64,
         kept_coefficients: summary.kept_coefficients,

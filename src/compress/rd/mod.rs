@@ -16,7 +16,7 @@ use super::file::{Parts, assemble, classes_chunk, finish, lanes, metadata_with_l
 use super::fill::fill;
 use super::header::Header;
 use super::search::largest;
-use super::{CompressError, Compressed, Policy, Settings, SpectralBasis, Target, candidate_bases};
+use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target, ranking};
 use crate::codec::{ChunkKind, Class, Encoder, code_corrections};
 use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
 use adaptive::AdaptiveLayer;
@@ -39,41 +39,52 @@ pub(crate) fn compress(
     let mut classes: Vec<Class> = measurement.tensor.samples().iter().map(|&s| class_of(s, floor)).collect();
     let classes_coded = classes_chunk(axes, &mut classes);
     let has_classes = classes_coded.is_some();
-    let bases = candidate_bases(axes, settings, Policy::Rd);
+    let bases = ranking::candidates(measurement, settings, progress)?;
     let work = |basis| Work::new(measurement, &classes, basis, settings, floor, has_classes);
     progress.step(0.05)?;
-    let (work, steps) = match bases.as_slice() {
+    let (work, steps, ranking) = match bases.as_slice() {
         [only] => {
             let work = work(*only)?;
             let steps = work.find_steps(progress)?;
-            (work, steps)
+            (work, steps, None)
         }
-        several => cheapest(&work, several, progress)?,
+        several => {
+            let (work, steps, ranking) = best_of(&work, several, settings.target, progress)?;
+            (work, steps, Some(ranking))
+        }
     };
     let parts = work.encode(steps, classes_coded);
     // Decoding needs the memory.
     drop(work);
     drop(classes);
     progress.step(0.95)?;
-    finish(parts, measurement, settings.metadata.as_deref())
+    let compressed = finish(parts, measurement, settings.metadata.as_deref())?;
+    let ranking = ranking.unwrap_or(compressed.ranking);
+    Ok(Compressed { ranking, ..compressed })
 }
 
-/// The basis that takes the fewest bytes, and its steps. Wavelets of the same measurement make nearly the same error at the
-/// same step, so the search of the first serves the others for the comparison.
-fn cheapest<'a>(
+/// The best basis with its steps, and the ranking: the fewest bytes at a wanted error, the least error at a wanted size.
+///
+/// At a wanted error wavelets of the same measurement need nearly the same step, so the search of the first serves the
+/// others for the comparison.
+fn best_of<'a>(
     work: &impl Fn(SpectralBasis) -> Result<Work<'a>, CompressError>,
     bases: &[SpectralBasis],
+    target: Target,
     progress: &dyn Progress,
-) -> Result<(Work<'a>, Steps), CompressError> {
-    let mut best: Option<(usize, SpectralBasis, Option<Steps>)> = None;
+) -> Result<(Work<'a>, Steps, Vec<Ranked>), CompressError> {
+    let by_error = matches!(target, Target::Ratio(_) | Target::Bytes(_));
+    let mut ranking: Vec<Ranked> = Vec::new();
+    let mut best: Option<(f64, SpectralBasis, Option<Steps>)> = None;
     let mut shared = None;
+    let mut decoded = Vec::new();
     for (i, &basis) in bases.iter().enumerate() {
         let candidate = work(basis)?;
         let own = match shared {
-            Some(_) if basis != SpectralBasis::Klt => None,
+            Some(_) if basis != SpectralBasis::Klt && !by_error => None,
             _ => match candidate.find_steps(progress) {
-                // Few vectors cannot follow noise; another basis may.
-                Err(CompressError::Unreachable(_)) if basis == SpectralBasis::Klt => continue,
+                // Few vectors cannot follow noise, and their own bytes may not fit; another basis may.
+                Err(CompressError::Unreachable(_)) if i + 1 < bases.len() || best.is_some() => continue,
                 found => Some(found?),
             },
         };
@@ -82,15 +93,25 @@ fn cheapest<'a>(
         }
         let Some(steps) = own.or(shared) else { continue };
         let bytes = chunk_bytes(&candidate.layer.chunks(steps.step));
-        if best.is_none_or(|(least, _, _)| bytes < least) {
-            best = Some((bytes, basis, own));
+        let er_l2 = if by_error {
+            decoded.resize(candidate.original().len(), 0.0);
+            Some(candidate.relative_error(steps.step, &mut decoded, progress)?)
+        } else {
+            None
+        };
+        ranking.push(Ranked { basis: basis.name().to_owned(), bytes: bytes as u64, er_l2 });
+        let score = er_l2.unwrap_or(bytes as f64);
+        if best.is_none_or(|(least, _, _)| score < least) {
+            best = Some((score, basis, own));
         }
         progress.step(0.05 + 0.5 * (i + 1) as f64 / bases.len() as f64)?;
     }
     let Some((_, basis, steps)) = best else { return Err(CompressError::Setting("no basis to try".to_owned())) };
     let chosen = work(basis)?;
     let steps = steps.map_or_else(|| chosen.find_steps(progress), Ok)?;
-    Ok((chosen, steps))
+    let score = |ranked: &Ranked| ranked.er_l2.unwrap_or(ranked.bytes as f64);
+    ranking.sort_by(|a, b| score(a).total_cmp(&score(b)));
+    Ok((chosen, steps, ranking))
 }
 
 fn chunk_bytes(chunks: &[(ChunkKind, Vec<u8>)]) -> usize {

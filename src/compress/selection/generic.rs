@@ -49,6 +49,8 @@ pub struct Search {
     pub kept: usize,
     /// What the judge said of the decoded samples.
     pub error: f64,
+    /// The coefficients kept, the others 0.
+    pub coefficients: Vec<f32>,
     /// The decoded samples.
     pub decoded: Vec<f32>,
 }
@@ -164,10 +166,11 @@ impl GenericTransform {
     fn at_count(&self, count: usize, ratios: &[f64], rule: Rule, judge: &(dyn Fn(&[f32]) -> f64 + Sync)) -> Search {
         let critical = self.critical(ratios, rule);
         let threshold = threshold_of(&critical, count);
-        let (mut decoded, kept) = self.keep(|i| critical[i] > threshold);
+        let (coefficients, kept) = self.keep(|i| critical[i] > threshold);
+        let mut decoded = coefficients.clone();
         self.plan.inverse(&mut decoded);
         let thresholds = ratios.iter().map(|ratio| if *ratio == 0.0 { 0.0 } else { ratio * f64::from(threshold) });
-        Search { thresholds: thresholds.collect(), kept, error: judge(&decoded), decoded }
+        Search { thresholds: thresholds.collect(), kept, error: judge(&decoded), coefficients, decoded }
     }
 
     fn keep(&self, keeps: impl Fn(usize) -> bool) -> (Vec<f32>, usize) {

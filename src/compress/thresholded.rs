@@ -1,7 +1,8 @@
-//! The paper's conventional policy: linear domain, bio-Haar on triangles, one threshold on L2-normalised coefficients.
+//! The paper's policies: linear domain, bio-Haar on triangles, thresholds on L2-normalised coefficients, kept ones exact.
 //!
-//! \[CPB06\] section 4.2; coefficients are ranked by |c|·‖synthesis function‖ in the counting measure of er(L2). The kept
-//! coefficients are stored exactly (float32), so the only error is that of what was dropped.
+//! \\[CPB06\\] section 4.2. *Conventional* has one threshold, *generic* one a space, *adaptive* ε√d inside a function of range
+//! d; coefficients are ranked by |c|·‖synthesis function‖ in the counting measure of er(L2). The kept coefficients are stored
+//! exactly (float32), so the only error is that of what was dropped.
 
 use super::file::{Parts, assemble, classes_chunk, finish, metadata_with_labels};
 use super::fill::fill;
@@ -9,7 +10,8 @@ use super::header::Header;
 use super::rd::Scales;
 use super::rows::{clear_uncoded, coding_order};
 use super::search::largest;
-use super::{CompressError, Compressed, Policy, Settings, SpectralBasis, Target, candidate_bases};
+use super::selection::{GenericTransform, Rule};
+use super::{CompressError, Compressed, Policy, Settings, SpectralBasis, Target, ranking};
 use crate::codec::{ChunkKind, Class, Encoder, Payload, Rows, code_coefficients};
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress};
 use crate::transform::{AxisTransform, LineBasis, Plan, SphereBasis};
@@ -17,37 +19,37 @@ use crate::transform::{AxisTransform, LineBasis, Plan, SphereBasis};
 /// Bisections of the threshold.
 const REFINEMENTS: u32 = 12;
 
-/// Compresses with every candidate basis and keeps the best: the smallest file, or the least error at a given ratio.
+/// Compresses with every candidate basis and keeps the best: the smallest file, or the least error at a given size.
 pub(crate) fn compress(
     measurement: &Measurement,
     settings: &Settings,
     floor: f32,
     progress: &dyn Progress,
 ) -> Result<Compressed, CompressError> {
+    let rule = match settings.policy {
+        Policy::Generic => Rule::Generic,
+        Policy::Adaptive => Rule::Adaptive,
+        _ => Rule::Conventional,
+    };
     let axes = measurement.tensor.axes();
     let mut samples = measurement.tensor.samples().to_vec();
     let mut classes: Vec<Class> =
         samples.iter().map(|s| if s.is_nan() { Class::Masked } else { Class::Positive }).collect();
     let classes_coded = classes_chunk(axes, &mut classes);
     fill(axes, &mut samples);
-    let bases = candidate_bases(axes, settings, Policy::Conventional);
-    let mut best: Option<Compressed> = None;
+    let bases = ranking::candidates(measurement, settings, progress)?;
+    let mut found: Vec<Compressed> = Vec::new();
     for (i, &basis) in bases.iter().enumerate() {
         progress.step(0.05 + 0.9 * i as f64 / bases.len() as f64)?;
         let work = Work::new(measurement, &samples, basis, settings, floor, (&classes, classes_coded.clone()))?;
-        let threshold = work.find_threshold(progress)?;
-        let parts = work.parts(threshold);
-        drop(work);
-        let candidate = finish(parts, measurement, settings.metadata.as_deref())?;
-        let better = |other: &Compressed| match settings.target {
-            Target::Ratio(_) | Target::Bytes(_) => candidate.summary.errors.er_l2 < other.summary.errors.er_l2,
-            _ => candidate.bytes.len() < other.bytes.len(),
+        let parts = match rule {
+            Rule::Conventional => work.parts(work.find_threshold(progress)?),
+            _ => work.find_generic(&samples, rule, progress)?,
         };
-        if best.as_ref().is_none_or(better) {
-            best = Some(candidate);
-        }
+        drop(work);
+        found.push(finish(parts, measurement, settings.metadata.as_deref())?);
     }
-    best.ok_or_else(|| CompressError::Setting("no basis to try".to_owned()))
+    ranking::best(found, settings.target)
 }
 
 struct Work<'a> {
@@ -155,13 +157,83 @@ impl<'a> Work<'a> {
     }
 
     fn file_size(&self, threshold: f32) -> usize {
+        self.size_of(&self.parts(threshold))
+    }
+
+    fn size_of(&self, parts: &Parts) -> usize {
         let metadata = metadata_with_labels(self.measurement.tensor.axes(), self.settings.metadata.as_deref());
-        assemble(&self.parts(threshold), metadata.as_deref()).len()
+        assemble(parts, metadata.as_deref()).len()
+    }
+
+    /// What generic thresholds keep.
+    fn find_generic(&self, samples: &[f32], rule: Rule, progress: &dyn Progress) -> Result<Parts, CompressError> {
+        let axes = self.measurement.tensor.axes();
+        let transform = GenericTransform::new(axes, &self.transforms, samples, true)
+            .map_err(|e| CompressError::Setting(e.to_string()))?;
+        let original = self.measurement.tensor.samples();
+        let errors = |decoded: &[f32]| {
+            let masked: Vec<f32> =
+                original.iter().zip(decoded).map(|(s, &d)| if s.is_nan() { f32::NAN } else { d }).collect();
+            ErrorReport::measure(original, &masked, f64::from(self.floor))
+        };
+        let er_l2 = |decoded: &[f32]| if progress.is_cancelled() { f64::INFINITY } else { errors(decoded).er_l2 };
+        let largest = |decoded: &[f32]| {
+            if progress.is_cancelled() { f64::INFINITY } else { errors(decoded).max_relative_error }
+        };
+        // A little is left for what is not coded below dead nodes.
+        let slack = 1.0 - 1e-6;
+        let count = samples.len();
+        let search = match self.settings.target {
+            Target::ErL2(error) => transform.search_error(error * slack, rule, &er_l2),
+            Target::MaxRelativeError(error) => transform.search_error(error * slack, rule, &largest),
+            Target::Ratio(ratio) => Some(transform.search_count((count as f64 / ratio) as usize, rule, &er_l2)),
+            Target::Bytes(bytes) => {
+                // The largest count whose file fits.
+                let (mut low, mut high) = (0, count);
+                let mut best = None;
+                while low < high && !progress.is_cancelled() {
+                    let middle = low + (high - low).div_ceil(2);
+                    let found = transform.search_count(middle, rule, &er_l2);
+                    if self.size_of(&self.parts_of(found.coefficients.clone())) as u64 <= bytes {
+                        best = Some(found);
+                        low = middle;
+                    } else {
+                        high = middle - 1;
+                    }
+                    if high - low <= count / 256 {
+                        break;
+                    }
+                }
+                best
+            }
+            Target::Lossless => None,
+        };
+        if progress.is_cancelled() {
+            return Err(Cancelled.into());
+        }
+        let search = search.ok_or_else(|| {
+            CompressError::Unreachable("no thresholds reach the target: ask for a larger error or lossless".to_owned())
+        })?;
+        if let Target::Ratio(ratio) = self.settings.target
+            && search.kept as f64 > count as f64 / ratio
+        {
+            // √d is 0 where a function is constant: no threshold drops anything there.
+            let text = format!("ratio {ratio}: the adaptive rule keeps {} coefficients of constant data", search.kept);
+            return Err(CompressError::Unreachable(text));
+        }
+        let mut kept = search.coefficients;
+        clear_uncoded(&self.rows, &mut kept);
+        Ok(self.parts_of(kept))
     }
 
     fn parts(&self, threshold: f32) -> Parts {
         let mut kept = vec![0.0_f32; self.coefficients.len()];
         self.scales.threshold(threshold, &self.coefficients, &mut kept);
+        self.parts_of(kept)
+    }
+
+    /// The file's chunks for the coefficients that are kept, the others 0.
+    fn parts_of(&self, kept: Vec<f32>) -> Parts {
         let count = kept.iter().filter(|&&c| c != 0.0).count() as u64;
         let mut bits: Vec<i32> = kept.into_iter().map(|c| if c == 0.0 { 0 } else { c.to_bits() as i32 }).collect();
         let mut encoder = Encoder::default();
@@ -173,7 +245,7 @@ impl<'a> Work<'a> {
             unit: measurement.unit,
             sampling: measurement.sampling,
             axes: measurement.tensor.axes().to_vec(),
-            policy: Policy::Conventional,
+            policy: self.settings.policy,
             transforms: self.transforms.clone(),
             klt: false,
             step: 0.0,
