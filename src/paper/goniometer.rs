@@ -161,4 +161,24 @@ mod tests {
         assert!(errors.er_l2 > 1e-4 && errors.er_l2 < 0.02, "{errors:?}");
         assert_eq!(errors.scored_samples, 1_228_800);
     }
+
+    #[test]
+    fn a_grid_of_angles_is_projected_like_that_of_a_real_instrument() {
+        use crate::projection::{AxesRequest, error_at_samples, project};
+        let document = json!({
+            "wavelume": "virtual", "quantity": "brdf", "noise": {"relative": 0.002, "seed": 5},
+            "model": {"oren_nayar": {"reflectance": 0.8, "sigma": 0.3}},
+            "axes": [
+                {"kind": "theta_i", "values": [0, 20, 40, 60, 80], "covers": [0, 90]},
+                {"kind": "phi_i", "values": [0, 90, 180, 270]},
+                {"kind": "theta_o", "values": [0, 15, 30, 45, 60, 75], "covers": [0, 90]},
+                {"kind": "phi_o", "values": [0, 60, 120, 180, 240, 300]},
+                "lambda:400:100:3"]});
+        let read = data::acquire(document.to_string().as_bytes()).unwrap();
+        let request = AxesRequest { incoming_level: Some(1), outgoing_level: Some(2), wavelengths: None };
+        let projected = project(&read, &request).unwrap().measurement;
+        assert_eq!(projected.tensor.shape(), [16, 64, 3]);
+        let errors = error_at_samples(&read, &projected).unwrap();
+        assert!(errors.er_l2 > 0.001 && errors.er_l2 < 0.2, "{errors:?}");
+    }
 }
