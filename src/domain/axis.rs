@@ -88,7 +88,9 @@ impl Axis {
             Self::Elevation(values) => format!("{} elevations", values.len()),
             Self::Wavelength(grid) => {
                 let (first, last) = grid.range();
-                format!("{first}..{last} nm ({})", grid.len())
+                // Spectrometers list wavelengths to the last bit of an f32; people do not read them.
+                let rounded = |nm: f64| libm::round(nm * 1000.0) / 1000.0;
+                format!("{}..{} nm ({})", rounded(first), rounded(last), grid.len())
             }
             Self::Index { count, .. } => format!("index ({count})"),
             Self::Rgb => "rgb (3)".to_owned(),

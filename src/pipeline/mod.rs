@@ -30,16 +30,16 @@ pub struct Request {
     #[serde(default = "auto")]
     pub basis: String,
     /// Relative floor.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub floor: Option<f64>,
     /// Subdivision level of the incoming triangles.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub incoming_level: Option<u8>,
     /// Subdivision level of the outgoing triangles.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outgoing_level: Option<u8>,
     /// `START:STOP:STEP` in nm.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wavelengths: Option<String>,
     /// Whether the file carries its provenance.
     #[serde(default = "yes")]

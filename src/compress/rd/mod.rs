@@ -226,7 +226,7 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// er(L2) of what a decoder has at `step`; negative samples are held to the same error as positive ones.
+    /// er(L2) of what a decoder has at `step`.
     fn relative_error(&self, step: f32, decoded: &mut [f32], progress: &dyn Progress) -> Result<f64, CompressError> {
         if progress.is_cancelled() {
             return Err(Cancelled.into());
@@ -335,7 +335,8 @@ fn smallest_step(progress: &dyn Progress, fits: impl Fn(f32) -> bool) -> Result<
     }
 }
 
-/// The larger of er(L2) over positive and over negative samples at or above the floor; blocks are added in order.
+/// er(L2) over positive samples at or above the floor, over negative ones where there are no others; blocks are added in
+/// order. Both have the same step, hence nearly the same relative error; only the positive ones are promised one.
 fn magnitude_error(original: &[f32], magnitudes: &[f32], classes: &[Class], floor: f32) -> f64 {
     let block = 1 << 16;
     let sums: Vec<[(f64, u64); 2]> = original
@@ -357,9 +358,9 @@ fn magnitude_error(original: &[f32], magnitudes: &[f32], classes: &[Class], floo
         .collect();
     let mean = |k: usize| {
         let (sum, n) = sums.iter().fold((0.0, 0), |total, block| (total.0 + block[k].0, total.1 + block[k].1));
-        if n == 0 { 0.0 } else { (sum / n as f64).sqrt() }
+        (n > 0).then(|| (sum / n as f64).sqrt())
     };
-    mean(0).max(mean(1))
+    mean(0).or(mean(1)).unwrap_or(0.0)
 }
 
 /// Of `k` and its neighbours, the correction after which the decoder's f32 sum is nearest to `wanted`.
