@@ -3,11 +3,12 @@
 //! Every operation is specified, so that a reader in another language can be bit-exact: f32 additions and multiplications
 //! in the order written here and in `transform`, and the `exponential` of this room in f64, rounded once to f32.
 
-use super::exponential::exp;
+use super::exponential::{add_corrections, exponentiate};
 use super::file::lanes;
 use super::header::Header;
-use super::rd::{Scales, decode_adaptive};
+use super::rd::adaptive;
 use super::rows::coding_order;
+use super::scales::Scales;
 use super::{Policy, Summary};
 use crate::codec::{
     ChunkKind, Class, CodecError, Container, Decoder, Payload, code_classes, code_coefficients, code_corrections,
@@ -15,7 +16,6 @@ use crate::codec::{
 };
 use crate::domain::{Axis, Measurement, Tensor};
 use crate::transform::Plan;
-use rayon::prelude::*;
 
 /// The metadata chunk's largest size.
 const MAX_METADATA: usize = 1 << 24;
@@ -110,7 +110,7 @@ pub(crate) fn samples_of<'a>(
         Policy::Rd => {
             let mut logs = if header.klt {
                 let chunks = (payload(ChunkKind::Basis), coefficients);
-                decode_adaptive(&header.axes, &header.transforms, classes.as_deref(), header.step, chunks)?
+                adaptive::decode(&header.axes, &header.transforms, classes.as_deref(), header.step, chunks)?
             } else {
                 fixed_logs(header, classes.as_deref(), coefficients)?
             };
@@ -167,24 +167,6 @@ fn fixed_logs(header: &Header, classes: Option<&[Class]>, coded: &[u8]) -> Resul
     drop(quantised);
     plan.inverse(&mut logs);
     Ok(logs)
-}
-
-/// Adds `steps[i] · step` to each logarithm.
-pub(crate) fn add_corrections(step: f32, steps: &[i32], logs: &mut [f32]) {
-    logs.par_chunks_mut(1 << 14).zip(steps.par_chunks(1 << 14)).for_each(|(logs, steps)| {
-        for (log, &k) in logs.iter_mut().zip(steps) {
-            *log += k as f32 * step;
-        }
-    });
-}
-
-/// Replaces logarithms by magnitudes.
-pub(crate) fn exponentiate(logs: &mut [f32]) {
-    logs.par_chunks_mut(1 << 14).for_each(|chunk| {
-        for value in chunk {
-            *value = exp(f64::from(*value)) as f32;
-        }
-    });
 }
 
 fn thresholded_samples(header: &Header, classes: Option<&[Class]>, coded: &[u8]) -> Result<Vec<f32>, CodecError> {

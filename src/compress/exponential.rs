@@ -1,8 +1,11 @@
-//! The decoder's exponential: additions and multiplications in f64 only, so that every machine and language gets the same bits.
+//! From logarithms to samples: the decoder's exponential, in additions and multiplications only, so that every machine and
+//! language gets the same bits.
 //!
 //! With k the integer nearest to x / ln 2 and r = x − k·ln 2, |r| ≤ 0.3466: eˣ = 2ᵏ · Σ rⁱ / i! for i = 0..=9, evaluated by
 //! Horner's rule from the highest power down. The remainder is below 7e-12, far below the rounding to f32 that follows.
 //! Arguments are clamped to −120..=100, outside of which an f32 underflows or overflows anyway.
+
+use rayon::prelude::*;
 
 /// Adding and subtracting this rounds to the nearest integer, ties to even, for |x| < 2^51.
 const ROUNDER: f64 = 6_755_399_441_055_744.0;
@@ -14,7 +17,7 @@ const INVERSE_FACTORIALS: [f64; 10] =
 
 /// eˣ, to 1e-11 relative.
 #[inline]
-pub(crate) fn exp(x: f64) -> f64 {
+fn exp(x: f64) -> f64 {
     let x = x.clamp(-120.0, 100.0);
     let shifted = x * std::f64::consts::LOG2_E + ROUNDER;
     let k = shifted - ROUNDER;
@@ -26,6 +29,24 @@ pub(crate) fn exp(x: f64) -> f64 {
     // The low bits of `shifted` hold k in two's complement; |k| < 200 keeps the exponent in range.
     let exponent = (shifted.to_bits() & 0xFFF).wrapping_add(1023) & 0x7FF;
     sum * f64::from_bits(exponent << 52)
+}
+
+/// Adds `steps[i] · step` to each logarithm.
+pub(crate) fn add_corrections(step: f32, steps: &[i32], logs: &mut [f32]) {
+    logs.par_chunks_mut(1 << 14).zip(steps.par_chunks(1 << 14)).for_each(|(logs, steps)| {
+        for (log, &k) in logs.iter_mut().zip(steps) {
+            *log += k as f32 * step;
+        }
+    });
+}
+
+/// Replaces logarithms by magnitudes.
+pub(crate) fn exponentiate(logs: &mut [f32]) {
+    logs.par_chunks_mut(1 << 14).for_each(|chunk| {
+        for value in chunk {
+            *value = exp(f64::from(*value)) as f32;
+        }
+    });
 }
 
 #[cfg(test)]

@@ -15,13 +15,13 @@ mod lossless;
 mod ranking;
 mod rd;
 mod rows;
+mod scales;
 mod search;
 pub mod selection;
 mod thresholded;
 
 pub use crate::codec::CodecError as DecodeError;
 pub use decode::{Decoded, decode, inspect, payload_digest};
-pub use ranking::Ranked;
 
 use crate::codec::MAGIC;
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress, Quantity, Sampling, Unit};
@@ -88,6 +88,17 @@ pub struct Compressed {
     pub ranking: Vec<Ranked>,
 }
 
+/// One basis that competed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Ranked {
+    /// Its name.
+    pub basis: String,
+    /// The size of its file, or of its coefficients where only those were compared.
+    pub bytes: u64,
+    /// The error of its file, where it was decoded.
+    pub er_l2: Option<f64>,
+}
+
 /// What is known of a material from its header.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Summary {
@@ -141,10 +152,14 @@ pub fn compress(
     check(settings)?;
     let policy = if settings.target == Target::Lossless { Policy::Lossless } else { settings.policy };
     let floor = absolute_floor(measurement, settings);
+    let bases = match policy {
+        Policy::Lossless => Vec::new(),
+        _ => ranking::candidates(measurement, settings, progress)?,
+    };
     let compressed = match policy {
-        Policy::Rd => rd::compress(measurement, settings, floor, progress)?,
+        Policy::Rd => rd::compress(measurement, settings, &bases, floor, progress)?,
         Policy::Conventional | Policy::Generic | Policy::Adaptive => {
-            thresholded::compress(measurement, settings, floor, progress)?
+            thresholded::compress(measurement, settings, &bases, floor, progress)?
         }
         Policy::Lossless => lossless::compress(measurement, settings, floor, progress)?,
     };

@@ -1,24 +1,12 @@
-//! Which bases are tried along wavelength, and their order once they were.
+//! Which bases compete along wavelength.
 //!
 //! At a wanted ratio or size every basis competes: all of them on small measurements; on large ones all on a sample of
 //! spectra, and the best few on the whole. At a wanted error the three that serve nearly all data compete.
 
-use super::{CompressError, Compressed, Policy, Settings, SpectralBasis, Target, thresholded};
+use super::{CompressError, Policy, Settings, SpectralBasis, Target, thresholded};
 use crate::domain::{Axis, Measurement, Progress, Silent, Tensor};
 use crate::transform::LineBasis;
 use rayon::prelude::*;
-use serde::Serialize;
-
-/// One basis that competed.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Ranked {
-    /// Its name.
-    pub basis: String,
-    /// The size of its file, or of its coefficients where only those were compared.
-    pub bytes: u64,
-    /// The error of its file, where it was decoded.
-    pub er_l2: Option<f64>,
-}
 
 /// Wavelengths up to which the data's own basis is tried without being asked for: its cost grows with their cube.
 const MOST_FOR_KLT: usize = 256;
@@ -85,7 +73,8 @@ fn finalists(
                 floor: None,
                 metadata: None,
             };
-            let compressed = thresholded::compress(&sample, &settings, 0.0, &Silent).ok()?;
+            let compressed =
+                thresholded::compress(&sample, &settings, &[SpectralBasis::Line(basis)], 0.0, &Silent).ok()?;
             Some((compressed.summary.errors.er_l2, basis))
         })
         .collect();
@@ -97,26 +86,4 @@ fn finalists(
         best.push(LineBasis::BIOR44);
     }
     Ok(best)
-}
-
-/// The best of files made to the same target, with the ranking of all of them; ties go to the earlier one.
-pub(crate) fn best(mut found: Vec<Compressed>, target: Target) -> Result<Compressed, CompressError> {
-    let by_error = matches!(target, Target::Ratio(_) | Target::Bytes(_));
-    found.sort_by(|a, b| {
-        if by_error {
-            a.summary.errors.er_l2.total_cmp(&b.summary.errors.er_l2)
-        } else {
-            a.bytes.len().cmp(&b.bytes.len())
-        }
-    });
-    let ranking = found
-        .iter()
-        .map(|c| Ranked {
-            basis: c.summary.basis.clone(),
-            bytes: c.bytes.len() as u64,
-            er_l2: Some(c.summary.errors.er_l2),
-        })
-        .collect();
-    let best = found.into_iter().next().ok_or_else(|| CompressError::Setting("no basis to try".to_owned()))?;
-    Ok(Compressed { ranking, ..best })
 }

@@ -7,11 +7,11 @@
 use super::file::{Parts, assemble, classes_chunk, finish, metadata_with_labels};
 use super::fill::fill;
 use super::header::Header;
-use super::rd::Scales;
 use super::rows::{clear_uncoded, coding_order};
+use super::scales::Scales;
 use super::search::largest;
 use super::selection::{GenericTransform, Rule};
-use super::{CompressError, Compressed, Policy, Settings, SpectralBasis, Target, ranking};
+use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target};
 use crate::codec::{ChunkKind, Class, Encoder, Payload, Rows, code_coefficients};
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress};
 use crate::transform::{AxisTransform, LineBasis, Plan, SphereBasis};
@@ -23,6 +23,7 @@ const REFINEMENTS: u32 = 12;
 pub(crate) fn compress(
     measurement: &Measurement,
     settings: &Settings,
+    bases: &[SpectralBasis],
     floor: f32,
     progress: &dyn Progress,
 ) -> Result<Compressed, CompressError> {
@@ -37,7 +38,6 @@ pub(crate) fn compress(
         samples.iter().map(|s| if s.is_nan() { Class::Masked } else { Class::Positive }).collect();
     let classes_coded = classes_chunk(axes, &mut classes);
     fill(axes, &mut samples);
-    let bases = ranking::candidates(measurement, settings, progress)?;
     let mut found: Vec<Compressed> = Vec::new();
     for (i, &basis) in bases.iter().enumerate() {
         progress.step(0.05 + 0.9 * i as f64 / bases.len() as f64)?;
@@ -49,7 +49,29 @@ pub(crate) fn compress(
         drop(work);
         found.push(finish(parts, measurement, settings.metadata.as_deref())?);
     }
-    ranking::best(found, settings.target)
+    best(found, settings.target)
+}
+
+/// The best of files made to the same target, with the ranking of all of them; ties go to the earlier one.
+fn best(mut found: Vec<Compressed>, target: Target) -> Result<Compressed, CompressError> {
+    let by_error = matches!(target, Target::Ratio(_) | Target::Bytes(_));
+    found.sort_by(|a, b| {
+        if by_error {
+            a.summary.errors.er_l2.total_cmp(&b.summary.errors.er_l2)
+        } else {
+            a.bytes.len().cmp(&b.bytes.len())
+        }
+    });
+    let ranking = found
+        .iter()
+        .map(|c| Ranked {
+            basis: c.summary.basis.clone(),
+            bytes: c.bytes.len() as u64,
+            er_l2: Some(c.summary.errors.er_l2),
+        })
+        .collect();
+    let best = found.into_iter().next().ok_or_else(|| CompressError::Setting("no basis to try".to_owned()))?;
+    Ok(Compressed { ranking, ..best })
 }
 
 struct Work<'a> {

@@ -9,8 +9,8 @@
 
 use super::super::SpectralBasis;
 use super::super::rows::{clear_uncoded, coding_order};
+use super::super::scales::Scales;
 use super::layer::{FirstLayer, transform_of};
-use super::scales::Scales;
 use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Payload, Reader, Rows, Writer, code_coefficients};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Klt, LineBasis, Plan, PlanError};

@@ -2,7 +2,7 @@
 
 use super::super::SpectralBasis;
 use super::super::rows::{clear_uncoded, coding_order};
-use super::scales::Scales;
+use super::super::scales::Scales;
 use crate::codec::{ChunkKind, Class, Encoder, Payload, Rows, code_coefficients};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, LineBasis, Plan, PlanError, SphereBasis, Weights};

@@ -4,19 +4,15 @@
 //! is orthonormal and the line bases are normalised by the norms of their synthesis functions, so that a step means the same
 //! error everywhere. Signs, zeros and masks go into a class plane beside; what has no logarithm is filled smoothly.
 
-mod adaptive;
+pub(crate) mod adaptive;
 mod layer;
-mod scales;
 
-pub(crate) use adaptive::decode as decode_adaptive;
-pub(crate) use scales::Scales;
-
-use super::decode::{add_corrections, exponentiate};
+use super::exponential::{add_corrections, exponentiate};
 use super::file::{Parts, assemble, classes_chunk, finish, lanes, metadata_with_labels};
 use super::fill::fill;
 use super::header::Header;
 use super::search::largest;
-use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target, ranking};
+use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target};
 use crate::codec::{ChunkKind, Class, Encoder, code_corrections};
 use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
 use adaptive::AdaptiveLayer;
@@ -32,6 +28,7 @@ const FLOORED: f64 = 0.7;
 pub(crate) fn compress(
     measurement: &Measurement,
     settings: &Settings,
+    bases: &[SpectralBasis],
     floor: f32,
     progress: &dyn Progress,
 ) -> Result<Compressed, CompressError> {
@@ -39,10 +36,9 @@ pub(crate) fn compress(
     let mut classes: Vec<Class> = measurement.tensor.samples().iter().map(|&s| class_of(s, floor)).collect();
     let classes_coded = classes_chunk(axes, &mut classes);
     let has_classes = classes_coded.is_some();
-    let bases = ranking::candidates(measurement, settings, progress)?;
     let work = |basis| Work::new(measurement, &classes, basis, settings, floor, has_classes);
     progress.step(0.05)?;
-    let (work, steps, ranking) = match bases.as_slice() {
+    let (work, steps, ranking) = match bases {
         [only] => {
             let work = work(*only)?;
             let steps = work.find_steps(progress)?;
