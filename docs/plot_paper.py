@@ -91,7 +91,7 @@ def table1(table):
         draw.text(keys + 15, 50, f"{count} of 80 coefficients")
         keys += 165
     draw.dot(left + 5, 66, GREY, hollow=True)
-    draw.text(left + 15, 70, "plain: the largest coefficients, as in the paper", colour=GREY)
+    draw.text(left + 15, 70, "plain: the largest coefficients as they are", colour=GREY)
     draw.dot(left + 335, 66, GREY)
     draw.text(left + 345, 70, "greedy: chosen and fitted for er(L2)", colour=GREY)
     for decade in range(-3, 1):
