@@ -51,10 +51,10 @@ pub(crate) struct RequestArgs {
     axes: AxesArgs,
     #[command(flatten)]
     target: TargetArgs,
-    /// rd: rate-distortion; conventional: the paper's threshold
+    /// rd: rate-distortion; the paper's: conventional (one threshold), generic (one a space), adaptive
     #[arg(long, default_value_t)]
     policy: Policy,
-    /// The spectral basis: auto, or a name that `wavelume bases` lists
+    /// The spectral basis: auto, klt (the data's own), identity, or a name that `wavelume bases` lists
     #[arg(long, default_value = "auto")]
     basis: String,
     /// Samples below F x the maximum leave the relative errors and are kept within that absolutely

@@ -4,10 +4,9 @@
 //! in the order written here and in `transform`, and the `exponential` of this room in f64, rounded once to f32.
 
 use super::exponential::{add_corrections, exponentiate};
-use super::file::lanes;
 use super::header::Header;
 use super::rd::adaptive;
-use super::rows::coding_order;
+use super::rows::{coding_order, lanes};
 use super::scales::Scales;
 use super::{Policy, Summary};
 use crate::codec::{

@@ -2,6 +2,7 @@
 
 use super::decode::samples_of;
 use super::header::Header;
+use super::rows::lanes;
 use super::{CompressError, Compressed, Ranked};
 use crate::codec::{ChunkKind, Class, Encoder, code_classes, write_container};
 use crate::domain::{Axis, ErrorReport, Measurement};
@@ -10,11 +11,6 @@ use crate::domain::{Axis, ErrorReport, Measurement};
 pub(crate) struct Parts {
     pub(crate) header: Header,
     pub(crate) chunks: Vec<(ChunkKind, Vec<u8>)>,
-}
-
-/// Length of the last axis: the lanes of a row.
-pub(crate) fn lanes(axes: &[Axis]) -> usize {
-    axes.last().map_or(1, Axis::len)
 }
 
 /// The classes chunk; `None` where every sample has the default class.

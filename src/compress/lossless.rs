@@ -1,8 +1,9 @@
 //! Every bit of every sample: no transform, the masked samples filled so that they cost little.
 
-use super::file::{Parts, classes_chunk, finish, lanes};
+use super::file::{Parts, classes_chunk, finish};
 use super::fill::fill;
 use super::header::Header;
+use super::rows::lanes;
 use super::{CompressError, Compressed, Policy, Settings};
 use crate::codec::{ChunkKind, Class, Encoder, code_exact};
 use crate::domain::{ErrorReport, Measurement, Progress};

@@ -4,6 +4,11 @@ use crate::codec::{Class, NONE, Rows};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan};
 
+/// Length of the last axis: the lanes of a row.
+pub(crate) fn lanes(axes: &[Axis]) -> usize {
+    axes.last().map_or(1, Axis::len)
+}
+
 /// The coding order of a tensor on `axes` transformed by `plan`: the last axis gives the lanes, all others the rows.
 ///
 /// Where `classes` are given, triangles without a live sample in any row and lane are dead: nothing is coded below a node

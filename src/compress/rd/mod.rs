@@ -8,9 +8,10 @@ pub(crate) mod adaptive;
 mod layer;
 
 use super::exponential::{add_corrections, exponentiate};
-use super::file::{Parts, assemble, classes_chunk, finish, lanes, metadata_with_labels};
+use super::file::{Parts, assemble, classes_chunk, finish, metadata_with_labels};
 use super::fill::fill;
 use super::header::Header;
+use super::rows::lanes;
 use super::search::largest;
 use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target};
 use crate::codec::{ChunkKind, Class, Encoder, code_corrections};
