@@ -54,7 +54,8 @@ CREATE TABLE jobs (
     id TEXT NOT NULL PRIMARY KEY,
     -- Hexadecimal bincode frame of the arguments.
     frame TEXT NOT NULL,
-    measurement TEXT NOT NULL,
+    -- What it reads; a report reads none.
+    measurement TEXT,
     state TEXT NOT NULL,
     progress DOUBLE PRECISION NOT NULL,
     attempts BIGINT NOT NULL,
@@ -64,6 +65,8 @@ CREATE TABLE jobs (
     not_before BIGINT NOT NULL,
     cancel_requested BIGINT NOT NULL,
     material TEXT,
+    -- The digest of a report's bytes, which stay as long as this row.
+    report TEXT,
     -- JSON: why it failed.
     problem TEXT,
     created_at BIGINT NOT NULL,
@@ -71,6 +74,7 @@ CREATE TABLE jobs (
 );
 CREATE INDEX jobs_by_state ON jobs (state, not_before, id);
 CREATE INDEX jobs_by_measurement ON jobs (measurement, state);
+CREATE INDEX jobs_by_report ON jobs (report);
 
 CREATE TABLE idempotency_keys (
     name TEXT NOT NULL PRIMARY KEY,

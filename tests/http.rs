@@ -16,6 +16,7 @@ use service::{CHECKER, D65, LAMP, LAMP_SPECTRUM, LONG_SHAPE, Service, config, lo
 use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use wavelume::api::{ServeError, Server};
+use wavelume::jobs::Archive;
 use wavelume::store::Digest;
 
 async fn gzip(bytes: &[u8]) -> Vec<u8> {
@@ -250,6 +251,55 @@ async fn job_bodies_are_checked() {
         assert_eq!(job["state"], "failed", "{job}");
         assert_eq!(job["problem"]["type"], format!("urn:wavelume:problem:{code}"), "{job}");
     }
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_report_on_the_papers_tables_is_a_job() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    let post = |body: Value| service.post("/v1/jobs").header("prefer", "wait=60").json(&body);
+    for (tables, found) in [(json!([0]), "found 0"), (json!([1, 300]), "found 300"), (json!([]), "none")] {
+        let refusal = problem(post(json!({ "kind": "paper", "tables": tables })), 422, "invalid-request").await;
+        assert!(refusal["detail"].as_str().unwrap().contains(found), "{refusal}");
+    }
+    problem(post(json!({ "kind": "paper", "target": "lossless" })), 422, "invalid-request").await;
+    let refusal = problem(post(json!({ "kind": "poster" })), 422, "invalid-request").await;
+    assert!(refusal["detail"].as_str().unwrap().contains("expected `compress` or `paper`"), "{refusal}");
+
+    let everything: Value =
+        service.post("/v1/jobs").json(&json!({ "kind": "paper" })).send().await.unwrap().json().await.unwrap();
+    let path = everything["links"]["self"].as_str().unwrap();
+    let state = async || service.get(path).send().await.unwrap().json::<Value>().await.unwrap()["state"].clone();
+    while state().await == "queued" {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    service.post(everything["links"]["cancel"].as_str().unwrap()).send().await.unwrap().error_for_status().unwrap();
+    while state().await == "running" {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    assert_eq!(state().await, "cancelled");
+
+    let response = post(json!({ "kind": "paper", "tables": [2] })).send().await.unwrap();
+    assert_eq!(response.status(), StatusCode::OK);
+    let job: Value = response.json().await.unwrap();
+    assert_eq!(
+        (job["state"].as_str(), &job["measurement"], &job["material"]),
+        (Some("succeeded"), &Value::Null, &Value::Null)
+    );
+    let (digest, link) = (job["report"].as_str().unwrap(), job["links"]["result"].as_str().unwrap());
+    assert_eq!(link, format!("/v1/blobs/{digest}"));
+    service.stop().await;
+
+    let swept = Archive::open(data.path()).await.unwrap().sweep().await.unwrap();
+    assert_eq!((swept.removed_blobs, swept.kept_blobs), (0, 1), "the job keeps its report");
+    let service = Service::start(config(data.path())).await;
+    let report = service.get(link).send().await.unwrap();
+    assert_eq!(report.headers()["content-type"], "application/json");
+    let report = report.bytes().await.unwrap();
+    assert_eq!(Digest::of(&report).to_string(), digest);
+    let table = wavelume::paper::table(2, &wavelume::domain::Silent).unwrap();
+    assert_eq!(report, serde_json::to_string(&[table]).unwrap() + "\n");
     service.stop().await;
 }
 

@@ -32,9 +32,9 @@ pub(crate) struct JsonBytes {
     _share: OwnedSemaphorePermit,
 }
 
-/// A JSON body as `T`.
-#[derive(Clone, Debug)]
-pub(crate) struct Json<T>(pub(crate) T);
+/// A whole JSON body that is no batch.
+#[derive(Debug)]
+pub(crate) struct SmallJson(pub(crate) JsonBytes);
 
 impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
     type Rejection = Problem;
@@ -89,12 +89,11 @@ impl FromRequest<App> for JsonBytes {
     }
 }
 
-impl<T: DeserializeOwned> FromRequest<App> for Json<T> {
+impl FromRequest<App> for SmallJson {
     type Rejection = Problem;
 
     async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
-        let body = read_json(request, app, SMALL.min(app.engine.limits.json_bytes)).await?;
-        parse_json(&body.bytes).map(Self)
+        read_json(request, app, SMALL.min(app.engine.limits.json_bytes)).await.map(Self)
     }
 }
 

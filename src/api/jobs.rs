@@ -1,10 +1,10 @@
 //! `/v1/jobs`: work that outlives a request.
 
-use super::extract::{JobId, Json as Body};
+use super::extract::{JobId, SmallJson, parse_json};
 use super::problem::{Kind, Problem, ProblemBody};
 use super::state::App;
 use crate::catalog::{Enqueued, JobRow, JobState};
-use crate::jobs::{CompressRequest, JobProblem};
+use crate::jobs::{JobProblem, JobRequest, Kind as JobKind, KindOnly};
 use crate::store::Digest;
 use axum::Json;
 use axum::extract::State;
@@ -32,11 +32,33 @@ const LONGEST_WAIT: u64 = 60;
 /// How often a job of another process is looked at.
 pub(super) const LOOK: Duration = Duration::from_secs(1);
 
+/// What to do; `kind` says which, and is `compress` if nothing is said.
+#[derive(ToSchema)]
+#[schema(as = JobRequest)]
+#[serde(untagged)]
+#[allow(dead_code, reason = "describes jobs::JobRequest, whose types know nothing of OpenAPI")]
+enum RequestSchema {
+    Compress(Box<CompressSchema>),
+    Paper(PaperSchema),
+}
+
+/// A wish for the tables of the paper, made again beside the printed figures.
+#[derive(ToSchema)]
+#[schema(as = PaperRequest)]
+#[allow(dead_code, reason = "describes jobs::PaperRequest, whose types know nothing of OpenAPI")]
+struct PaperSchema {
+    /// `paper`.
+    #[schema(example = "paper")]
+    kind: String,
+    /// Their numbers, 1 to 7, each once, in the order wanted; all tables if nothing is said.
+    tables: Option<Vec<u8>>,
+}
+
 /// A wish to compress, in the command line's names.
 #[derive(ToSchema)]
 #[schema(as = CompressRequest)]
 #[allow(dead_code, reason = "describes jobs::CompressRequest, whose types know nothing of OpenAPI")]
-struct RequestSchema {
+struct CompressSchema {
     /// `compress`, which is also what is done if nothing is said.
     #[schema(nullable = false)]
     kind: Option<String>,
@@ -84,12 +106,15 @@ pub(super) struct Job {
     state: &'static str,
     /// 0 to 1.
     progress: f64,
-    /// What it reads.
-    #[schema(value_type = String)]
-    measurement: Digest,
-    /// What it made.
+    /// What it reads; null for a report.
+    #[schema(value_type = Option<String>)]
+    measurement: Option<Digest>,
+    /// The material it made.
     #[schema(value_type = Option<String>)]
     material: Option<Digest>,
+    /// The digest of the report it made: an array of tables, as `wavelume paper --json` prints it.
+    #[schema(value_type = Option<String>)]
+    report: Option<Digest>,
     /// Why it failed or died.
     problem: Option<ProblemBody>,
     /// How often it was begun.
@@ -109,7 +134,7 @@ struct Links {
     this: String,
     events: String,
     cancel: String,
-    /// The material, once there is one.
+    /// The material or the report, once there is one.
     result: Option<String>,
 }
 
@@ -125,15 +150,16 @@ struct Links {
         (status = 200, description = "It has ended", body = Job, headers(("Location" = String, description = "The job"))),
     )
 )]
-async fn post_job(
-    State(app): State<App>,
-    headers: HeaderMap,
-    Body(request): Body<CompressRequest>,
-) -> Result<Response, Problem> {
+async fn post_job(State(app): State<App>, headers: HeaderMap, SmallJson(body): SmallJson) -> Result<Response, Problem> {
+    let request = match parse_json::<KindOnly>(&body.bytes)?.kind {
+        JobKind::Compress => JobRequest::Compress(parse_json(&body.bytes)?),
+        JobKind::Paper => JobRequest::Paper(parse_json(&body.bytes)?),
+    };
+    drop(body);
     request.check().map_err(|detail| Problem::new(Kind::InvalidRequest, detail))?;
     let wait = wait(&headers);
     let key = idempotency_key(&headers)?;
-    let measurement = request.measurement;
+    let measurement = request.measurement().map(|id| id.to_string()).unwrap_or_default();
     // The body's meaning, not its white space, is what must be the same.
     let meaning = serde_json::to_vec(&request).map_err(|error| Problem::internal(&error))?;
     let enqueued = app.engine.enqueue(&request, key.map(|key| (key, Digest::of(&meaning)))).await?;
@@ -153,7 +179,7 @@ async fn post_job(
         }
     };
     if new {
-        tracing::info!(job = row.id, %measurement, "job queued");
+        tracing::info!(job = row.id, measurement, "job queued");
     }
     if let Some(seconds) = wait {
         row = until_final(&app, row, Duration::from_secs(seconds)).await?;
@@ -281,7 +307,10 @@ impl Job {
             links: Links {
                 events: format!("{this}/events"),
                 cancel: format!("{this}/cancel"),
-                result: row.material.map(|id| format!("/v1/materials/{id}")),
+                result: row
+                    .material
+                    .map(|id| format!("/v1/materials/{id}"))
+                    .or_else(|| row.report.map(|digest| format!("/v1/blobs/{digest}"))),
                 this,
             },
             id: row.id,
@@ -289,6 +318,7 @@ impl Job {
             progress: row.progress,
             measurement: row.measurement,
             material: row.material,
+            report: row.report,
             problem: problem.map(|text| Problem::from(JobProblem::from_json(text)).body()),
             attempts: row.attempts,
             created_ms: row.created_ms,

@@ -193,7 +193,7 @@ async fn get_material_content(
     content::respond_named(&app, id, MATERIAL, Some(&name), &method, &headers).await
 }
 
-/// Bytes by their digest: a material's file or a measurement's content.
+/// Bytes by their digest: a material's file, a measurement's content or a report (`application/json`).
 #[utoipa::path(
     get, path = "/v1/blobs/{digest}", tag = "materials", params(("digest" = String, Path, description = "Their digest")),
     responses(
@@ -208,8 +208,14 @@ async fn get_blob(
     headers: HeaderMap,
     Id(digest): Id,
 ) -> Result<Response, Problem> {
-    let is_material = app.engine.archive.catalog.material(digest).await?.is_some();
-    let media_type = if is_material { MATERIAL } else { "application/octet-stream" };
+    let catalog = &app.engine.archive.catalog;
+    let media_type = if catalog.material(digest).await?.is_some() {
+        MATERIAL
+    } else if catalog.is_report(digest).await? {
+        "application/json"
+    } else {
+        "application/octet-stream"
+    };
     content::respond(&app, digest, media_type, None, &method, &headers).await
 }
 

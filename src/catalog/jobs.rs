@@ -19,7 +19,7 @@ pub enum JobState {
     /// Belongs to a worker. → succeeded, failed or cancelled by its worker; → queued when the lease runs out or the
     /// attempt failed for a passing reason; → dead when attempts are used up.
     Running,
-    /// A material was made. Final.
+    /// A material or a report was made. Final.
     Succeeded,
     /// The input or the request is at fault: another attempt would fail alike. Final.
     Failed,
@@ -36,8 +36,8 @@ pub struct NewJob {
     pub id: String,
     /// Its arguments.
     pub frame: String,
-    /// What it reads.
-    pub measurement: Digest,
+    /// What it reads, if it reads a measurement.
+    pub measurement: Option<Digest>,
     /// The client's key and the digest of the body it came with.
     pub idempotency: Option<(String, Digest)>,
 }
@@ -47,16 +47,18 @@ pub struct NewJob {
 pub struct JobRow {
     /// Its id.
     pub id: String,
-    /// What it reads.
-    pub measurement: Digest,
+    /// What it reads, if it reads a measurement.
+    pub measurement: Option<Digest>,
     /// Where it is.
     pub state: JobState,
     /// How far it is, 0..=1.
     pub progress: f64,
     /// How often it was begun.
     pub attempts: u32,
-    /// What it made.
+    /// The material it made.
     pub material: Option<Digest>,
+    /// The bytes of the report it made.
+    pub report: Option<Digest>,
     /// JSON: why it failed, or why the last attempt did.
     pub problem: Option<String>,
     /// When it came, ms of the Unix epoch.
@@ -109,6 +111,8 @@ pub enum Beat {
 pub enum Ended {
     /// With a material, published and pinned under this holder.
     Material(Box<NewMaterial>, String),
+    /// With the bytes of a report, published and pinned under this holder.
+    Report(Digest, String),
     /// With a problem (JSON) that another attempt would have too.
     Failed(String),
     /// With a problem (JSON) that may pass: again after the delay, unless attempts are used up.
@@ -128,7 +132,7 @@ pub enum Ended {
 
 macro_rules! columns {
     () => {
-        "id, measurement, state, progress, attempts, material, problem, created_at, updated_at"
+        "id, measurement, state, progress, attempts, material, report, problem, created_at, updated_at"
     };
 }
 
@@ -175,13 +179,15 @@ impl Catalog {
                 return Ok(Enqueued::Known(one(&mut write, known.try_get("job")?).await?));
             }
         }
-        let measurement = new.measurement.to_string();
-        let there = sqlx::query("SELECT 1 FROM measurements WHERE id = $1")
-            .bind(measurement.clone())
-            .fetch_optional(&mut *write.transaction)
-            .await?;
-        if there.is_none() {
-            return Ok(Enqueued::NoMeasurement);
+        let measurement = new.measurement.map(|digest| digest.to_string());
+        if let Some(id) = &measurement {
+            let there = sqlx::query("SELECT 1 FROM measurements WHERE id = $1")
+                .bind(id.clone())
+                .fetch_optional(&mut *write.transaction)
+                .await?;
+            if there.is_none() {
+                return Ok(Enqueued::NoMeasurement);
+            }
         }
         let waiting: i64 = sqlx::query("SELECT COUNT(*) FROM jobs WHERE state = 'queued'")
             .fetch_one(&mut *write.transaction)
@@ -222,6 +228,15 @@ impl Catalog {
             .await?
             .map(|row| read(&row))
             .transpose()
+    }
+
+    /// Whether these are the bytes of a report.
+    pub async fn is_report(&self, digest: Digest) -> Result<bool, CatalogError> {
+        let row = sqlx::query("SELECT 1 FROM jobs WHERE report = $1 LIMIT 1")
+            .bind(digest.to_string())
+            .fetch_optional(&self.pool)
+            .await?;
+        Ok(row.is_some())
     }
 
     /// How many jobs are in each state, for the metrics.
@@ -300,32 +315,42 @@ impl Catalog {
             .await?;
         let Some(owned) = owned else { return Ok(None) };
         let cancel = owned.try_get::<i64, _>(0)? != 0;
-        let (state, problem, material, wait, attempts) = match ended {
+        let (mut material, mut report, mut published) = (None, None, None);
+        let (state, problem, wait, attempts) = match ended {
             Ended::Material(new, holder) => {
                 insert(&mut write, new).await?;
-                sqlx::query("DELETE FROM pins WHERE digest = $1 AND holder = $2")
-                    .bind(new.id.to_string())
-                    .bind(holder.clone())
-                    .execute(&mut *write.transaction)
-                    .await?;
-                (JobState::Succeeded, None, Some(new.id.to_string()), 0, job.attempts)
+                material = Some(new.id.to_string());
+                published = Some((new.id, holder));
+                (JobState::Succeeded, None, 0, job.attempts)
             }
-            Ended::Failed(problem) => (JobState::Failed, Some(problem.clone()), None, 0, job.attempts),
-            Ended::Cancelled => (JobState::Cancelled, None, None, 0, job.attempts),
+            Ended::Report(digest, holder) => {
+                report = Some(digest.to_string());
+                published = Some((*digest, holder));
+                (JobState::Succeeded, None, 0, job.attempts)
+            }
+            Ended::Failed(problem) => (JobState::Failed, Some(problem.clone()), 0, job.attempts),
+            Ended::Cancelled => (JobState::Cancelled, None, 0, job.attempts),
             // Whoever asked for a cancel does not want another attempt.
-            Ended::Retry { .. } | Ended::Released if cancel => (JobState::Cancelled, None, None, 0, job.attempts),
+            Ended::Retry { .. } | Ended::Released if cancel => (JobState::Cancelled, None, 0, job.attempts),
             Ended::Retry { problem, attempts, .. } if job.attempts >= *attempts => {
-                (JobState::Dead, Some(problem.clone()), None, 0, job.attempts)
+                (JobState::Dead, Some(problem.clone()), 0, job.attempts)
             }
             Ended::Retry { problem, delay, .. } => {
-                (JobState::Queued, Some(problem.clone()), None, delay.as_millis() as i64, job.attempts)
+                (JobState::Queued, Some(problem.clone()), delay.as_millis() as i64, job.attempts)
             }
-            Ended::Released => (JobState::Queued, None, None, 0, job.attempts.saturating_sub(1)),
+            Ended::Released => (JobState::Queued, None, 0, job.attempts.saturating_sub(1)),
         };
+        if let Some((digest, holder)) = published {
+            sqlx::query("DELETE FROM pins WHERE digest = $1 AND holder = $2")
+                .bind(digest.to_string())
+                .bind(holder.clone())
+                .execute(&mut *write.transaction)
+                .await?;
+        }
         let progress = if state == JobState::Succeeded { 1.0 } else { 0.0 };
         sqlx::query(
             "UPDATE jobs SET state = $2, problem = $3, material = $4, not_before = $5, attempts = $6, progress = $7, \
-             worker = NULL, lease_until = NULL, updated_at = $8 WHERE id = $1",
+             worker = NULL, lease_until = NULL, updated_at = $8, report = $9 WHERE id = $1",
         )
         .bind(job.id.clone())
         .bind(state.name().to_owned())
@@ -335,6 +360,7 @@ impl Catalog {
         .bind(i64::from(attempts))
         .bind(progress)
         .bind(write.now)
+        .bind(report)
         .execute(&mut *write.transaction)
         .await?;
         write.commit().await?;
@@ -429,11 +455,12 @@ fn read(row: &AnyRow) -> Result<JobRow, CatalogError> {
         text.parse::<Digest>().map_err(|e| CatalogError::Row { table: "jobs", id: id.clone(), reason: e.to_string() })
     };
     Ok(JobRow {
-        measurement: digest(row.try_get("measurement")?)?,
+        measurement: row.try_get::<Option<String>, _>("measurement")?.map(digest).transpose()?,
         state: state(&id, row.try_get("state")?)?,
         progress: row.try_get("progress")?,
         attempts: row.try_get::<i64, _>("attempts")?.max(0) as u32,
         material: row.try_get::<Option<String>, _>("material")?.map(digest).transpose()?,
+        report: row.try_get::<Option<String>, _>("report")?.map(digest).transpose()?,
         problem: row.try_get("problem")?,
         created_ms: row.try_get("created_at")?,
         updated_ms: row.try_get("updated_at")?,
@@ -451,7 +478,7 @@ mod tests {
     const LEASE: Duration = Duration::from_mins(1);
 
     fn job(id: &str) -> NewJob {
-        NewJob { id: id.to_owned(), frame: "00".to_owned(), measurement: Digest::of(b"lamp"), idempotency: None }
+        NewJob { id: id.to_owned(), frame: "00".to_owned(), measurement: Some(Digest::of(b"lamp")), idempotency: None }
     }
 
     async fn with_lamp() -> (Catalog, tempfile::TempDir) {
@@ -495,7 +522,7 @@ mod tests {
         let (catalog, _directory) = with_lamp().await;
         assert!(matches!(catalog.enqueue(&job("1"), 1).await.unwrap(), Enqueued::New(_)));
         assert!(matches!(catalog.enqueue(&job("2"), 1).await.unwrap(), Enqueued::Full));
-        let lost = NewJob { measurement: Digest::of(b"?"), ..job("3") };
+        let lost = NewJob { measurement: Some(Digest::of(b"?")), ..job("3") };
         assert!(matches!(catalog.enqueue(&lost, 9).await.unwrap(), Enqueued::NoMeasurement));
     }
 
@@ -561,6 +588,24 @@ mod tests {
         catalog.end(&claimed, &Ended::Released).await.unwrap();
         assert_eq!(state_of(&catalog, "2").await, JobState::Cancelled);
         assert!(catalog.cancel("3").await.unwrap().is_none());
+    }
+
+    #[tokio::test]
+    async fn a_report_is_named_by_its_job() {
+        let (catalog, _directory) = testing::catalog().await;
+        let report = Digest::of(b"report");
+        catalog.enqueue(&NewJob { measurement: None, ..job("1") }, 9).await.unwrap();
+        let claimed = catalog.claim("w", LEASE).await.unwrap().unwrap();
+        catalog.pin(report, "holder", LEASE).await.unwrap();
+        assert!(!catalog.is_report(report).await.unwrap());
+        let ended = Ended::Report(report, "holder".to_owned());
+        assert_eq!(catalog.end(&claimed, &ended).await.unwrap(), Some(JobState::Succeeded));
+        let row = catalog.job("1").await.unwrap().unwrap();
+        assert_eq!((row.measurement, row.material, row.report), (None, None, Some(report)));
+        assert!(catalog.is_report(report).await.unwrap());
+        assert_eq!(catalog.named().await.unwrap().get(&report).map(String::as_str), Some("job 1"));
+        let nothing = std::future::ready(Ok::<(), ()>(()));
+        assert_eq!(catalog.unless_named(report, nothing).await.unwrap(), Ok(false), "the pin is gone, the row is not");
     }
 
     #[tokio::test]

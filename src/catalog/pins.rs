@@ -44,6 +44,7 @@ impl Catalog {
         let named = sqlx::query(
             "SELECT 1 FROM measurements WHERE content = $1 \
              UNION ALL SELECT 1 FROM materials WHERE id = $1 \
+             UNION ALL SELECT 1 FROM jobs WHERE report = $1 \
              UNION ALL SELECT 1 FROM pins WHERE digest = $1 AND expires_at > $2 LIMIT 1",
         )
         .bind(digest.to_string())
@@ -73,7 +74,8 @@ impl Catalog {
     pub async fn named(&self) -> Result<BTreeMap<Digest, String>, CatalogError> {
         use sqlx::Row;
         let rows = sqlx::query(
-            "SELECT content, 'measurement ' || id FROM measurements UNION ALL SELECT id, 'material ' || id FROM materials",
+            "SELECT content, 'measurement ' || id FROM measurements UNION ALL SELECT id, 'material ' || id FROM materials \
+             UNION ALL SELECT report, 'job ' || id FROM jobs WHERE report IS NOT NULL",
         )
         .fetch_all(&self.pool)
         .await?;
@@ -81,7 +83,7 @@ impl Catalog {
         for row in rows {
             let (text, by): (String, String) = (row.try_get(0)?, row.try_get(1)?);
             let digest = text.parse().map_err(|e| CatalogError::Row {
-                table: "measurements, materials",
+                table: "measurements, materials, jobs",
                 id: by.clone(),
                 reason: format!("{e}"),
             })?;

@@ -77,7 +77,7 @@ pub enum Fault {
     Missing {
         /// The digest.
         digest: String,
-        /// What names it: `measurement b3-…` or `material b3-…`.
+        /// What names it: `measurement b3-…`, `material b3-…` or `job …`.
         named_by: String,
     },
 }

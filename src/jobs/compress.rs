@@ -2,29 +2,19 @@
 //!
 //! Idempotent: the same measurement and request give the same bytes, so a second run publishes and names what is there.
 
+use super::attempt::{Failure, last, publish};
 use super::engine::Engine;
 use super::hub::Control;
-use super::ingest::{IngestError, Options, PIN};
-use super::maths::MathsError;
+use super::ingest::{IngestError, Options};
 use super::problem::{Code, JobProblem};
 use super::request::CompressRequest;
-use crate::catalog::{CatalogError, Ended, NewMaterial};
+use crate::catalog::{Ended, NewMaterial};
 use crate::compress::CompressError;
 use crate::pipeline::{self, Input, Outcome, PipelineError};
-use crate::store::{StoreError, StoreExt};
+use crate::store::StoreExt;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
-
-/// Why an attempt ended without a material.
-pub(crate) enum Failure {
-    /// It would end the same way again.
-    Final(JobProblem),
-    /// It may pass.
-    Passing(String),
-    /// It was asked to stop.
-    Stopped,
-}
 
 /// Runs one attempt and publishes what it made.
 pub(crate) async fn run(engine: &Arc<Engine>, request: &str, control: &Arc<Control>) -> Result<Ended, Failure> {
@@ -56,10 +46,10 @@ pub(crate) async fn run(engine: &Arc<Engine>, request: &str, control: &Arc<Contr
         }
     };
     let outcome = engine.background.run(work).await??;
-    publish(engine, &request, &row.content.to_string(), &options, outcome).await
+    end(engine, &request, &row.content.to_string(), &options, outcome).await
 }
 
-async fn publish(
+async fn end(
     engine: &Engine,
     request: &CompressRequest,
     content: &str,
@@ -68,11 +58,7 @@ async fn publish(
 ) -> Result<Ended, Failure> {
     let Outcome { bytes, report } = outcome;
     let size = bytes.len() as u64;
-    let staging = engine.archive.staging.clone();
-    let staged = tokio::task::spawn_blocking(move || staging.stage(&bytes))
-        .await
-        .map_err(|e| Failure::Passing(e.to_string()))??;
-    let id = staged.digest();
+    let (id, holder) = publish(engine, bytes).await?;
     let payload = report.payload_digest.parse().unwrap_or(id);
     let quantity = report.quantity;
     let mut manifest = match serde_json::to_value(&report) {
@@ -92,9 +78,6 @@ async fn publish(
             "request": request,
         }),
     );
-    let holder = uuid::Uuid::now_v7().simple().to_string();
-    engine.archive.catalog.pin(id, &holder, PIN).await?;
-    engine.archive.store.publish(&staged).await?;
     let material = NewMaterial {
         id,
         payload,
@@ -119,10 +102,6 @@ fn kept_options(document: &str) -> Result<Options, Failure> {
         .map_err(|e| Failure::Final(JobProblem::new(Code::Internal, format!("measurement's document: {e}"))))
 }
 
-fn last(code: Code, detail: impl std::fmt::Display) -> Failure {
-    Failure::Final(JobProblem::new(code, detail.to_string()))
-}
-
 impl From<PipelineError> for Failure {
     fn from(error: PipelineError) -> Self {
         match &error {
@@ -134,37 +113,6 @@ impl From<PipelineError> for Failure {
             PipelineError::Projection(_) => last(Code::UnfitAxes, error),
             PipelineError::Compress(CompressError::Unreachable(_)) => last(Code::UnreachableTarget, error),
         }
-    }
-}
-
-impl From<MathsError> for Failure {
-    fn from(error: MathsError) -> Self {
-        match error {
-            MathsError::Busy => Self::Passing(error.to_string()),
-            // The same input would panic again. Its message is for the log.
-            MathsError::Panicked(message) => {
-                tracing::error!(message, "a computation panicked");
-                last(Code::Internal, "the computation failed; this is a bug of the service, not of the measurement")
-            }
-        }
-    }
-}
-
-impl From<StoreError> for Failure {
-    fn from(error: StoreError) -> Self {
-        match error {
-            StoreError::Corrupt { .. } | StoreError::NotFound(_) | StoreError::Range { .. } => {
-                tracing::error!(%error, "a stored blob is damaged");
-                last(Code::Corrupt, "the stored bytes of the measurement are damaged; upload the file again")
-            }
-            StoreError::Io(_) | StoreError::Objects(_) => Self::Passing(error.to_string()),
-        }
-    }
-}
-
-impl From<CatalogError> for Failure {
-    fn from(error: CatalogError) -> Self {
-        Self::Passing(error.to_string())
     }
 }
 

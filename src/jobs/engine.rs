@@ -6,7 +6,7 @@ use super::frame::Frame;
 use super::hub::Hub;
 use super::maths::{Maths, MathsError};
 use super::presence::Presence;
-use super::request::CompressRequest;
+use super::request::JobRequest;
 use crate::catalog::{CatalogError, Enqueued, JobRow, NewJob};
 use crate::evaluate::{EvaluateError, Material};
 use crate::store::{Digest, StoreError, StoreExt};
@@ -73,14 +73,19 @@ impl Engine {
     /// Queues a job. `idempotency` is the client's key and the digest of its body.
     pub async fn enqueue(
         &self,
-        request: &CompressRequest,
+        request: &JobRequest,
         idempotency: Option<(String, Digest)>,
     ) -> Result<Enqueued, CatalogError> {
         let id = uuid::Uuid::now_v7().to_string();
         let refused = |reason: String| CatalogError::Row { table: "jobs", id: id.clone(), reason };
-        let request_json = serde_json::to_string(request).map_err(|e| refused(e.to_string()))?;
-        let frame = Frame::Compress { request: request_json }.encode().map_err(|e| refused(e.to_string()))?;
-        let new = NewJob { id: id.clone(), frame, measurement: request.measurement, idempotency };
+        let frame = match request {
+            JobRequest::Compress(request) => {
+                Frame::Compress { request: serde_json::to_string(request).map_err(|e| refused(e.to_string()))? }
+            }
+            JobRequest::Paper(request) => Frame::Paper { tables: request.numbers().map_err(refused)? },
+        };
+        let frame = frame.encode().map_err(|e| refused(e.to_string()))?;
+        let new = NewJob { id: id.clone(), frame, measurement: request.measurement(), idempotency };
         let enqueued = self.archive.catalog.enqueue(&new, self.limits.queued_jobs).await?;
         if matches!(enqueued, Enqueued::New(_)) {
             self.hub.queued();

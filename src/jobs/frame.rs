@@ -12,6 +12,11 @@ pub(crate) enum Frame {
         /// not self-describing.
         request: String,
     },
+    /// Make tables of the paper.
+    Paper {
+        /// Their numbers, at least one.
+        tables: Vec<u8>,
+    },
 }
 
 /// A frame that this version cannot read.
@@ -66,12 +71,16 @@ mod tests {
         let text = frame.encode().unwrap();
         assert_eq!(text, "000000000200000000000000".to_owned() + "7b7d");
         assert_eq!(Frame::decode(&text), Ok(frame));
+        let frame = Frame::Paper { tables: vec![1, 7] };
+        let text = frame.encode().unwrap();
+        assert_eq!(text, "010000000200000000000000".to_owned() + "0107");
+        assert_eq!(Frame::decode(&text), Ok(frame));
     }
 
     #[test]
     fn other_text_is_refused_without_allocating_its_sizes() {
         let lengthy = "00000000ffffffffffffff7f7b7d";
-        for bad in ["", "0", "zz", "é0", "01000000", lengthy, "0000000002000000000000007b7d00"] {
+        for bad in ["", "0", "zz", "é0", "01000000", "02000000", lengthy, "0000000002000000000000007b7d00"] {
             assert!(Frame::decode(bad).is_err(), "{bad}");
         }
         assert!(Frame::Compress { request: "x".repeat(LIMIT) }.encode().is_err());

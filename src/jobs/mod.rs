@@ -1,6 +1,7 @@
 //! Work that outlives a request: queue, leases, workers, one file a job.
 
 mod archive;
+mod attempt;
 mod compress;
 mod config;
 mod describe;
@@ -9,6 +10,7 @@ mod frame;
 mod hub;
 mod ingest;
 mod maths;
+mod paper;
 mod presence;
 mod problem;
 mod request;
@@ -20,7 +22,7 @@ pub use engine::{Engine, OpenError};
 pub use ingest::{IngestError, Options, Upload};
 pub use maths::{Maths, MathsError};
 pub use problem::{Code, JobProblem};
-pub use request::{CompressRequest, Kind, check_text};
+pub use request::{CompressRequest, JobRequest, Kind, KindOnly, PaperRequest, check_text};
 
 pub(crate) use maths::message as panic_message;
 pub(crate) use worker::run as run_workers;

@@ -2,15 +2,45 @@
 
 use crate::compress::{Policy, Target};
 use crate::domain::Quantity;
+use crate::paper::TABLES;
 use crate::pipeline::Request;
 use crate::store::Digest;
 use serde::{Deserialize, Serialize};
+
+/// What a client asks for.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum JobRequest {
+    /// A material of a measurement.
+    Compress(Box<CompressRequest>),
+    /// The report on the paper's tables.
+    Paper(PaperRequest),
+}
+
+/// The kinds of jobs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// A measurement to a material.
+    #[default]
+    Compress,
+    /// The tables of the paper.
+    Paper,
+}
+
+/// The kind in any request: it decides what else may be said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+pub struct KindOnly {
+    /// `compress` if nothing is said.
+    #[serde(default)]
+    pub kind: Kind,
+}
 
 /// A wish to compress; everything but `measurement` and `target` has a default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CompressRequest {
-    /// What kind of job; `compress` if nothing is said.
+    /// `compress`, also if nothing is said.
     #[serde(default)]
     pub kind: Kind,
     /// The id of the measurement.
@@ -55,13 +85,15 @@ pub struct CompressRequest {
     pub tags: Vec<String>,
 }
 
-/// The kinds of jobs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Kind {
-    /// A measurement to a material.
-    #[default]
-    Compress,
+/// A wish for tables of the paper.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PaperRequest {
+    /// `paper`.
+    pub kind: Kind,
+    /// Their numbers in the order wanted, each once; all tables if nothing is said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tables: Option<Vec<i64>>,
 }
 
 /// Characters in a name, licence or tag, and tags on one material.
@@ -74,6 +106,44 @@ fn auto() -> String {
 
 fn yes() -> bool {
     true
+}
+
+impl JobRequest {
+    /// What is wrong with it before anything is looked at.
+    pub fn check(&self) -> Result<(), String> {
+        match self {
+            Self::Compress(request) => request.check(),
+            Self::Paper(request) => request.numbers().map(|_| ()),
+        }
+    }
+
+    /// The measurement that it reads.
+    pub fn measurement(&self) -> Option<Digest> {
+        match self {
+            Self::Compress(request) => Some(request.measurement),
+            Self::Paper(_) => None,
+        }
+    }
+}
+
+impl PaperRequest {
+    /// The numbers of the tables, or what is wrong with them.
+    pub fn numbers(&self) -> Result<Vec<u8>, String> {
+        let Some(wanted) = &self.tables else { return Ok(TABLES.to_vec()) };
+        if wanted.is_empty() {
+            return Err("tables: none, expected some of 1 to 7, or no `tables` for all".to_owned());
+        }
+        let mut numbers = Vec::new();
+        for &wanted in wanted {
+            let known = TABLES.into_iter().find(|&number| i64::from(number) == wanted);
+            let number = known.ok_or_else(|| format!("tables: found {wanted}, expected 1 to 7"))?;
+            if numbers.contains(&number) {
+                return Err(format!("tables: {number} twice, expected each once"));
+            }
+            numbers.push(number);
+        }
+        Ok(numbers)
+    }
 }
 
 impl CompressRequest {
@@ -139,6 +209,22 @@ mod tests {
         let error = parse(",\"polcy\":\"rd\"").unwrap_err().to_string();
         assert!(error.contains("unknown field `polcy`"), "{error}");
         assert!(parse(",\"policy\":\"best\"").unwrap_err().to_string().contains("expected one of rd, conventional"));
+    }
+
+    #[test]
+    fn tables_are_all_or_those_asked_for() {
+        let numbers = |extra: &str| {
+            let text = format!("{{\"kind\":\"paper\"{extra}}}");
+            serde_json::from_str::<PaperRequest>(&text).unwrap().numbers()
+        };
+        assert_eq!(numbers(""), Ok(TABLES.to_vec()));
+        assert_eq!(numbers(",\"tables\":[3,1]"), Ok(vec![3, 1]));
+        for (bad, reason) in
+            [("", "none"), ("0", "found 0"), ("-1", "found -1"), ("1,300", "found 300"), ("2,2", "2 twice")]
+        {
+            let refusal = numbers(&format!(",\"tables\":[{bad}]")).unwrap_err();
+            assert!(refusal.contains(reason), "{refusal}");
+        }
     }
 
     #[test]

@@ -1,9 +1,11 @@
 //! The loops of a working process: claim and run, take back what the dead left, sweep.
 
-use super::compress::{self, Failure};
+use super::attempt::Failure;
+use super::compress;
 use super::engine::Engine;
 use super::frame::Frame;
 use super::hub::Control;
+use super::paper;
 use super::problem::{Code, JobProblem};
 use crate::catalog::{Beat, CatalogError, Claimed, Ended, JobState};
 use std::sync::Arc;
@@ -66,6 +68,7 @@ async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) 
         async move {
             match Frame::decode(&job.frame) {
                 Ok(Frame::Compress { request }) => compress::run(&engine, &request, &control).await,
+                Ok(Frame::Paper { tables }) => paper::run(&engine, tables, &control).await,
                 Err(error) => Err(Failure::Final(JobProblem::new(Code::Internal, error.to_string()))),
             }
         }
