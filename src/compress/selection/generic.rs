@@ -1,4 +1,4 @@
-//! The paper's policies on a tensor: conventional, generic, adaptive ([CPB06] section 4.2), thresholds found automatically.
+//! The paper's policies on a tensor: conventional, generic, adaptive (\[CPB06\] section 4.2), thresholds found automatically.
 //!
 //! Transforming over the first axis turns the tensor into *generic coefficients*, functions of the remaining axes; each
 //! is then transformed over the next axis, and so on. A generic coefficient whose norm √⟨u, u⟩ is below the threshold of
