@@ -25,7 +25,7 @@ pub use decode::{Decoded, decode, inspect, payload_digest};
 
 use crate::codec::MAGIC;
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress, Quantity, Sampling, Unit};
-use crate::transform::{AxisTransform, LineBasis};
+use crate::transform::{AxisTransform, LineBasis, SphereBasis};
 use serde::{Deserialize, Serialize};
 
 /// What the user is promised.
@@ -258,6 +258,20 @@ impl SpectralBasis {
             Self::Line(basis) => basis.name(),
             Self::Identity => "identity",
             Self::Klt => "klt",
+        }
+    }
+
+    /// The transform of an axis, triangles in `sphere`.
+    fn transform_of(self, axis: &Axis, sphere: SphereBasis) -> AxisTransform {
+        match axis {
+            Axis::Triangles(_) => AxisTransform::Sphere(sphere),
+            Axis::Elevation(_) => AxisTransform::line(LineBasis::BIOR44),
+            Axis::Wavelength(_) => match self {
+                Self::Line(basis) => AxisTransform::line(basis),
+                Self::Identity | Self::Klt => AxisTransform::Identity,
+            },
+            Axis::Rgb => AxisTransform::line(LineBasis::HAAR),
+            Axis::Index { .. } => AxisTransform::Identity,
         }
     }
 

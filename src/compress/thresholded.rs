@@ -13,8 +13,8 @@ use super::search::largest;
 use super::selection::{GenericTransform, Rule};
 use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target};
 use crate::codec::{ChunkKind, Class, Encoder, Payload, Rows, code_coefficients};
-use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress};
-use crate::transform::{AxisTransform, LineBasis, Plan, SphereBasis};
+use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
+use crate::transform::{AxisTransform, Plan, SphereBasis};
 
 /// Bisections of the threshold.
 const REFINEMENTS: u32 = 12;
@@ -96,7 +96,7 @@ impl<'a> Work<'a> {
         (classes, classes_coded): (&[Class], Option<(ChunkKind, Vec<u8>)>),
     ) -> Result<Self, CompressError> {
         let axes = measurement.tensor.axes();
-        let transforms: Vec<_> = axes.iter().map(|axis| transform_of(axis, basis)).collect();
+        let transforms: Vec<_> = axes.iter().map(|axis| basis.transform_of(axis, SphereBasis::BioHaar)).collect();
         let plan = Plan::new(axes, &transforms).map_err(|e| CompressError::Setting(e.to_string()))?;
         let mut coefficients = samples.to_vec();
         plan.forward(&mut coefficients);
@@ -279,18 +279,5 @@ impl<'a> Work<'a> {
         };
         let chunks = self.classes.iter().cloned().chain([(ChunkKind::Coefficients, encoder.finish())]).collect();
         Parts { header, chunks }
-    }
-}
-
-fn transform_of(axis: &Axis, basis: SpectralBasis) -> AxisTransform {
-    match axis {
-        Axis::Triangles(_) => AxisTransform::Sphere(SphereBasis::BioHaar),
-        Axis::Elevation(_) => AxisTransform::line(LineBasis::BIOR44),
-        Axis::Wavelength(_) => match basis {
-            SpectralBasis::Line(basis) => AxisTransform::line(basis),
-            SpectralBasis::Identity | SpectralBasis::Klt => AxisTransform::Identity,
-        },
-        Axis::Rgb => AxisTransform::line(LineBasis::HAAR),
-        Axis::Index { .. } => AxisTransform::Identity,
     }
 }

@@ -5,7 +5,7 @@ use super::super::rows::{clear_uncoded, coding_order};
 use super::super::scales::Scales;
 use crate::codec::{ChunkKind, Class, Encoder, Payload, Rows, code_coefficients};
 use crate::domain::Axis;
-use crate::transform::{AxisTransform, LineBasis, Plan, PlanError, SphereBasis, Weights};
+use crate::transform::{AxisTransform, Plan, PlanError, SphereBasis, Weights};
 
 /// What approximates the logarithms of a measurement at any step.
 pub(crate) trait FirstLayer {
@@ -77,14 +77,5 @@ impl FirstLayer for FixedLayer {
 
 /// The transform of an axis that carries logarithms.
 pub(crate) fn transform_of(axis: &Axis, basis: SpectralBasis) -> AxisTransform {
-    match axis {
-        Axis::Triangles(_) => AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count)),
-        Axis::Elevation(_) => AxisTransform::line(LineBasis::BIOR44),
-        Axis::Wavelength(_) => match basis {
-            SpectralBasis::Line(basis) => AxisTransform::line(basis),
-            SpectralBasis::Identity | SpectralBasis::Klt => AxisTransform::Identity,
-        },
-        Axis::Rgb => AxisTransform::line(LineBasis::HAAR),
-        Axis::Index { .. } => AxisTransform::Identity,
-    }
+    basis.transform_of(axis, SphereBasis::Orthonormal(Weights::Count))
 }

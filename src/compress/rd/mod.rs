@@ -36,8 +36,10 @@ pub(crate) fn compress(
     let axes = measurement.tensor.axes();
     let mut classes: Vec<Class> = measurement.tensor.samples().iter().map(|&s| class_of(s, floor)).collect();
     let classes_coded = classes_chunk(axes, &mut classes);
-    let has_classes = classes_coded.is_some();
-    let work = |basis| Work::new(measurement, &classes, basis, settings, floor, has_classes);
+    // The counts do not depend on what is decoded, so that a header has its final size before anything is.
+    let counts = ErrorReport::measure(measurement.tensor.samples(), measurement.tensor.samples(), f64::from(floor));
+    let plane = Plane { classes: &classes, coded: classes_coded.as_ref(), counts };
+    let work = |basis| Work::new(measurement, plane, basis, settings, floor);
     progress.step(0.05)?;
     let (work, steps, ranking) = match bases {
         [only] => {
@@ -50,7 +52,7 @@ pub(crate) fn compress(
             (work, steps, Some(ranking))
         }
     };
-    let parts = work.encode(steps, classes_coded);
+    let parts = work.encode(steps);
     // Decoding needs the memory.
     drop(work);
     drop(classes);
@@ -155,35 +157,42 @@ struct Steps {
     correction: f32,
 }
 
+/// What is the same in every basis and at every step.
+#[derive(Clone, Copy)]
+struct Plane<'a> {
+    classes: &'a [Class],
+    /// The classes chunk, where there is one.
+    coded: Option<&'a (ChunkKind, Vec<u8>)>,
+    counts: ErrorReport,
+}
+
 /// A first layer in one basis, ready to be tried at any step.
 struct Work<'a> {
     measurement: &'a Measurement,
     settings: &'a Settings,
-    classes: &'a [Class],
+    plane: Plane<'a>,
     layer: Box<dyn FirstLayer + 'a>,
     floor: f32,
-    has_classes: bool,
 }
 
 impl<'a> Work<'a> {
     fn new(
         measurement: &'a Measurement,
-        classes: &'a [Class],
+        plane: Plane<'a>,
         basis: SpectralBasis,
         settings: &'a Settings,
         floor: f32,
-        has_classes: bool,
     ) -> Result<Self, CompressError> {
         let axes = measurement.tensor.axes();
-        let logs = logarithms(measurement, classes, floor);
-        let coded = has_classes.then_some(classes);
+        let logs = logarithms(measurement, plane.classes, floor);
+        let coded = plane.coded.map(|_| plane.classes);
         let layer: Box<dyn FirstLayer + 'a> = match basis {
             SpectralBasis::Klt => Box::new(AdaptiveLayer::new(axes, coded, logs).map_err(CompressError::Setting)?),
             _ => {
                 Box::new(FixedLayer::new(axes, coded, basis, logs).map_err(|e| CompressError::Setting(e.to_string()))?)
             }
         };
-        Ok(Self { measurement, settings, classes, layer, floor, has_classes })
+        Ok(Self { measurement, settings, plane, layer, floor })
     }
 
     fn original(&self) -> &[f32] {
@@ -230,10 +239,10 @@ impl<'a> Work<'a> {
         }
         self.layer.approximate(step, decoded);
         exponentiate(decoded);
-        if !self.has_classes {
+        if self.plane.coded.is_none() {
             return Ok(ErrorReport::measure(self.original(), decoded, f64::from(self.floor)).er_l2);
         }
-        Ok(magnitude_error(self.original(), decoded, self.classes, self.floor))
+        Ok(magnitude_error(self.original(), decoded, self.plane.classes, self.floor))
     }
 
     /// The first layer's step for which both layers together are smallest.
@@ -258,12 +267,8 @@ impl<'a> Work<'a> {
     }
 
     fn file_size(&self, step: f32) -> usize {
-        let mut classes = self.classes.to_vec();
-        let classes = classes_chunk(self.measurement.tensor.axes(), &mut classes);
-        let chunks = classes.into_iter().chain(self.layer.chunks(step)).collect();
-        let header = self.header(Steps { step, correction: 0.0 });
         let metadata = metadata_with_labels(self.measurement.tensor.axes(), self.settings.metadata.as_deref());
-        assemble(&Parts { header, chunks }, metadata.as_deref()).len()
+        assemble(&self.encode(Steps { step, correction: 0.0 }), metadata.as_deref()).len()
     }
 
     fn corrections_chunk(&self, steps: Steps) -> (ChunkKind, Vec<u8>) {
@@ -274,7 +279,7 @@ impl<'a> Work<'a> {
             .original()
             .par_iter()
             .zip(&logs)
-            .zip(self.classes)
+            .zip(self.plane.classes)
             .map(|((&s, &log), class)| match class {
                 Class::Positive | Class::Negative => {
                     let wanted = libm::log(f64::from(s.abs()).max(lowest));
@@ -302,16 +307,16 @@ impl<'a> Work<'a> {
             klt: self.layer.basis() == SpectralBasis::Klt,
             step: steps.step,
             correction_step: steps.correction,
-            has_classes: self.has_classes,
+            has_classes: self.plane.coded.is_some(),
             floor: self.floor,
             kept: self.layer.kept(steps.step),
-            // The counts do not depend on what is decoded, so that the header has its final size.
-            errors: ErrorReport::measure(self.original(), self.original(), f64::from(self.floor)),
+            errors: self.plane.counts,
         }
     }
 
-    fn encode(&self, steps: Steps, classes: Option<(ChunkKind, Vec<u8>)>) -> Parts {
+    fn encode(&self, steps: Steps) -> Parts {
         let corrections = (steps.correction != 0.0).then(|| self.corrections_chunk(steps));
+        let classes = self.plane.coded.cloned();
         let chunks = classes.into_iter().chain(self.layer.chunks(steps.step)).chain(corrections).collect();
         Parts { header: self.header(steps), chunks }
     }
