@@ -5,14 +5,14 @@
 //! 0       4       magic 89 57 4C 4D ("\x89WLM")
 //! 4       1       version, 1
 //! 5       …       chunks, in this order, each at most once; H and E always:
-//!                   H header, C classes, B basis, Q coefficients, R corrections, X exact samples, M metadata, E end
+//!                   H header, C classes, B basis, P pyramid, Q coefficients, R corrections, X exact samples, M metadata, E end
 //!
 //! chunk:  1       kind, the letter above
 //!         varint  length of the payload in bytes (LEB128, shortest form; 0 for E)
 //!         length  payload
 //!         4       checksum: the first 4 bytes of the BLAKE3 hash of kind, length and payload as they stand
 //! ```
-//! E is the last byte sequence of the file: nothing may follow it. Which of C, B, Q, R and X are there follows from the header.
+//! E is the last byte sequence of the file: nothing may follow it. Which of C, B, P, Q, R and X are there follows from the header.
 //! The file's BLAKE3 digest is its name; the *payload digest* is that of the file without its M chunk.
 
 use super::bytes::{Reader, Writer};
@@ -32,6 +32,8 @@ pub enum ChunkKind {
     Classes,
     /// The data's own spectral basis.
     Basis,
+    /// Triangles predicted level by level.
+    Pyramid,
     /// Quantised or exact coefficients.
     Coefficients,
     /// The second layer of a pointwise guarantee.
@@ -45,10 +47,11 @@ pub enum ChunkKind {
 }
 
 impl ChunkKind {
-    const ALL: [Self; 8] = [
+    const ALL: [Self; 9] = [
         Self::Header,
         Self::Classes,
         Self::Basis,
+        Self::Pyramid,
         Self::Coefficients,
         Self::Corrections,
         Self::Exact,
@@ -61,6 +64,7 @@ impl ChunkKind {
             Self::Header => b'H',
             Self::Classes => b'C',
             Self::Basis => b'B',
+            Self::Pyramid => b'P',
             Self::Coefficients => b'Q',
             Self::Corrections => b'R',
             Self::Exact => b'X',
@@ -74,6 +78,7 @@ impl ChunkKind {
             Self::Header => "header",
             Self::Classes => "classes",
             Self::Basis => "basis",
+            Self::Pyramid => "pyramid",
             Self::Coefficients => "coefficients",
             Self::Corrections => "corrections",
             Self::Exact => "exact",

@@ -5,7 +5,7 @@
 
 use super::exponential::{add_corrections, exponentiate};
 use super::header::Header;
-use super::rd::adaptive;
+use super::rd::{adaptive, predictive};
 use super::rows::{coding_order, lanes};
 use super::scales::Scales;
 use super::{Policy, Summary};
@@ -58,7 +58,8 @@ fn open(bytes: &[u8]) -> Result<(Header, Container<'_>), CodecError> {
     let expected = [
         (ChunkKind::Classes, header.has_classes),
         (ChunkKind::Basis, header.klt),
-        (ChunkKind::Coefficients, header.policy != Policy::Lossless),
+        (ChunkKind::Pyramid, header.predicted),
+        (ChunkKind::Coefficients, header.policy != Policy::Lossless && !header.predicted),
         (ChunkKind::Corrections, header.correction_step != 0.0),
         (ChunkKind::Exact, header.policy == Policy::Lossless),
     ];
@@ -107,7 +108,10 @@ pub(crate) fn samples_of<'a>(
     let coefficients = payload(ChunkKind::Coefficients);
     let mut samples = match header.policy {
         Policy::Rd => {
-            let mut logs = if header.klt {
+            let mut logs = if header.predicted {
+                let chunks = (chunk(ChunkKind::Basis), payload(ChunkKind::Pyramid));
+                predictive::decode(&header.axes, classes.as_deref(), header.step, chunks)?
+            } else if header.klt {
                 let chunks = (payload(ChunkKind::Basis), coefficients);
                 adaptive::decode(&header.axes, &header.transforms, classes.as_deref(), header.step, chunks)?
             } else {

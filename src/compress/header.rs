@@ -6,6 +6,7 @@
 //! u8      policy: 0 rate–distortion, 1 conventional, 2 lossless, 3 generic, 4 adaptive
 //! not policy 2: varint a transform for each axis: 0 identity, 1 bio-Haar, 2 orthonormal by area, 3 orthonormal by count,
 //!               4 the data's own basis in the basis chunk (policy 0, last axis only),
+//!               5 the pyramid of the pyramid chunk (policy 0, last triangle axis only; other axes are then identities),
 //!               16 + the number of a basis on a line, followed by u8 its boundary rule
 //! policy 0:     f32 step; f32 correction step, 0 if there is no corrections chunk
 //! u8      1 if there is a classes chunk, else 0 (every sample is positive or, other than in policy 0, measured)
@@ -33,6 +34,8 @@ pub(crate) struct Header {
     pub(crate) transforms: Vec<AxisTransform>,
     /// Whether the last axis is in the basis of the basis chunk; its transform is then the identity.
     pub(crate) klt: bool,
+    /// Whether the last triangle axis is predicted; all transforms are then identities.
+    pub(crate) predicted: bool,
     pub(crate) step: f32,
     pub(crate) correction_step: f32,
     pub(crate) has_classes: bool,
@@ -50,6 +53,8 @@ const FIXED: [(u64, AxisTransform); 4] = [
 
 /// The code of the data's own basis.
 const KLT: u64 = 4;
+/// The code of a predicted pyramid.
+const PYRAMID: u64 = 5;
 /// The code of basis 0 on a line.
 const FIRST_LINE: u64 = 16;
 
@@ -62,28 +67,43 @@ fn write_transform(w: &mut Writer, transform: AxisTransform) {
     }
 }
 
-/// One transform for each axis, and whether the last is the data's own basis.
-fn read_transforms(
-    r: &mut Reader<'_>,
-    axes: &[Axis],
-    policy: Policy,
-) -> Result<(Vec<AxisTransform>, bool), CodecError> {
+/// One transform for each axis.
+#[derive(Default)]
+struct Transforms {
+    all: Vec<AxisTransform>,
+    /// Whether the last is the data's own basis.
+    klt: bool,
+    /// Whether the last triangles are predicted.
+    predicted: bool,
+}
+
+fn read_transforms(r: &mut Reader<'_>, axes: &[Axis], policy: Policy) -> Result<Transforms, CodecError> {
+    let mut transforms = Transforms::default();
     if policy == Policy::Lossless {
-        return Ok((Vec::new(), false));
+        return Ok(transforms);
     }
-    let mut transforms = Vec::new();
-    let mut klt = false;
-    for axis in 1..=axes.len() {
+    for axis in 0..axes.len() {
         let mut ahead = r.clone();
-        klt = axis == axes.len() && policy == Policy::Rd && ahead.varint("transform")? == KLT;
-        if klt {
+        let code = ahead.varint("transform")?;
+        let klt = policy == Policy::Rd && axis + 1 == axes.len() && code == KLT;
+        let predicted = policy == Policy::Rd && last_triangles(axes) == Some(axis) && code == PYRAMID;
+        transforms.klt |= klt;
+        transforms.predicted |= predicted;
+        if klt || predicted {
             *r = ahead;
-            transforms.push(AxisTransform::Identity);
+            transforms.all.push(AxisTransform::Identity);
         } else {
-            transforms.push(read_transform(r)?);
+            transforms.all.push(read_transform(r)?);
         }
     }
-    Ok((transforms, klt))
+    if transforms.predicted && transforms.all.iter().any(|t| *t != AxisTransform::Identity) {
+        return Err(r.malformed("a transform beside a predicted pyramid"));
+    }
+    Ok(transforms)
+}
+
+fn last_triangles(axes: &[Axis]) -> Option<usize> {
+    axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_)))
 }
 
 fn read_transform(r: &mut Reader<'_>) -> Result<AxisTransform, CodecError> {
@@ -111,6 +131,8 @@ impl Header {
         for (axis, &transform) in self.transforms.iter().enumerate() {
             if self.klt && axis + 1 == self.transforms.len() {
                 w.varint(KLT);
+            } else if self.predicted && last_triangles(&self.axes) == Some(axis) {
+                w.varint(PYRAMID);
             } else {
                 write_transform(&mut w, transform);
             }
@@ -151,7 +173,7 @@ impl Header {
         let sampling = coded(r, "sampling", Sampling::from_code)?;
         let axes = read_axes(r)?;
         let policy = coded(r, "policy", Policy::from_code)?;
-        let (transforms, klt) = read_transforms(r, &axes, policy)?;
+        let Transforms { all: transforms, klt, predicted } = read_transforms(r, &axes, policy)?;
         let (step, correction_step) = match policy {
             Policy::Rd => (r.f32("step")?, r.f32("correction step")?),
             _ => (0.0, 0.0),
@@ -186,6 +208,7 @@ impl Header {
             policy,
             transforms,
             klt,
+            predicted,
             step,
             correction_step,
             has_classes,

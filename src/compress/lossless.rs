@@ -33,6 +33,7 @@ pub(crate) fn compress(
         policy: Policy::Lossless,
         transforms: Vec::new(),
         klt: false,
+        predicted: false,
         step: 0.0,
         correction_step: 0.0,
         has_classes: classes.is_some(),

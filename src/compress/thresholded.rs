@@ -270,6 +270,7 @@ impl<'a> Work<'a> {
             policy: self.settings.policy,
             transforms: self.transforms.clone(),
             klt: false,
+            predicted: false,
             step: 0.0,
             correction_step: 0.0,
             has_classes: self.classes.is_some(),

@@ -15,6 +15,7 @@
 mod axis;
 mod direction;
 mod errors;
+mod lattice;
 pub mod limits;
 mod progress;
 mod quantity;
@@ -28,6 +29,7 @@ pub(crate) use axis::check_axes;
 pub use axis::{Axis, AxisError, Layout};
 pub use direction::Direction;
 pub use errors::{ErrorAccumulator, ErrorReport};
+pub use lattice::{MOST_NEIGHBOURS, Neighbours, Symmetry};
 pub use progress::{Cancelled, Progress, Silent};
 pub(crate) use quantity::named;
 pub use quantity::{Quantity, Sampling, Unit, UnknownName};

@@ -24,6 +24,7 @@ mod line;
 mod lines;
 mod partial;
 mod plan;
+mod prediction;
 mod rows;
 mod sphere;
 mod tables;
@@ -35,6 +36,7 @@ pub use klt::{Klt, KltError, MAX_KLT_LENGTH};
 pub use lines::LineBasis;
 pub use partial::Part;
 pub use plan::{Plan, PlanError};
+pub use prediction::{Householder, Prediction};
 pub use tree::AxisTree;
 
 #[cfg(test)]

@@ -19,6 +19,10 @@ pub(crate) trait FirstLayer {
     fn transforms(&self) -> &[AxisTransform];
     /// The basis on the spectral axis.
     fn basis(&self) -> SpectralBasis;
+    /// Whether triangles are predicted rather than transformed.
+    fn is_predicted(&self) -> bool {
+        false
+    }
 }
 
 /// Coefficients in fixed bases on all axes.

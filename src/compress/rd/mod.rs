@@ -6,6 +6,10 @@
 
 pub(crate) mod adaptive;
 mod layer;
+pub(crate) mod predictive;
+mod pyramid;
+mod spectrum;
+mod symmetry;
 
 use super::exponential::{add_corrections, exponentiate};
 use super::file::{Parts, assemble, classes_chunk, finish, metadata_with_labels};
@@ -15,9 +19,10 @@ use super::rows::lanes;
 use super::search::largest;
 use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target};
 use crate::codec::{ChunkKind, Class, Encoder, code_corrections};
-use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
+use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress, Symmetry};
 use adaptive::AdaptiveLayer;
 use layer::{FirstLayer, FixedLayer};
+use predictive::{PredictiveLayer, Shape};
 use rayon::prelude::*;
 
 /// Bisections of the step: 2^(1/64) at the end, 1 % of the step.
@@ -39,11 +44,12 @@ pub(crate) fn compress(
     // The counts do not depend on what is decoded, so that a header has its final size before anything is.
     let counts = ErrorReport::measure(measurement.tensor.samples(), measurement.tensor.samples(), f64::from(floor));
     let plane = Plane { classes: &classes, coded: classes_coded.as_ref(), counts };
-    let work = |basis| Work::new(measurement, plane, basis, settings, floor);
+    let work = |scheme: &Scheme| Work::new(measurement, plane, scheme, settings, floor);
+    let schemes = schemes(measurement, plane, bases, settings.target, floor);
     progress.step(0.05)?;
-    let (work, steps, ranking) = match bases {
+    let (work, steps, ranking) = match schemes.as_slice() {
         [only] => {
-            let work = work(*only)?;
+            let work = work(only)?;
             let steps = work.find_steps(progress)?;
             (work, steps, None)
         }
@@ -62,32 +68,94 @@ pub(crate) fn compress(
     Ok(Compressed { ranking, ..compressed })
 }
 
-/// The best basis with its steps, and the ranking: the fewest bytes at a wanted error, the least error at a wanted size.
+/// How the first layer sees a tensor.
+#[derive(Clone, Debug, PartialEq)]
+enum Scheme {
+    /// In fixed bases on all axes.
+    Fixed(SpectralBasis),
+    /// On the data's own spectral basis, in fixed bases on the other axes.
+    Adaptive,
+    /// The same with triangles predicted, folded by the group of these symmetries.
+    Predicted(Vec<Symmetry>),
+}
+
+impl Scheme {
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Fixed(basis) => basis.name(),
+            Self::Adaptive => SpectralBasis::Klt.name(),
+            Self::Predicted(symmetries) if symmetries.is_empty() => "predicted",
+            Self::Predicted(_) => "predicted, folded",
+        }
+    }
+}
+
+/// What competes: triangles are predicted where the spectral basis is the data's own, or where there is no spectral axis.
+fn schemes(
+    measurement: &Measurement,
+    plane: Plane<'_>,
+    bases: &[SpectralBasis],
+    target: Target,
+    floor: f32,
+) -> Vec<Scheme> {
+    let axes = measurement.tensor.axes();
+    let shape = Shape::of(axes);
+    let spectral = axes.last().is_some_and(|axis| !matches!(axis, Axis::Triangles(_)));
+    let mut schemes = Vec::new();
+    for &basis in bases {
+        let own = basis == SpectralBasis::Klt;
+        match &shape {
+            Some(shape) if own || !spectral => {
+                let tolerance = match target {
+                    Target::ErL2(error) => error,
+                    Target::MaxRelativeError(error) => 0.5 * error,
+                    Target::Ratio(_) | Target::Bytes(_) | Target::Lossless => 0.05,
+                };
+                let logs = logarithms(measurement, plane.classes, floor);
+                let classes = plane.coded.map(|_| plane.classes);
+                let symmetries = predictive::symmetries(shape, &logs, classes, tolerance);
+                if !symmetries.is_empty() {
+                    schemes.push(Scheme::Predicted(symmetries));
+                }
+                schemes.push(Scheme::Predicted(Vec::new()));
+            }
+            _ if own => schemes.push(Scheme::Adaptive),
+            _ => {}
+        }
+        if !own {
+            schemes.push(Scheme::Fixed(basis));
+        }
+    }
+    schemes
+}
+
+/// The best scheme with its steps, and the ranking: the fewest bytes at a wanted error, the least error at a wanted size.
 ///
 /// At a wanted error wavelets of the same measurement need nearly the same step, so the search of the first serves the
 /// others for the comparison.
 fn best_of<'a>(
-    work: &impl Fn(SpectralBasis) -> Result<Work<'a>, CompressError>,
-    bases: &[SpectralBasis],
+    work: &impl Fn(&Scheme) -> Result<Work<'a>, CompressError>,
+    schemes: &[Scheme],
     target: Target,
     progress: &dyn Progress,
 ) -> Result<(Work<'a>, Steps, Vec<Ranked>), CompressError> {
     let by_error = matches!(target, Target::Ratio(_) | Target::Bytes(_));
     let mut ranking: Vec<Ranked> = Vec::new();
-    let mut best: Option<(f64, SpectralBasis, Option<Steps>)> = None;
+    let mut best: Option<(f64, &Scheme, Option<Steps>)> = None;
     let mut shared = None;
     let mut decoded = Vec::new();
-    for (i, &basis) in bases.iter().enumerate() {
-        let candidate = work(basis)?;
+    for (i, scheme) in schemes.iter().enumerate() {
+        let fixed = matches!(scheme, Scheme::Fixed(_));
+        let candidate = work(scheme)?;
         let own = match shared {
-            Some(_) if basis != SpectralBasis::Klt && !by_error => None,
+            Some(_) if fixed && !by_error => None,
             _ => match candidate.find_steps(progress) {
                 // Few vectors cannot follow noise, and their own bytes may not fit; another basis may.
-                Err(CompressError::Unreachable(_)) if i + 1 < bases.len() || best.is_some() => continue,
+                Err(CompressError::Unreachable(_)) if i + 1 < schemes.len() || best.is_some() => continue,
                 found => Some(found?),
             },
         };
-        if basis != SpectralBasis::Klt {
+        if fixed {
             shared = shared.or(own);
         }
         let Some(steps) = own.or(shared) else { continue };
@@ -98,15 +166,15 @@ fn best_of<'a>(
         } else {
             None
         };
-        ranking.push(Ranked { basis: basis.name().to_owned(), bytes: bytes as u64, er_l2 });
+        ranking.push(Ranked { basis: scheme.name().to_owned(), bytes: bytes as u64, er_l2 });
         let score = er_l2.unwrap_or(bytes as f64);
         if best.is_none_or(|(least, _, _)| score < least) {
-            best = Some((score, basis, own));
+            best = Some((score, scheme, own));
         }
-        progress.step(0.05 + 0.5 * (i + 1) as f64 / bases.len() as f64)?;
+        progress.step(0.05 + 0.5 * (i + 1) as f64 / schemes.len() as f64)?;
     }
-    let Some((_, basis, steps)) = best else { return Err(CompressError::Setting("no basis to try".to_owned())) };
-    let chosen = work(basis)?;
+    let Some((_, scheme, steps)) = best else { return Err(CompressError::Setting("no basis to try".to_owned())) };
+    let chosen = work(scheme)?;
     let steps = steps.map_or_else(|| chosen.find_steps(progress), Ok)?;
     let score = |ranked: &Ranked| ranked.er_l2.unwrap_or(ranked.bytes as f64);
     ranking.sort_by(|a, b| score(a).total_cmp(&score(b)));
@@ -179,17 +247,23 @@ impl<'a> Work<'a> {
     fn new(
         measurement: &'a Measurement,
         plane: Plane<'a>,
-        basis: SpectralBasis,
+        scheme: &Scheme,
         settings: &'a Settings,
         floor: f32,
     ) -> Result<Self, CompressError> {
         let axes = measurement.tensor.axes();
         let logs = logarithms(measurement, plane.classes, floor);
         let coded = plane.coded.map(|_| plane.classes);
-        let layer: Box<dyn FirstLayer + 'a> = match basis {
-            SpectralBasis::Klt => Box::new(AdaptiveLayer::new(axes, coded, logs).map_err(CompressError::Setting)?),
-            _ => {
-                Box::new(FixedLayer::new(axes, coded, basis, logs).map_err(|e| CompressError::Setting(e.to_string()))?)
+        let layer: Box<dyn FirstLayer + 'a> = match scheme {
+            Scheme::Adaptive => Box::new(AdaptiveLayer::new(axes, coded, logs).map_err(CompressError::Setting)?),
+            Scheme::Predicted(symmetries) => {
+                let shape = Shape::of(axes).ok_or_else(|| CompressError::Setting("no triangle axis".to_owned()))?;
+                let layer = PredictiveLayer::new(shape, coded, &logs, symmetries);
+                Box::new(layer.map_err(CompressError::Setting)?)
+            }
+            Scheme::Fixed(basis) => {
+                let layer = FixedLayer::new(axes, coded, *basis, logs);
+                Box::new(layer.map_err(|e| CompressError::Setting(e.to_string()))?)
             }
         };
         Ok(Self { measurement, settings, plane, layer, floor })
@@ -305,6 +379,7 @@ impl<'a> Work<'a> {
             policy: Policy::Rd,
             transforms: self.layer.transforms().to_vec(),
             klt: self.layer.basis() == SpectralBasis::Klt,
+            predicted: self.layer.is_predicted(),
             step: steps.step,
             correction_step: steps.correction,
             has_classes: self.plane.coded.is_some(),

@@ -1,0 +1,86 @@
+//! Codes the quantised details of a triangle pyramid one by one, each in the context of magnitudes already known.
+
+use super::model::Model;
+use super::range::BitCoder;
+use super::symbols::{FINE, LEVELS, MagnitudeSlots, NONZERO, code_golomb, code_magnitude, fine, GOLOMB_SLOTS};
+
+/// Magnitudes around a detail, in sixteenths; `None` where there is nothing known.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Surroundings {
+    /// The level of the detail, 1 = the children of the coarsest triangles.
+    pub level: u8,
+    /// The mean magnitude of the parent's details.
+    pub parent: Option<u32>,
+    /// The mean magnitude of the details of neighbouring nodes, of those known.
+    pub neighbours: Option<u32>,
+    /// The mean magnitude of the details of this node, of those known.
+    pub siblings: Option<u32>,
+    /// The magnitude at the same place of the plane before.
+    pub before: Option<u32>,
+}
+
+const BY_NEAR: usize = 0;
+const BY_BOTH: usize = BY_NEAR + FINE * LEVELS;
+const BY_BEFORE: usize = BY_BOTH + FINE * FINE;
+const MAGNITUDE: usize = BY_BEFORE + FINE * LEVELS;
+const ROOT: usize = MAGNITUDE + MagnitudeSlots::COUNT;
+const SLOTS: usize = ROOT + 2 * GOLOMB_SLOTS;
+const SETS: usize = LEVELS + MagnitudeSlots::SETS;
+
+/// The adaptive models of a pyramid.
+pub struct DetailCoder {
+    model: Model,
+}
+
+impl Default for DetailCoder {
+    fn default() -> Self {
+        let mut model = Model::new(SLOTS, SETS);
+        for (class, &nonzero) in NONZERO.iter().enumerate() {
+            for level in 0..LEVELS {
+                model.prior(BY_NEAR + level * FINE + class, nonzero);
+                model.prior(BY_BEFORE + level * FINE + class, nonzero);
+            }
+            for (other, &also) in NONZERO.iter().enumerate() {
+                model.prior(BY_BOTH + class * FINE + other, also.midpoint(nonzero));
+            }
+        }
+        MagnitudeSlots::at(MAGNITUDE).set_priors(&mut model);
+        Self { model }
+    }
+}
+
+impl DetailCoder {
+    /// Codes the difference of a coarsest mean from what was coded before it; `first` if nothing was.
+    pub fn code_root<C: BitCoder>(&mut self, coder: &mut C, first: bool, difference: i32) -> i32 {
+        let slots = ROOT + usize::from(first) * GOLOMB_SLOTS;
+        let magnitude = code_golomb(coder, &mut self.model, slots, difference.unsigned_abs()) as i32;
+        if magnitude != 0 && coder.even(difference < 0) { -magnitude } else { magnitude }
+    }
+
+    /// Codes a detail.
+    #[inline]
+    pub fn code<C: BitCoder>(&mut self, coder: &mut C, around: &Surroundings, detail: i32) -> i32 {
+        let level = usize::from(around.level).min(LEVELS - 1);
+        let mut sum = 0;
+        let mut weight = 0;
+        for (known, trust) in
+            [(around.parent, 2), (around.neighbours, 3), (around.siblings, 2), (around.before, 2)]
+        {
+            if let Some(magnitude) = known {
+                sum += trust * magnitude.min(1 << 20);
+                weight += trust;
+            }
+        }
+        let near = fine(if weight == 0 { 16 } else { sum / weight });
+        let before = fine(around.before.or(around.neighbours).or(around.parent).unwrap_or(16));
+        let contexts = [BY_NEAR + level * FINE + near, BY_BOTH + before * FINE + near, BY_BEFORE + level * FINE + before];
+        if !self.model.code(coder, detail != 0, contexts, level) {
+            return 0;
+        }
+        let negative = coder.even(detail < 0);
+        let slots = MagnitudeSlots::at(MAGNITUDE);
+        let contexts = (near, before, level);
+        let magnitude = code_magnitude(coder, &mut self.model, slots, LEVELS, detail.unsigned_abs(), contexts) as i32;
+        if negative { -magnitude } else { magnitude }
+    }
+}

@@ -1,0 +1,377 @@
+//! The first layer that predicts: planes on the data's own spectral basis, folded by the symmetries that hold, each a
+//! pyramid of triangles predicted in closed loop.
+//!
+//! ```text
+//! pyramid chunk   u8 number of generators, then u8 each: the number of a symmetry of the last triangle axis' domain;
+//!                 then the range-coded pyramid
+//! ```
+
+use super::super::SpectralBasis;
+use super::layer::FirstLayer;
+use super::pyramid::Pyramid;
+use super::spectrum::{Basis, MAX_RANK};
+use super::symmetry::{Group, Member, Representative};
+use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Reader, Writer};
+use crate::domain::{Axis, Symmetry, TriangleMesh};
+use crate::transform::{AxisTransform, Klt};
+use rayon::prelude::*;
+
+/// Rows compared with their images when symmetries are looked for.
+const MOST_COMPARED: usize = 1 << 15;
+
+/// How a tensor is seen as planes: blocks of all other axes, leaves of the last triangle axis, rows of the last axis.
+#[derive(Clone, Debug)]
+pub(crate) struct Shape {
+    axes: Vec<Axis>,
+    mesh: TriangleMesh,
+    /// The axes of the blocks.
+    block_axes: Vec<Axis>,
+    /// Blocks of axes after the triangles.
+    inner: usize,
+    /// Samples of a row; 1 if the triangles are the last axis.
+    length: usize,
+}
+
+impl Shape {
+    /// `None` where there are no triangles.
+    pub(crate) fn of(axes: &[Axis]) -> Option<Self> {
+        let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_)))?;
+        let Axis::Triangles(mesh) = axes[at] else { return None };
+        let last = axes.len() - 1;
+        let spectral = at < last;
+        let between = &axes[at + 1..if spectral { last } else { at + 1 }];
+        let block_axes = axes[..at].iter().chain(between).cloned().collect();
+        Some(Self {
+            axes: axes.to_vec(),
+            mesh,
+            block_axes,
+            inner: between.iter().map(Axis::len).product(),
+            length: if spectral { axes[last].len() } else { 1 },
+        })
+    }
+
+    fn blocks(&self) -> usize {
+        self.block_axes.iter().map(Axis::len).product()
+    }
+
+    fn rows(&self) -> usize {
+        self.blocks() * self.mesh.len()
+    }
+
+    /// The row of leaf `leaf` in block `block`.
+    fn row(&self, block: usize, leaf: usize) -> usize {
+        ((block / self.inner) * self.mesh.len() + leaf) * self.inner + block % self.inner
+    }
+
+    fn group(&self, generators: &[Symmetry]) -> Option<Group> {
+        Group::new(&closure(generators), &self.block_axes, self.mesh)
+    }
+}
+
+/// All products of the generators, in the order of the domain's symmetries.
+fn closure(generators: &[Symmetry]) -> Vec<Symmetry> {
+    let mut all = vec![Symmetry::IDENTITY];
+    let mut next = 0;
+    while next < all.len() {
+        for generator in generators {
+            let product = generator.after(all[next]);
+            if !all.contains(&product) {
+                all.push(product);
+            }
+        }
+        next += 1;
+    }
+    all.sort();
+    all
+}
+
+/// Folded rows and their principal components.
+pub(crate) struct PredictiveLayer {
+    shape: Shape,
+    transforms: Vec<AxisTransform>,
+    generators: Vec<u8>,
+    group: Group,
+    representatives: Vec<Representative>,
+    live: Option<Vec<bool>>,
+    /// Of rows longer than one sample.
+    klt: Option<Klt>,
+    /// `[representatives, leaves, length]`
+    rows: Vec<f32>,
+}
+
+impl PredictiveLayer {
+    pub(crate) fn new(
+        shape: Shape,
+        classes: Option<&[Class]>,
+        logs: &[f32],
+        generators: &[Symmetry],
+    ) -> Result<Self, String> {
+        let known = Symmetry::of(shape.mesh.domain());
+        let numbers = generators.iter().filter_map(|g| known.iter().position(|k| k == g)).map(|n| n as u8).collect();
+        let group = shape.group(generators).ok_or("a symmetry of another domain")?;
+        let representatives = group.representatives();
+        let rows = fold_rows(&shape, &group, &representatives, logs);
+        let klt = if shape.length > 1 {
+            let mut klt = if group.members().len() > 1 {
+                let mut even = vec![0.0; logs.len()];
+                unfold_rows(&shape, &group, &representatives, shape.length, &rows, &mut even);
+                Klt::of(&even, shape.length)
+            } else {
+                Klt::of(logs, shape.length)
+            }
+            .map_err(|e| format!("basis klt: {e}"))?;
+            klt.truncate(MAX_RANK);
+            Some(klt)
+        } else {
+            None
+        };
+        let transforms = vec![AxisTransform::Identity; shape.axes.len()];
+        let live = live_leaves(&shape, &group, &representatives, classes);
+        Ok(Self { shape, transforms, generators: numbers, group, representatives, live, klt, rows })
+    }
+
+    /// The basis at `step`, and its chunk if rows are longer than one sample.
+    fn basis_at(&self, step: f32) -> (Option<Basis>, Option<Vec<u8>>) {
+        match &self.klt {
+            Some(klt) => {
+                let (basis, chunk) = Basis::encode(klt, &self.shape.axes, self.shape.rows(), step);
+                (Some(basis), Some(chunk))
+            }
+            None => (None, None),
+        }
+    }
+
+    /// Codes at `step`: the bytes of the pyramid, what a decoder has, and how many coefficients are not 0.
+    fn code(&self, step: f32, basis: Option<&Basis>) -> (Vec<u8>, Vec<f32>, u64) {
+        let vectors = basis.map_or(1, Basis::rank);
+        let coefficients = basis.map_or_else(|| self.rows.clone(), |basis| basis.analyse(&self.rows));
+        let planes = transposed(&coefficients, self.shape.mesh.len(), vectors);
+        let pyramid =
+            Pyramid::new(self.shape.mesh, vectors, &self.group, &self.representatives, self.live.as_deref());
+        let mut encoder = Encoder::default();
+        let (decoded, kept) = pyramid.code(&mut encoder, step, Some(planes));
+        (encoder.finish(), decoded, kept)
+    }
+}
+
+impl FirstLayer for PredictiveLayer {
+    fn approximate(&self, step: f32, logs: &mut [f32]) {
+        let (basis, _) = self.basis_at(step);
+        let (_, decoded, _) = self.code(step, basis.as_ref());
+        synthesise(&self.shape, &self.group, &self.representatives, basis.as_ref(), &decoded, logs);
+    }
+
+    fn chunks(&self, step: f32) -> Vec<(ChunkKind, Vec<u8>)> {
+        let (basis, chunk) = self.basis_at(step);
+        let mut chunks: Vec<_> = chunk.into_iter().map(|chunk| (ChunkKind::Basis, chunk)).collect();
+        let mut w = Writer::default();
+        w.u8(self.generators.len() as u8);
+        w.raw(&self.generators);
+        w.raw(&self.code(step, basis.as_ref()).0);
+        chunks.push((ChunkKind::Pyramid, w.into_bytes()));
+        chunks
+    }
+
+    fn kept(&self, step: f32) -> u64 {
+        let (basis, _) = self.basis_at(step);
+        // The basis itself is part of what is kept.
+        self.code(step, basis.as_ref()).2 + basis.map_or(0, |basis| basis.entries() as u64)
+    }
+
+    fn transforms(&self) -> &[AxisTransform] {
+        &self.transforms
+    }
+
+    fn basis(&self) -> SpectralBasis {
+        if self.klt.is_some() { SpectralBasis::Klt } else { SpectralBasis::Identity }
+    }
+
+    fn is_predicted(&self) -> bool {
+        true
+    }
+}
+
+/// The logarithms that a basis chunk and a pyramid chunk stand for.
+pub(crate) fn decode(
+    axes: &[Axis],
+    classes: Option<&[Class]>,
+    step: f32,
+    (basis, coded): (Option<&[u8]>, &[u8]),
+) -> Result<Vec<f32>, CodecError> {
+    let malformed = |reason: &str| CodecError::Malformed { at: 0, reason: reason.to_owned() };
+    let shape = Shape::of(axes).ok_or_else(|| malformed("a pyramid without a triangle axis"))?;
+    let basis = match basis {
+        Some(chunk) if shape.length > 1 => Some(Basis::decode(chunk, axes, shape.rows(), step)?),
+        None if shape.length == 1 => None,
+        _ => return Err(malformed("a basis chunk without a spectral axis, or none with one")),
+    };
+    let mut r = Reader::new(coded, 0);
+    let known = Symmetry::of(shape.mesh.domain());
+    let mut generators = Vec::new();
+    for _ in 0..r.u8("number of generators")?.min(8) {
+        let number = r.u8("symmetry")?;
+        generators.push(*known.get(usize::from(number)).ok_or_else(|| malformed("a symmetry that is unknown"))?);
+    }
+    let group = shape.group(&generators).ok_or_else(|| malformed("a symmetry of another domain"))?;
+    let representatives = group.representatives();
+    let live = live_leaves(&shape, &group, &representatives, classes);
+    let vectors = basis.as_ref().map_or(1, Basis::rank);
+    let pyramid = Pyramid::new(shape.mesh, vectors, &group, &representatives, live.as_deref());
+    let rest = r.take(r.remaining(), "pyramid")?;
+    let (decoded, _) = pyramid.code(&mut Decoder::new(rest), step, None);
+    let mut logs = vec![0.0; axes.iter().map(Axis::len).product()];
+    synthesise(&shape, &group, &representatives, basis.as_ref(), &decoded, &mut logs);
+    Ok(logs)
+}
+
+/// Planes `[representatives, vectors, leaves]` to logarithms.
+fn synthesise(
+    shape: &Shape,
+    group: &Group,
+    representatives: &[Representative],
+    basis: Option<&Basis>,
+    planes: &[f32],
+    logs: &mut [f32],
+) {
+    let vectors = basis.map_or(1, Basis::rank);
+    let rows = transposed(planes, vectors, shape.mesh.len());
+    let mut all = vec![0.0; shape.rows() * vectors];
+    unfold_rows(shape, group, representatives, vectors, &rows, &mut all);
+    match basis {
+        Some(basis) => basis.synthesise(&all, logs),
+        None => logs.copy_from_slice(&all),
+    }
+}
+
+/// Blocks of `rows × columns` turned into `columns × rows`.
+fn transposed(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {
+    if columns == 1 || rows == 1 {
+        return values.to_vec();
+    }
+    let mut turned = vec![0.0; values.len()];
+    let block = rows * columns;
+    turned.par_chunks_mut(block).zip(values.par_chunks(block)).for_each(|(turned, values)| {
+        for (i, row) in values.chunks_exact(columns).enumerate() {
+            for (j, &value) in row.iter().enumerate() {
+                turned[j * rows + i] = value;
+            }
+        }
+    });
+    turned
+}
+
+/// The means of rows over orbits: `[representatives, leaves, length]`.
+fn fold_rows(shape: &Shape, group: &Group, representatives: &[Representative], logs: &[f32]) -> Vec<f32> {
+    let (n, leaves) = (shape.length, shape.mesh.len());
+    let mut folded = vec![0.0; representatives.len() * leaves * n];
+    let share = 1.0 / group.members().len() as f64;
+    folded.par_chunks_mut(leaves * n).zip(representatives).for_each(|(block, representative)| {
+        let mut sums = vec![0.0_f64; n];
+        for (leaf, target) in block.chunks_exact_mut(n).enumerate() {
+            sums.fill(0.0);
+            for member in group.members() {
+                let row = shape.row(member.blocks[representative.block] as usize, member.leaves[leaf] as usize);
+                sums.iter_mut().zip(&logs[row * n..][..n]).for_each(|(sum, &x)| *sum += f64::from(x));
+            }
+            target.iter_mut().zip(&sums).for_each(|(x, sum)| *x = (sum * share) as f32);
+        }
+    });
+    folded
+}
+
+/// Rows of `width` from `[representatives, leaves, width]` to every place they stand for.
+fn unfold_rows(
+    shape: &Shape,
+    group: &Group,
+    representatives: &[Representative],
+    width: usize,
+    folded: &[f32],
+    all: &mut [f32],
+) {
+    let leaves = shape.mesh.len();
+    for (representative, block) in representatives.iter().zip(folded.chunks_exact(leaves * width)) {
+        for member in group.members() {
+            let target = member.blocks[representative.block] as usize;
+            for (source, &leaf) in block.chunks_exact(width).zip(&member.leaves) {
+                let row = shape.row(target, leaf as usize);
+                all[row * width..][..width].copy_from_slice(source);
+            }
+        }
+    }
+}
+
+/// By representative and leaf: whether any sample that it stands for has a logarithm; `None` if all have.
+fn live_leaves(
+    shape: &Shape,
+    group: &Group,
+    representatives: &[Representative],
+    classes: Option<&[Class]>,
+) -> Option<Vec<bool>> {
+    let classes = classes?;
+    let is_live = |class: &Class| matches!(class, Class::Positive | Class::Negative);
+    let rows: Vec<bool> = classes.chunks_exact(shape.length).map(|row| row.iter().any(is_live)).collect();
+    if rows.iter().all(|&live| live) {
+        return None;
+    }
+    let mut live = Vec::with_capacity(representatives.len() * shape.mesh.len());
+    for representative in representatives {
+        for leaf in 0..shape.mesh.len() {
+            live.push(group.members().iter().any(|member| {
+                rows[shape.row(member.blocks[representative.block] as usize, member.leaves[leaf] as usize)]
+            }));
+        }
+    }
+    Some(live)
+}
+
+/// Generators of the largest group found under which the logarithms differ by at most `tolerance`, root mean square.
+///
+/// The deviation is that of one entry from its orbit's mean if entries differed by independent noise.
+pub(crate) fn symmetries(shape: &Shape, logs: &[f32], classes: Option<&[Class]>, tolerance: f64) -> Vec<Symmetry> {
+    let mut accepted: Vec<(f64, Symmetry)> = Symmetry::of(shape.mesh.domain())
+        .into_par_iter()
+        .filter(|&s| s != Symmetry::IDENTITY)
+        .filter_map(|symmetry| {
+            let group = Group::new(&[symmetry], &shape.block_axes, shape.mesh)?;
+            let deviation = deviation(shape, &group.members()[0], logs, classes);
+            (deviation <= tolerance).then_some((deviation, symmetry))
+        })
+        .collect();
+    accepted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut generators: Vec<Symmetry> = Vec::new();
+    for &(_, symmetry) in &accepted {
+        if closure(&generators).contains(&symmetry) {
+            continue;
+        }
+        generators.push(symmetry);
+        let all = closure(&generators);
+        if !all.iter().all(|s| *s == Symmetry::IDENTITY || accepted.iter().any(|(_, known)| known == s)) {
+            generators.pop();
+        }
+    }
+    generators
+}
+
+/// Root mean square of the difference between rows and their images, divided by √2.
+fn deviation(shape: &Shape, member: &Member, logs: &[f32], classes: Option<&[Class]>) -> f64 {
+    let n = shape.length;
+    let stride = shape.rows().div_ceil(MOST_COMPARED);
+    let (mut sum, mut count) = (0.0_f64, 0_u64);
+    for at in (0..shape.rows()).step_by(stride) {
+        let (block, leaf) = (at / shape.mesh.len(), at % shape.mesh.len());
+        let own = shape.row(block, leaf) * n;
+        let other = shape.row(member.blocks[block] as usize, member.leaves[leaf] as usize) * n;
+        if own == other {
+            continue;
+        }
+        for k in 0..n {
+            let live = |at: usize| classes.is_none_or(|c| matches!(c[at], Class::Positive | Class::Negative));
+            if live(own + k) && live(other + k) {
+                let difference = f64::from(logs[own + k]) - f64::from(logs[other + k]);
+                sum += difference * difference;
+                count += 1;
+            }
+        }
+    }
+    if count == 0 { f64::INFINITY } else { (sum / count as f64 / 2.0).sqrt() }
+}

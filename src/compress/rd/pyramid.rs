@@ -1,0 +1,365 @@
+//! Planes of triangles as a pyramid of means, each level predicted from the decoded one above it, in closed loop.
+//!
+//! The prediction error is transformed orthonormally among the children of a node, so that one step serves all levels: an
+//! error of a mean is an error of all its leaves, hence its step is the leaves' divided by the root of their number.
+
+use super::symmetry::{Group, Representative};
+use crate::codec::{BitCoder, DetailCoder, Surroundings};
+use crate::domain::TriangleMesh;
+use crate::transform::{Householder, Prediction};
+
+/// Coefficients within half a step and this much more become 0.
+const DEAD_ZONE: f32 = 0.12;
+/// Other coefficients decode this much closer to 0, where their density is higher.
+const RECONSTRUCTION_OFFSET: f32 = 0.03;
+const LARGEST: f32 = (1 << 30) as f32;
+/// Magnitudes in contexts are capped, so that sums cannot overflow.
+const CAP: u32 = 1 << 16;
+
+/// The pyramid of planes `[representatives, vectors, leaves]`.
+pub(crate) struct Pyramid {
+    levels: usize,
+    bases: usize,
+    vectors: usize,
+    predictions: Vec<Prediction>,
+    /// By representative: its number in `folds`.
+    fold_of: Vec<usize>,
+    /// By stabiliser, by level.
+    folds: Vec<Vec<LevelFold>>,
+    /// By representative, by level: how the live children of a node are told apart; empty if all are live.
+    live: Vec<Vec<Vec<u8>>>,
+    householders: [Householder; 3],
+}
+
+/// What a stabiliser means at one level.
+#[derive(Clone, Debug)]
+struct LevelFold {
+    /// By node: the node that stands for it, itself or an earlier one.
+    source: Vec<u32>,
+    /// By node: child c equals child `children[c]` of the source; of a source: the first child equal to child c.
+    children: Vec<[u8; 4]>,
+}
+
+impl Pyramid {
+    pub(crate) fn new(
+        mesh: TriangleMesh,
+        vectors: usize,
+        group: &Group,
+        representatives: &[Representative],
+        live: Option<&[bool]>,
+    ) -> Self {
+        let mut folds: Vec<(Vec<usize>, Vec<LevelFold>)> = Vec::new();
+        let fold_of = representatives
+            .iter()
+            .map(|r| {
+                folds.iter().position(|(known, _)| *known == r.stabiliser).unwrap_or_else(|| {
+                    let moves = r.stabiliser.iter().map(|&m| group.members()[m].leaves.as_slice());
+                    folds.push((r.stabiliser.clone(), level_folds(mesh, &moves.collect::<Vec<_>>())));
+                    folds.len() - 1
+                })
+            })
+            .collect();
+        let live = live.map_or_else(Vec::new, |live| live.chunks_exact(mesh.len()).map(|l| live_levels(mesh, l)).collect());
+        Self {
+            levels: usize::from(mesh.level()),
+            bases: mesh.bases(),
+            vectors,
+            predictions: Prediction::levels(mesh),
+            fold_of,
+            folds: folds.into_iter().map(|(_, levels)| levels).collect(),
+            live,
+            householders: [Householder::new(2), Householder::new(3), Householder::new(4)],
+        }
+    }
+
+    fn planes(&self) -> usize {
+        self.fold_of.len() * self.vectors
+    }
+
+    fn nodes(&self, level: usize) -> usize {
+        self.bases << (2 * level)
+    }
+
+    /// The live children of node `t` of a representative's plane, as bits.
+    fn live(&self, representative: usize, level: usize, t: usize) -> u8 {
+        self.live.get(representative).map_or(15, |levels| levels[level][t])
+    }
+
+    /// The means of all levels of `planes`, coarse first; dead children do not count.
+    fn means(&self, planes: Vec<f32>) -> Vec<Vec<f32>> {
+        let mut levels = vec![planes];
+        for level in (0..self.levels).rev() {
+            let children = &levels[levels.len() - 1];
+            let n = self.nodes(level);
+            let means = children
+                .chunks_exact(4)
+                .enumerate()
+                .map(|(i, c)| {
+                    let live = self.live(i / (n * self.vectors), level, i % n);
+                    let (mut sum, mut count) = (0.0, 0.0);
+                    for (k, value) in c.iter().enumerate() {
+                        if live >> k & 1 == 1 {
+                            sum += value;
+                            count += 1.0;
+                        }
+                    }
+                    if count > 0.0 { sum / count } else { 0.0 }
+                })
+                .collect();
+            levels.push(means);
+        }
+        levels.reverse();
+        levels
+    }
+
+    /// Codes planes at `step`: an encoder is given them, a decoder nothing; both return what a decoder has. The number of
+    /// details that are not 0 comes along. `each_level` sees the coder at the end of every level.
+    pub(crate) fn code<C: BitCoder>(
+        &self,
+        coder: &mut C,
+        step: f32,
+        planes: Option<Vec<f32>>,
+    ) -> (Vec<f32>, u64) {
+        let source = planes.map(|planes| self.means(planes));
+        let mut details = DetailCoder::default();
+        let mut kept = 0;
+        let mut decoded = self.code_roots(coder, &mut details, step, source.as_ref().map(|s| s[0].as_slice()), &mut kept);
+        let mut above: Vec<i32> = Vec::new();
+        for level in 0..self.levels {
+            let n = self.nodes(level);
+            let mut children = vec![0.0; self.planes() * 4 * n];
+            let mut quantised = vec![0_i32; self.planes() * 3 * n];
+            for plane in 0..self.planes() {
+                let (before, here) = quantised.split_at_mut(plane * 3 * n);
+                let task = Plane {
+                    pyramid: self,
+                    level,
+                    representative: plane / self.vectors,
+                    step: step_at(step, self.levels - level - 1),
+                    source: source.as_ref().map(|s| &s[level + 1][plane * 4 * n..][..4 * n]),
+                    means: &decoded[plane * n..][..n],
+                    above: above.get(plane * 3 * (n / 4)..).unwrap_or_default(),
+                    before: self.plane_before(plane).map(|p| &before[p * 3 * n..][..3 * n]),
+                };
+                kept += task.code(coder, &mut details, &mut here[..3 * n], &mut children[plane * 4 * n..][..4 * n]);
+            }
+            decoded = children;
+            above = quantised;
+        }
+        (decoded, kept)
+    }
+
+    /// The plane whose magnitudes tell most about those of `plane`.
+    fn plane_before(&self, plane: usize) -> Option<usize> {
+        if plane % self.vectors > 0 { Some(plane - 1) } else { plane.checked_sub(self.vectors) }
+    }
+
+    fn code_roots<C: BitCoder>(
+        &self,
+        coder: &mut C,
+        details: &mut DetailCoder,
+        step: f32,
+        source: Option<&[f32]>,
+        kept: &mut u64,
+    ) -> Vec<f32> {
+        let step = step_at(step, self.levels);
+        let mut decoded = vec![0.0; self.planes() * self.bases];
+        for plane in 0..self.planes() {
+            let representative = plane / self.vectors;
+            let fold = self.folds[self.fold_of[representative]].first();
+            let mut last = 0;
+            for root in 0..self.bases {
+                let at = plane * self.bases + root;
+                let own = fold.map_or(root, |fold| fold.source[root] as usize);
+                if own < root {
+                    decoded[at] = decoded[plane * self.bases + own];
+                    continue;
+                }
+                let wanted = source.map_or(0, |s| (s[at] / step).round().clamp(-LARGEST, LARGEST) as i32);
+                let difference = details.code_root(coder, root == 0, wanted.wrapping_sub(last));
+                last = last.wrapping_add(difference);
+                *kept += u64::from(difference != 0);
+                decoded[at] = last as f32 * step;
+            }
+        }
+        decoded
+    }
+}
+
+/// The step of means over 4^`below` leaves.
+fn step_at(step: f32, below: usize) -> f32 {
+    step / (1_u32 << below) as f32
+}
+
+/// One level of one plane.
+struct Plane<'a> {
+    pyramid: &'a Pyramid,
+    level: usize,
+    representative: usize,
+    step: f32,
+    source: Option<&'a [f32]>,
+    means: &'a [f32],
+    above: &'a [i32],
+    before: Option<&'a [i32]>,
+}
+
+impl Plane<'_> {
+    fn code<C: BitCoder>(
+        &self,
+        coder: &mut C,
+        details: &mut DetailCoder,
+        quantised: &mut [i32],
+        children: &mut [f32],
+    ) -> u64 {
+        let prediction = &self.pyramid.predictions[self.level];
+        let fold = &self.pyramid.folds[self.pyramid.fold_of[self.representative]][self.level];
+        let mut kept = 0;
+        for t in 0..self.means.len() {
+            let own = fold.source[t] as usize;
+            let same = fold.children[t];
+            if own < t {
+                for (c, &k) in same.iter().enumerate() {
+                    children[4 * t + c] = children[4 * own + usize::from(k)];
+                    if c < 3 && k < 3 {
+                        quantised[3 * t + c] = quantised[3 * own + usize::from(k)];
+                    }
+                }
+                continue;
+            }
+            let live = self.pyramid.live(self.representative, self.level, t);
+            let siblings = live.count_ones() as usize;
+            if siblings < 2 {
+                children[4 * t..4 * t + 4].fill(self.means[t]);
+                continue;
+            }
+            let mut predicted = prediction.children(t, self.means);
+            let order = live_first(live);
+            let mut shift = 0.0;
+            if siblings < 4 {
+                for &c in &order[..siblings] {
+                    shift += predicted[c];
+                }
+                shift /= siblings as f32;
+            }
+            predicted = order.map(|c| predicted[c] - shift);
+            let householder = self.pyramid.householders[siblings - 2];
+            let wanted = self.source.map_or([0.0; 3], |source| {
+                householder.analyse(&std::array::from_fn(|k| source[4 * t + order[k]] - predicted[k]))
+            });
+            let mut residual = [0.0; 3];
+            for m in 0..householder.details() {
+                let twin = if siblings == 4 { usize::from(same[m]) } else { m };
+                let q = if twin < m {
+                    quantised[3 * t + twin]
+                } else {
+                    let around = self.surroundings(t, m, prediction, quantised);
+                    let q = details.code(coder, &around, quantise(wanted[m], self.step));
+                    kept += u64::from(q != 0);
+                    q
+                };
+                quantised[3 * t + m] = q;
+                residual[m] = dequantise(q, self.step);
+            }
+            let deviations = householder.synthesise(&residual);
+            for (k, &c) in order.iter().enumerate() {
+                let deviation = if k < siblings { predicted[k] + deviations[k] } else { 0.0 };
+                children[4 * t + c] = self.means[t] + deviation;
+            }
+        }
+        kept
+    }
+
+    fn surroundings(&self, t: usize, m: usize, prediction: &Prediction, quantised: &[i32]) -> Surroundings {
+        let magnitude = |q: i32| q.unsigned_abs().min(CAP);
+        let three = |q: &[i32], at: usize| magnitude(q[3 * at]) + magnitude(q[3 * at + 1]) + magnitude(q[3 * at + 2]);
+        let (mut sum, mut count) = (0, 0);
+        for &n in prediction.around(t) {
+            if (n as usize) < t {
+                sum += three(quantised, n as usize);
+                count += 3;
+            }
+        }
+        Surroundings {
+            level: self.level as u8 + 1,
+            parent: (self.level > 0).then(|| 16 * three(self.above, t / 4) / 3),
+            neighbours: (count > 0).then(|| 16 * sum / count),
+            siblings: (m > 0)
+                .then(|| 16 * (0..m).map(|k| magnitude(quantised[3 * t + k])).sum::<u32>() / m as u32),
+            before: self.before.map(|q| 16 * (2 * magnitude(q[3 * t + m]) + three(q, t)) / 5),
+        }
+    }
+}
+
+/// The children of a node, live ones first.
+fn live_first(live: u8) -> [usize; 4] {
+    if live == 15 {
+        return [0, 1, 2, 3];
+    }
+    let mut order = [0; 4];
+    let mut next = 0;
+    for wanted in [1, 0] {
+        for c in 0..4 {
+            if live >> c & 1 == wanted {
+                order[next] = c;
+                next += 1;
+            }
+        }
+    }
+    order
+}
+
+fn quantise(x: f32, step: f32) -> i32 {
+    let x = x / step;
+    let magnitude = (x.abs() + (0.5 - DEAD_ZONE)).min(LARGEST) as i32;
+    if x < 0.0 { -magnitude } else { magnitude }
+}
+
+fn dequantise(q: i32, step: f32) -> f32 {
+    (q as f32 - q.signum() as f32 * RECONSTRUCTION_OFFSET) * step
+}
+
+/// By level, by node: which children have a live leaf.
+fn live_levels(mesh: TriangleMesh, leaves: &[bool]) -> Vec<Vec<u8>> {
+    let mut levels = Vec::new();
+    let mut live = leaves.to_vec();
+    for _ in 0..mesh.level() {
+        let nodes: Vec<u8> = live
+            .chunks_exact(4)
+            .map(|c| c.iter().enumerate().map(|(k, &live)| u8::from(live) << k).sum())
+            .collect();
+        live = nodes.iter().map(|&bits| bits != 0).collect();
+        levels.push(nodes);
+    }
+    levels.reverse();
+    levels
+}
+
+fn level_folds(mesh: TriangleMesh, moves: &[&[u32]]) -> Vec<LevelFold> {
+    let mut levels = Vec::new();
+    // The moves of the children of the nodes of a level, from the leaves up.
+    let mut children: Vec<Vec<u32>> = moves.iter().map(|m| m.to_vec()).collect();
+    for level in (0..usize::from(mesh.level())).rev() {
+        let nodes: Vec<Vec<u32>> =
+            children.iter().map(|moved| moved.iter().step_by(4).map(|&c| c / 4).collect()).collect();
+        let count = mesh.bases() << (2 * level);
+        let mut fold = LevelFold { source: (0..count as u32).collect(), children: vec![[0, 1, 2, 3]; count] };
+        for t in 0..count {
+            for (node, child) in nodes.iter().zip(&children) {
+                let to = node[t];
+                let moved: [u8; 4] = std::array::from_fn(|c| (child[4 * t + c] % 4) as u8);
+                if to < fold.source[t] {
+                    fold.source[t] = to;
+                    fold.children[t] = moved;
+                } else if to as usize == t && fold.source[t] as usize == t {
+                    for (first, also) in fold.children[t].iter_mut().zip(moved) {
+                        *first = (*first).min(also);
+                    }
+                }
+            }
+        }
+        levels.push(fold);
+        children = nodes;
+    }
+    levels.reverse();
+    levels
+}
