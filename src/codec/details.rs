@@ -2,7 +2,7 @@
 
 use super::model::Model;
 use super::range::BitCoder;
-use super::symbols::{FINE, LEVELS, MagnitudeSlots, NONZERO, code_golomb, code_magnitude, fine, GOLOMB_SLOTS};
+use super::symbols::{FINE, GOLOMB_SLOTS, LEVELS, MagnitudeSlots, NONZERO, code_golomb, code_magnitude, fine};
 
 /// Magnitudes around a detail, in sixteenths; `None` where there is nothing known.
 #[derive(Clone, Copy, Debug, Default)]
@@ -63,9 +63,7 @@ impl DetailCoder {
         let level = usize::from(around.level).min(LEVELS - 1);
         let mut sum = 0;
         let mut weight = 0;
-        for (known, trust) in
-            [(around.parent, 2), (around.neighbours, 3), (around.siblings, 2), (around.before, 2)]
-        {
+        for (known, trust) in [(around.parent, 2), (around.neighbours, 3), (around.siblings, 2), (around.before, 2)] {
             if let Some(magnitude) = known {
                 sum += trust * magnitude.min(1 << 20);
                 weight += trust;
@@ -73,7 +71,8 @@ impl DetailCoder {
         }
         let near = fine(if weight == 0 { 16 } else { sum / weight });
         let before = fine(around.before.or(around.neighbours).or(around.parent).unwrap_or(16));
-        let contexts = [BY_NEAR + level * FINE + near, BY_BOTH + before * FINE + near, BY_BEFORE + level * FINE + before];
+        let contexts =
+            [BY_NEAR + level * FINE + near, BY_BOTH + before * FINE + near, BY_BEFORE + level * FINE + before];
         if !self.model.code(coder, detail != 0, contexts, level) {
             return 0;
         }

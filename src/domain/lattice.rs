@@ -81,9 +81,7 @@ impl Neighbours {
     pub fn new(mesh: TriangleMesh) -> Self {
         let size = 1_i32 << mesh.level();
         let side = 2 * size as usize + 1;
-        let id = |[x, y, z]: Point| {
-            (((x + size) as usize * side) + (y + size) as usize) * 2 + usize::from(z < 0)
-        };
+        let id = |[x, y, z]: Point| (((x + size) as usize * side) + (y + size) as usize) * 2 + usize::from(z < 0);
         let mut around = vec![([0_u32; 6], 0_u8); side * side * 2];
         for (i, triangle) in (0..).zip(triangles(mesh)) {
             for vertex in triangle {
@@ -243,9 +241,8 @@ mod tests {
             let vertices = mesh.all_vertices();
             for (i, own) in vertices.iter().enumerate() {
                 let around = neighbours.around(i);
-                let shares = |other: usize| {
-                    vertices[other].iter().any(|&v| own.iter().any(|&w| dot(v, w) > 1.0 - 1e-12))
-                };
+                let shares =
+                    |other: usize| vertices[other].iter().any(|&v| own.iter().any(|&w| dot(v, w) > 1.0 - 1e-12));
                 let expected: Vec<u32> = (0..mesh.len()).filter(|&j| j != i && shares(j)).map(|j| j as u32).collect();
                 assert_eq!(around, expected);
             }

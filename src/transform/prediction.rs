@@ -47,11 +47,8 @@ impl Moments {
     /// The mean of (p·a)(p·b).
     fn product(&self, a: Vector, b: Vector) -> f64 {
         let [xx, xy, xz, yy, yz, zz] = self.second;
-        let row = [
-            xx * b[0] + xy * b[1] + xz * b[2],
-            xy * b[0] + yy * b[1] + yz * b[2],
-            xz * b[0] + yz * b[1] + zz * b[2],
-        ];
+        let row =
+            [xx * b[0] + xy * b[1] + xz * b[2], xy * b[0] + yy * b[1] + yz * b[2], xz * b[0] + yz * b[1] + zz * b[2]];
         dot(a, row)
     }
 
@@ -64,8 +61,7 @@ impl Moments {
 impl Prediction {
     /// Those of the levels 0 … `mesh.level() − 1` of a mesh, coarse first.
     pub fn levels(mesh: TriangleMesh) -> Vec<Self> {
-        let mut children: Vec<Moments> =
-            (0..mesh.len()).map(|i| Moments::of_point(mesh.centroid(i).xyz())).collect();
+        let mut children: Vec<Moments> = (0..mesh.len()).map(|i| Moments::of_point(mesh.centroid(i).xyz())).collect();
         let mut levels = Vec::new();
         let mut level = mesh.coarser();
         while let Some(here) = level {
@@ -119,8 +115,7 @@ fn weights(i: usize, around: &[u32], nodes: &[Moments], children: &[Moments]) ->
     let across = if normal[0].abs() < 0.9 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
     let a = unit(cross(normal, across));
     let b = cross(normal, a);
-    let distances: Vec<f64> =
-        around.iter().map(|&j| norm(sub(unit(nodes[j as usize].first), normal))).collect();
+    let distances: Vec<f64> = around.iter().map(|&j| norm(sub(unit(nodes[j as usize].first), normal))).collect();
     let nearest = distances.iter().fold(f64::INFINITY, |m, &d| m.min(d));
     // In units of the distance to the nearest neighbour all terms have like sizes.
     let (a, b) = (scale(a, 1.0 / nearest), scale(b, 1.0 / nearest));

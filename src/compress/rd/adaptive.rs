@@ -3,7 +3,7 @@
 use super::super::SpectralBasis;
 use super::super::rows::{clear_uncoded, coding_order};
 use super::super::scales::Scales;
-use super::layer::{FirstLayer, transform_of};
+use super::layer::{Fineness, FirstLayer, transform_of};
 use super::spectrum::{Basis, MAX_RANK};
 use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Payload, Rows, code_coefficients};
 use crate::domain::Axis;
@@ -28,9 +28,9 @@ impl<'a> AdaptiveLayer<'a> {
         Ok(Self { axes: axes.to_vec(), classes, transforms, klt, logs })
     }
 
-    /// The basis at `step` and its chunk.
-    fn basis_at(&self, step: f32) -> (Basis, Vec<u8>) {
-        Basis::encode(&self.klt, &self.axes, self.logs.len() / self.klt.length(), step)
+    /// The basis at `fineness` and its chunk.
+    fn basis_at(&self, fineness: Fineness) -> (Basis, Vec<u8>) {
+        Basis::encode(&self.klt, &self.axes, self.logs.len() / self.klt.length(), fineness)
     }
 
     /// Coefficients on the basis, transformed on the other axes.
@@ -45,22 +45,22 @@ impl<'a> AdaptiveLayer<'a> {
 }
 
 impl FirstLayer for AdaptiveLayer<'_> {
-    fn approximate(&self, step: f32, logs: &mut [f32]) {
-        let (basis, _) = self.basis_at(step);
+    fn approximate(&self, fineness: Fineness, logs: &mut [f32]) {
+        let (basis, _) = self.basis_at(fineness);
         if let Ok((plan, scales, _, planes)) = self.planes(&basis) {
             let mut decoded = vec![0.0; planes.len()];
-            scales.requantise(step, &planes, &mut decoded);
+            scales.requantise(fineness.step, &planes, &mut decoded);
             plan.inverse(&mut decoded);
             basis.synthesise(&decoded, logs);
         }
     }
 
-    fn chunks(&self, step: f32) -> Vec<(ChunkKind, Vec<u8>)> {
-        let (basis, chunk) = self.basis_at(step);
+    fn chunks(&self, fineness: Fineness) -> Vec<(ChunkKind, Vec<u8>)> {
+        let (basis, chunk) = self.basis_at(fineness);
         let mut chunks = vec![(ChunkKind::Basis, chunk)];
         if let Ok((_, scales, rows, planes)) = self.planes(&basis) {
             let mut quantised = vec![0; planes.len()];
-            scales.quantise(step, &planes, &mut quantised);
+            scales.quantise(fineness.step, &planes, &mut quantised);
             let mut encoder = Encoder::default();
             code_coefficients(&mut encoder, &rows, Payload::Integer, &mut quantised);
             chunks.push((ChunkKind::Coefficients, encoder.finish()));
@@ -68,9 +68,9 @@ impl FirstLayer for AdaptiveLayer<'_> {
         chunks
     }
 
-    fn kept(&self, step: f32) -> u64 {
-        let (basis, _) = self.basis_at(step);
-        let planes = self.planes(&basis).map_or(0, |(_, scales, _, planes)| scales.count_kept(step, &planes));
+    fn kept(&self, fineness: Fineness) -> u64 {
+        let (basis, _) = self.basis_at(fineness);
+        let planes = self.planes(&basis).map_or(0, |(_, scales, _, planes)| scales.count_kept(fineness.step, &planes));
         // The basis itself is part of what is kept.
         planes + basis.entries() as u64
     }
@@ -96,7 +96,8 @@ pub(crate) fn decode(
     let length = axes.last().map_or(1, Axis::len);
     let basis = Basis::decode(basis, axes, count / length, step)?;
     let rank = basis.rank();
-    let (plane_axes, plan) = plan_of_planes(axes, transforms, rank).map_err(|e| CodecError::Malformed { at: 0, reason: e.to_string() })?;
+    let (plane_axes, plan) =
+        plan_of_planes(axes, transforms, rank).map_err(|e| CodecError::Malformed { at: 0, reason: e.to_string() })?;
     let mut quantised = vec![0; count / length * rank];
     let rows = coding_order(&plane_axes, &plan, plane_classes(axes, classes, rank).as_deref());
     code_coefficients(&mut Decoder::new(coded), &rows, Payload::Integer, &mut quantised);

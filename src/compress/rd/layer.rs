@@ -7,14 +7,32 @@ use crate::codec::{ChunkKind, Class, Encoder, Payload, Rows, code_coefficients};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan, PlanError, SphereBasis, Weights};
 
+/// How finely a layer is quantised.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Fineness {
+    /// The step of all normalised coefficients.
+    pub(crate) step: f32,
+    /// Vectors of the data's own basis more than the step suggests.
+    pub(crate) more_vectors: i8,
+    /// The step of those vectors, in doublings of the usual one.
+    pub(crate) coarser_vectors: i8,
+}
+
+impl Fineness {
+    /// The usual choices at `step`.
+    pub(crate) fn of(step: f32) -> Self {
+        Self { step, more_vectors: 0, coarser_vectors: 0 }
+    }
+}
+
 /// What approximates the logarithms of a measurement at any step.
 pub(crate) trait FirstLayer {
-    /// What a decoder has at `step`, into `logs`.
-    fn approximate(&self, step: f32, logs: &mut [f32]);
-    /// The chunks at `step`, in the order of a file.
-    fn chunks(&self, step: f32) -> Vec<(ChunkKind, Vec<u8>)>;
-    /// Coefficients that are not 0 at `step`.
-    fn kept(&self, step: f32) -> u64;
+    /// What a decoder has at `fineness`, into `logs`.
+    fn approximate(&self, fineness: Fineness, logs: &mut [f32]);
+    /// The chunks at `fineness`, in the order of a file.
+    fn chunks(&self, fineness: Fineness) -> Vec<(ChunkKind, Vec<u8>)>;
+    /// Coefficients that are not 0 at `fineness`.
+    fn kept(&self, fineness: Fineness) -> u64;
     /// What happens to each axis.
     fn transforms(&self) -> &[AxisTransform];
     /// The basis on the spectral axis.
@@ -53,21 +71,21 @@ impl FixedLayer {
 }
 
 impl FirstLayer for FixedLayer {
-    fn approximate(&self, step: f32, logs: &mut [f32]) {
-        self.scales.requantise(step, &self.coefficients, logs);
+    fn approximate(&self, fineness: Fineness, logs: &mut [f32]) {
+        self.scales.requantise(fineness.step, &self.coefficients, logs);
         self.plan.inverse(logs);
     }
 
-    fn chunks(&self, step: f32) -> Vec<(ChunkKind, Vec<u8>)> {
+    fn chunks(&self, fineness: Fineness) -> Vec<(ChunkKind, Vec<u8>)> {
         let mut quantised = vec![0; self.coefficients.len()];
-        self.scales.quantise(step, &self.coefficients, &mut quantised);
+        self.scales.quantise(fineness.step, &self.coefficients, &mut quantised);
         let mut encoder = Encoder::default();
         code_coefficients(&mut encoder, &self.rows, Payload::Integer, &mut quantised);
         vec![(ChunkKind::Coefficients, encoder.finish())]
     }
 
-    fn kept(&self, step: f32) -> u64 {
-        self.scales.count_kept(step, &self.coefficients)
+    fn kept(&self, fineness: Fineness) -> u64 {
+        self.scales.count_kept(fineness.step, &self.coefficients)
     }
 
     fn transforms(&self) -> &[AxisTransform] {

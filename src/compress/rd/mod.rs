@@ -21,7 +21,7 @@ use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, 
 use crate::codec::{ChunkKind, Class, Encoder, code_corrections};
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress, Symmetry};
 use adaptive::AdaptiveLayer;
-use layer::{FirstLayer, FixedLayer};
+use layer::{Fineness, FirstLayer, FixedLayer};
 use predictive::{PredictiveLayer, Shape};
 use rayon::prelude::*;
 
@@ -50,7 +50,7 @@ pub(crate) fn compress(
     let (work, steps, ranking) = match schemes.as_slice() {
         [only] => {
             let work = work(only)?;
-            let steps = work.find_steps(progress)?;
+            let steps = work.refined(work.find_steps(progress)?, progress)?;
             (work, steps, None)
         }
         several => {
@@ -159,10 +159,10 @@ fn best_of<'a>(
             shared = shared.or(own);
         }
         let Some(steps) = own.or(shared) else { continue };
-        let bytes = chunk_bytes(&candidate.layer.chunks(steps.step));
+        let bytes = chunk_bytes(&candidate.layer.chunks(steps.first));
         let er_l2 = if by_error {
             decoded.resize(candidate.original().len(), 0.0);
-            Some(candidate.relative_error(steps.step, &mut decoded, progress)?)
+            Some(candidate.relative_error(steps.first, &mut decoded, progress)?)
         } else {
             None
         };
@@ -176,6 +176,7 @@ fn best_of<'a>(
     let Some((_, scheme, steps)) = best else { return Err(CompressError::Setting("no basis to try".to_owned())) };
     let chosen = work(scheme)?;
     let steps = steps.map_or_else(|| chosen.find_steps(progress), Ok)?;
+    let steps = chosen.refined(steps, progress)?;
     let score = |ranked: &Ranked| ranked.er_l2.unwrap_or(ranked.bytes as f64);
     ranking.sort_by(|a, b| score(a).total_cmp(&score(b)));
     Ok((chosen, steps, ranking))
@@ -218,11 +219,18 @@ fn class_of(sample: f32, floor: f32) -> Class {
     }
 }
 
-/// The quantiser's step and that of the corrections, 0 without.
+/// The quantiser's fineness and the step of the corrections, 0 without.
 #[derive(Clone, Copy)]
 struct Steps {
-    step: f32,
+    first: Fineness,
     correction: f32,
+}
+
+impl Steps {
+    /// One layer at `step`.
+    fn of(step: f64) -> Self {
+        Self { first: Fineness::of(step as f32), correction: 0.0 }
+    }
 }
 
 /// What is the same in every basis and at every step.
@@ -275,20 +283,22 @@ impl<'a> Work<'a> {
 
     fn find_steps(&self, progress: &dyn Progress) -> Result<Steps, CompressError> {
         let plain = |step: Option<f64>, unreachable: &str| match step {
-            Some(step) => Ok(Steps { step: step as f32, correction: 0.0 }),
+            Some(step) => Ok(Steps::of(step)),
             None => Err(CompressError::Unreachable(unreachable.to_owned())),
         };
         match self.settings.target {
             Target::ErL2(error) => {
                 // A uniform quantiser's error is its step / √12; most coefficients are 0, so the step can be larger.
                 let mut decoded = vec![0.0; self.original().len()];
-                let keeps = |step: f64| self.relative_error(step as f32, &mut decoded, progress).map(|e| e <= error);
+                let keeps = |step: f64| {
+                    self.relative_error(Fineness::of(step as f32), &mut decoded, progress).map(|e| e <= error)
+                };
                 let step = largest(4.0 * error, REFINEMENTS, keeps)?;
                 plain(step, "er_l2 is below what float32 logarithms hold: ask for a larger error or lossless")
             }
             Target::Ratio(ratio) => {
                 let most = self.original().len() as f64 / ratio;
-                smallest_step(progress, |step| self.layer.kept(step) as f64 <= most)
+                smallest_step(progress, |step| self.layer.kept(Fineness::of(step)) as f64 <= most)
             }
             Target::Bytes(bytes) => {
                 let fits = |step| self.file_size(step) as u64 <= bytes;
@@ -306,12 +316,45 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// er(L2) of what a decoder has at `step`.
-    fn relative_error(&self, step: f32, decoded: &mut [f32], progress: &dyn Progress) -> Result<f64, CompressError> {
+    /// The best of the choices around `steps` that keep a wanted er(L2).
+    fn refined(&self, steps: Steps, progress: &dyn Progress) -> Result<Steps, CompressError> {
+        let Target::ErL2(error) = self.settings.target else { return Ok(steps) };
+        if matches!(self.layer.basis(), SpectralBasis::Line(_)) {
+            return Ok(steps);
+        }
+        let mut decoded = vec![0.0; self.original().len()];
+        let mut best = (chunk_bytes(&self.layer.chunks(steps.first)), steps.first);
+        // One choice after the other, each from the best so far.
+        for (vectors, coarser) in [(1, 0), (-1, 0), (0, 1), (0, -1), (0, 2)] {
+            let from = Fineness {
+                more_vectors: best.1.more_vectors + vectors,
+                coarser_vectors: best.1.coarser_vectors + coarser,
+                ..best.1
+            };
+            for quarter in -4..=4_i32 {
+                // Steps in quarters of a semitone around the best; the error is not monotone there.
+                let factor = libm::exp2(f64::from(quarter) / 24.0) as f32;
+                let fineness = Fineness { step: from.step * factor, ..from };
+                let bytes = chunk_bytes(&self.layer.chunks(fineness));
+                if bytes < best.0 && self.relative_error(fineness, &mut decoded, progress)? <= error {
+                    best = (bytes, fineness);
+                }
+            }
+        }
+        Ok(Steps { first: best.1, ..steps })
+    }
+
+    /// er(L2) of what a decoder has at `fineness`.
+    fn relative_error(
+        &self,
+        fineness: Fineness,
+        decoded: &mut [f32],
+        progress: &dyn Progress,
+    ) -> Result<f64, CompressError> {
         if progress.is_cancelled() {
             return Err(Cancelled.into());
         }
-        self.layer.approximate(step, decoded);
+        self.layer.approximate(fineness, decoded);
         exponentiate(decoded);
         if self.plane.coded.is_none() {
             return Ok(ErrorReport::measure(self.original(), decoded, f64::from(self.floor)).er_l2);
@@ -330,8 +373,8 @@ impl<'a> Work<'a> {
         let factors = [0.5_f32, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0];
         let mut best: Option<(usize, Steps)> = None;
         for (i, factor) in factors.into_iter().enumerate() {
-            let steps = Steps { step: correction * factor, correction };
-            let bytes = chunk_bytes(&self.layer.chunks(steps.step)) + self.corrections_chunk(steps).1.len();
+            let steps = Steps { first: Fineness::of(correction * factor), correction };
+            let bytes = chunk_bytes(&self.layer.chunks(steps.first)) + self.corrections_chunk(steps).1.len();
             if best.is_none_or(|(least, _)| bytes < least) {
                 best = Some((bytes, steps));
             }
@@ -342,12 +385,12 @@ impl<'a> Work<'a> {
 
     fn file_size(&self, step: f32) -> usize {
         let metadata = metadata_with_labels(self.measurement.tensor.axes(), self.settings.metadata.as_deref());
-        assemble(&self.encode(Steps { step, correction: 0.0 }), metadata.as_deref()).len()
+        assemble(&self.encode(Steps { first: Fineness::of(step), correction: 0.0 }), metadata.as_deref()).len()
     }
 
     fn corrections_chunk(&self, steps: Steps) -> (ChunkKind, Vec<u8>) {
         let mut logs = vec![0.0; self.original().len()];
-        self.layer.approximate(steps.step, &mut logs);
+        self.layer.approximate(steps.first, &mut logs);
         let lowest = FLOORED * f64::from(self.floor);
         let mut corrections: Vec<i32> = self
             .original()
@@ -380,11 +423,11 @@ impl<'a> Work<'a> {
             transforms: self.layer.transforms().to_vec(),
             klt: self.layer.basis() == SpectralBasis::Klt,
             predicted: self.layer.is_predicted(),
-            step: steps.step,
+            step: steps.first.step,
             correction_step: steps.correction,
             has_classes: self.plane.coded.is_some(),
             floor: self.floor,
-            kept: self.layer.kept(steps.step),
+            kept: self.layer.kept(steps.first),
             errors: self.plane.counts,
         }
     }
@@ -392,7 +435,7 @@ impl<'a> Work<'a> {
     fn encode(&self, steps: Steps) -> Parts {
         let corrections = (steps.correction != 0.0).then(|| self.corrections_chunk(steps));
         let classes = self.plane.coded.cloned();
-        let chunks = classes.into_iter().chain(self.layer.chunks(steps.step)).chain(corrections).collect();
+        let chunks = classes.into_iter().chain(self.layer.chunks(steps.first)).chain(corrections).collect();
         Parts { header: self.header(steps), chunks }
     }
 }
@@ -407,7 +450,7 @@ fn smallest_step(progress: &dyn Progress, fits: impl Fn(f32) -> bool) -> Result<
         Ok(fits((1.0 / inverse) as f32))
     };
     match largest(20.0, REFINEMENTS + 4, keeps)? {
-        Some(inverse) => Ok(Steps { step: (1.0 / inverse) as f32, correction: 0.0 }),
+        Some(inverse) => Ok(Steps::of(1.0 / inverse)),
         None => Err(CompressError::Unreachable("no file is that small".to_owned())),
     }
 }

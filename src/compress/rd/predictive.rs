@@ -7,7 +7,7 @@
 //! ```
 
 use super::super::SpectralBasis;
-use super::layer::FirstLayer;
+use super::layer::{Fineness, FirstLayer};
 use super::pyramid::Pyramid;
 use super::spectrum::{Basis, MAX_RANK};
 use super::symmetry::{Group, Member, Representative};
@@ -130,11 +130,11 @@ impl PredictiveLayer {
         Ok(Self { shape, transforms, generators: numbers, group, representatives, live, klt, rows })
     }
 
-    /// The basis at `step`, and its chunk if rows are longer than one sample.
-    fn basis_at(&self, step: f32) -> (Option<Basis>, Option<Vec<u8>>) {
+    /// The basis at `fineness`, and its chunk if rows are longer than one sample.
+    fn basis_at(&self, fineness: Fineness) -> (Option<Basis>, Option<Vec<u8>>) {
         match &self.klt {
             Some(klt) => {
-                let (basis, chunk) = Basis::encode(klt, &self.shape.axes, self.shape.rows(), step);
+                let (basis, chunk) = Basis::encode(klt, &self.shape.axes, self.shape.rows(), fineness);
                 (Some(basis), Some(chunk))
             }
             None => (None, None),
@@ -146,8 +146,7 @@ impl PredictiveLayer {
         let vectors = basis.map_or(1, Basis::rank);
         let coefficients = basis.map_or_else(|| self.rows.clone(), |basis| basis.analyse(&self.rows));
         let planes = transposed(&coefficients, self.shape.mesh.len(), vectors);
-        let pyramid =
-            Pyramid::new(self.shape.mesh, vectors, &self.group, &self.representatives, self.live.as_deref());
+        let pyramid = Pyramid::new(self.shape.mesh, vectors, &self.group, &self.representatives, self.live.as_deref());
         let mut encoder = Encoder::default();
         let (decoded, kept) = pyramid.code(&mut encoder, step, Some(planes));
         (encoder.finish(), decoded, kept)
@@ -155,27 +154,27 @@ impl PredictiveLayer {
 }
 
 impl FirstLayer for PredictiveLayer {
-    fn approximate(&self, step: f32, logs: &mut [f32]) {
-        let (basis, _) = self.basis_at(step);
-        let (_, decoded, _) = self.code(step, basis.as_ref());
+    fn approximate(&self, fineness: Fineness, logs: &mut [f32]) {
+        let (basis, _) = self.basis_at(fineness);
+        let (_, decoded, _) = self.code(fineness.step, basis.as_ref());
         synthesise(&self.shape, &self.group, &self.representatives, basis.as_ref(), &decoded, logs);
     }
 
-    fn chunks(&self, step: f32) -> Vec<(ChunkKind, Vec<u8>)> {
-        let (basis, chunk) = self.basis_at(step);
+    fn chunks(&self, fineness: Fineness) -> Vec<(ChunkKind, Vec<u8>)> {
+        let (basis, chunk) = self.basis_at(fineness);
         let mut chunks: Vec<_> = chunk.into_iter().map(|chunk| (ChunkKind::Basis, chunk)).collect();
         let mut w = Writer::default();
         w.u8(self.generators.len() as u8);
         w.raw(&self.generators);
-        w.raw(&self.code(step, basis.as_ref()).0);
+        w.raw(&self.code(fineness.step, basis.as_ref()).0);
         chunks.push((ChunkKind::Pyramid, w.into_bytes()));
         chunks
     }
 
-    fn kept(&self, step: f32) -> u64 {
-        let (basis, _) = self.basis_at(step);
+    fn kept(&self, fineness: Fineness) -> u64 {
+        let (basis, _) = self.basis_at(fineness);
         // The basis itself is part of what is kept.
-        self.code(step, basis.as_ref()).2 + basis.map_or(0, |basis| basis.entries() as u64)
+        self.code(fineness.step, basis.as_ref()).2 + basis.map_or(0, |basis| basis.entries() as u64)
     }
 
     fn transforms(&self) -> &[AxisTransform] {

@@ -59,7 +59,8 @@ impl Pyramid {
                 })
             })
             .collect();
-        let live = live.map_or_else(Vec::new, |live| live.chunks_exact(mesh.len()).map(|l| live_levels(mesh, l)).collect());
+        let live =
+            live.map_or_else(Vec::new, |live| live.chunks_exact(mesh.len()).map(|l| live_levels(mesh, l)).collect());
         Self {
             levels: usize::from(mesh.level()),
             bases: mesh.bases(),
@@ -114,16 +115,12 @@ impl Pyramid {
 
     /// Codes planes at `step`: an encoder is given them, a decoder nothing; both return what a decoder has. The number of
     /// details that are not 0 comes along. `each_level` sees the coder at the end of every level.
-    pub(crate) fn code<C: BitCoder>(
-        &self,
-        coder: &mut C,
-        step: f32,
-        planes: Option<Vec<f32>>,
-    ) -> (Vec<f32>, u64) {
+    pub(crate) fn code<C: BitCoder>(&self, coder: &mut C, step: f32, planes: Option<Vec<f32>>) -> (Vec<f32>, u64) {
         let source = planes.map(|planes| self.means(planes));
         let mut details = DetailCoder::default();
         let mut kept = 0;
-        let mut decoded = self.code_roots(coder, &mut details, step, source.as_ref().map(|s| s[0].as_slice()), &mut kept);
+        let mut decoded =
+            self.code_roots(coder, &mut details, step, source.as_ref().map(|s| s[0].as_slice()), &mut kept);
         let mut above: Vec<i32> = Vec::new();
         for level in 0..self.levels {
             let n = self.nodes(level);
@@ -283,8 +280,7 @@ impl Plane<'_> {
             level: self.level as u8 + 1,
             parent: (self.level > 0).then(|| 16 * three(self.above, t / 4) / 3),
             neighbours: (count > 0).then(|| 16 * sum / count),
-            siblings: (m > 0)
-                .then(|| 16 * (0..m).map(|k| magnitude(quantised[3 * t + k])).sum::<u32>() / m as u32),
+            siblings: (m > 0).then(|| 16 * (0..m).map(|k| magnitude(quantised[3 * t + k])).sum::<u32>() / m as u32),
             before: self.before.map(|q| 16 * (2 * magnitude(q[3 * t + m]) + three(q, t)) / 5),
         }
     }
@@ -323,10 +319,8 @@ fn live_levels(mesh: TriangleMesh, leaves: &[bool]) -> Vec<Vec<u8>> {
     let mut levels = Vec::new();
     let mut live = leaves.to_vec();
     for _ in 0..mesh.level() {
-        let nodes: Vec<u8> = live
-            .chunks_exact(4)
-            .map(|c| c.iter().enumerate().map(|(k, &live)| u8::from(live) << k).sum())
-            .collect();
+        let nodes: Vec<u8> =
+            live.chunks_exact(4).map(|c| c.iter().enumerate().map(|(k, &live)| u8::from(live) << k).sum()).collect();
         live = nodes.iter().map(|&bits| bits != 0).collect();
         levels.push(nodes);
     }

@@ -1,7 +1,8 @@
 //! A spectral basis of the data's own: mean spectrum and principal components, stored with the material.
 //!
 //! ```text
-//! basis chunk   varint r, then r × f32 the root mean square of each vector's coefficient,
+//! basis chunk   u8 r + 32 · c: number of vectors, 1 … 24, and how coarse they are, 0 … 7;
+//!               r × u8 k, which stands for the root mean square (8 + k mod 8) · 2^(⌊k / 8⌋ − 23) of a vector's coefficient;
 //!               then the range-coded integers of the mean and of the r vectors, rows of the spectral axis in bior4.4
 //! ```
 //! The vectors are quantised so that their error in a sample stays well below the step's own, decoded, and made orthonormal
@@ -9,6 +10,7 @@
 
 use super::super::rows::coding_order;
 use super::super::scales::Scales;
+use super::layer::Fineness;
 use crate::codec::{CodecError, Decoder, Encoder, Payload, Reader, Rows, Writer, code_coefficients};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Klt, LineBasis, Plan};
@@ -18,6 +20,9 @@ use rayon::prelude::*;
 pub(super) const MAX_RANK: usize = 24;
 /// A vector whose coefficients are smaller than this part of the step would be quantised to nothing.
 const WORTH_KEEPING: f64 = 0.35;
+/// How coarse vectors are if nothing else is asked for, and at most.
+const USUAL: u8 = 2;
+const COARSEST: u8 = 7;
 /// Rows approximated together.
 const BLOCK: usize = 256;
 
@@ -29,43 +34,43 @@ pub(super) struct Basis {
 }
 
 impl Basis {
-    /// The first vectors of `klt` that are worth their bits at `step` for `count` rows, as decoded, and their chunk.
-    pub(super) fn encode(klt: &Klt, axes: &[Axis], count: usize, step: f32) -> (Self, Vec<u8>) {
-        let step64 = f64::from(step);
+    /// The first vectors of `klt` that are worth their bits for `count` rows, as decoded, and their chunk.
+    pub(super) fn encode(klt: &Klt, axes: &[Axis], count: usize, fineness: Fineness) -> (Self, Vec<u8>) {
+        let step64 = f64::from(fineness.step);
         let spreads: Vec<f64> = klt.variances.iter().map(|v| v.sqrt()).collect();
         let worth = spreads.iter().take_while(|&&spread| spread > WORTH_KEEPING * step64).count();
-        let spreads: Vec<f32> = spreads[..worth.clamp(1, klt.rank())].iter().map(|&s| s as f32).collect();
+        let rank = worth.max(1).saturating_add_signed(isize::from(fineness.more_vectors)).clamp(1, klt.rank());
+        let spreads: Vec<u8> = spreads[..rank].iter().map(|&spread| spread_code(spread)).collect();
+        let coarse = USUAL.saturating_add_signed(fineness.coarser_vectors).min(COARSEST);
+        let steps = steps(fineness.step, count, coarse, &spreads);
         let coder = BasisCoder::new(axes);
-        let mut quantised = Vec::new();
         let rows = std::iter::once(&klt.mean).chain(&klt.vectors);
-        for (row, step) in rows.zip(steps(step, count, &spreads)) {
-            quantised.extend(coder.quantise(row, step));
-        }
+        let mut quantised: Vec<i32> = rows.zip(&steps).flat_map(|(row, &step)| coder.quantise(row, step)).collect();
         let mut w = Writer::default();
-        w.varint(spreads.len() as u64);
-        for &spread in &spreads {
-            w.f32(spread);
-        }
+        w.u8(rank as u8 | coarse << 5);
+        w.raw(&spreads);
         let mut encoder = Encoder::default();
-        code_coefficients(&mut encoder, &coder.rows(spreads.len() + 1), Payload::Integer, &mut quantised);
+        code_coefficients(&mut encoder, &coder.rows(rank + 1), Payload::Integer, &mut quantised);
         w.raw(&encoder.finish());
-        (coder.basis(&quantised, &steps(step, count, &spreads)), w.into_bytes())
+        (coder.basis(&quantised, &steps), w.into_bytes())
     }
 
     /// The basis of a chunk, for `count` rows of the last of `axes`.
     pub(super) fn decode(chunk: &[u8], axes: &[Axis], count: usize, step: f32) -> Result<Self, CodecError> {
         let length = axes.last().map_or(1, Axis::len);
         let mut r = Reader::new(chunk, 0);
-        let rank = r.size(MAX_RANK.min(length), "number of basis vectors")?;
-        if rank == 0 {
-            return Err(r.malformed("no basis vectors, expected at least one"));
+        let first = r.u8("number of basis vectors")?;
+        let (rank, coarse) = (usize::from(first & 31), first >> 5);
+        let most = MAX_RANK.min(length);
+        if rank == 0 || rank > most {
+            return Err(r.malformed(format!("{rank} basis vectors, expected 1 to {most}")));
         }
-        let spreads = (0..rank).map(|_| r.f32("spread of a basis vector")).collect::<Result<Vec<_>, _>>()?;
+        let steps = steps(step, count, coarse, r.take(rank, "spreads of basis vectors")?);
         let rest = r.take(r.remaining(), "basis")?;
         let coder = BasisCoder::new(axes);
         let mut quantised = vec![0; (rank + 1) * length];
         code_coefficients(&mut Decoder::new(rest), &coder.rows(rank + 1), Payload::Integer, &mut quantised);
-        Ok(coder.basis(&quantised, &steps(step, count, &spreads)))
+        Ok(coder.basis(&quantised, &steps))
     }
 
     /// Vectors there are.
@@ -110,13 +115,22 @@ impl Basis {
     }
 }
 
-/// The step of the mean and of each vector: their error in a sample is 6 / √rows of the quantiser's own.
-fn steps(step: f32, rows: usize, spreads: &[f32]) -> Vec<f32> {
-    let part = (6.0 / (rows as f64).sqrt()).min(1.0);
+/// The step of the mean and of each vector: their error in a sample is 1.5 · 2^coarse / √rows of the quantiser's own.
+fn steps(step: f32, rows: usize, coarse: u8, spreads: &[u8]) -> Vec<f32> {
+    let part = (1.5 * f64::from(1_u32 << coarse) / (rows as f64).sqrt()).min(1.0);
     let own = f64::from(step) * part;
-    std::iter::once(own as f32)
-        .chain(spreads.iter().map(|&spread| (own / f64::from(spread).max(1e-30)) as f32))
-        .collect()
+    std::iter::once(own as f32).chain(spreads.iter().map(|&code| (own / spread_of(code)) as f32)).collect()
+}
+
+/// The root mean square that a code stands for.
+fn spread_of(code: u8) -> f64 {
+    let exponent = code / 8;
+    f64::from(8 + code % 8) * f64::from(1_u32 << exponent) / f64::from(1_u32 << 23)
+}
+
+/// The code of the largest root mean square that is not above `spread`, or 0.
+fn spread_code(spread: f64) -> u8 {
+    (0..=u8::MAX).rev().find(|&code| spread_of(code) <= spread).unwrap_or(0)
 }
 
 /// Rows of the spectral axis as quantised wavelet coefficients.
