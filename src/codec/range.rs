@@ -20,7 +20,7 @@ pub trait BitCoder {
 }
 
 /// Writes decisions to bytes.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Encoder {
     low: u64,
     range: u32,

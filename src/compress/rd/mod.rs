@@ -5,6 +5,7 @@
 //! error everywhere. Signs, zeros and masks go into a class plane beside; what has no logarithm is filled smoothly.
 
 pub(crate) mod adaptive;
+mod chart;
 mod layer;
 pub(crate) mod predictive;
 mod pyramid;
@@ -22,6 +23,7 @@ use crate::codec::{ChunkKind, Class, Encoder, code_corrections};
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress, Symmetry};
 use adaptive::AdaptiveLayer;
 use layer::{Fineness, FirstLayer, FixedLayer};
+use chart::ChartKind;
 use predictive::{PredictiveLayer, Shape};
 use rayon::prelude::*;
 
@@ -75,8 +77,8 @@ enum Scheme {
     Fixed(SpectralBasis),
     /// On the data's own spectral basis, in fixed bases on the other axes.
     Adaptive,
-    /// The same with triangles predicted, folded by the group of these symmetries.
-    Predicted(Vec<Symmetry>),
+    /// The same with triangles predicted, folded by the group of these symmetries, behind a model.
+    Predicted(Vec<Symmetry>, Option<ChartKind>),
 }
 
 impl Scheme {
@@ -84,8 +86,11 @@ impl Scheme {
         match self {
             Self::Fixed(basis) => basis.name(),
             Self::Adaptive => SpectralBasis::Klt.name(),
-            Self::Predicted(symmetries) if symmetries.is_empty() => "predicted",
-            Self::Predicted(_) => "predicted, folded",
+            Self::Predicted(symmetries, None) if symmetries.is_empty() => "predicted",
+            Self::Predicted(_, None) => "predicted, folded",
+            Self::Predicted(_, Some(ChartKind::Isotropic)) => "predicted, isotropic model",
+            Self::Predicted(_, Some(ChartKind::Anisotropic)) => "predicted, anisotropic model",
+            Self::Predicted(_, Some(ChartKind::Zonal)) => "predicted, zonal model",
         }
     }
 }
@@ -114,10 +119,13 @@ fn schemes(
                 let logs = logarithms(measurement, plane.classes, floor);
                 let classes = plane.coded.map(|_| plane.classes);
                 let symmetries = predictive::symmetries(shape, &logs, classes, tolerance);
-                if !symmetries.is_empty() {
-                    schemes.push(Scheme::Predicted(symmetries));
+                for kind in ChartKind::ALL.into_iter().filter(|&kind| shape.has_chart(kind)) {
+                    schemes.push(Scheme::Predicted(symmetries.clone(), Some(kind)));
                 }
-                schemes.push(Scheme::Predicted(Vec::new()));
+                if !symmetries.is_empty() {
+                    schemes.push(Scheme::Predicted(symmetries, None));
+                }
+                schemes.push(Scheme::Predicted(Vec::new(), None));
             }
             _ if own => schemes.push(Scheme::Adaptive),
             _ => {}
@@ -264,9 +272,9 @@ impl<'a> Work<'a> {
         let coded = plane.coded.map(|_| plane.classes);
         let layer: Box<dyn FirstLayer + 'a> = match scheme {
             Scheme::Adaptive => Box::new(AdaptiveLayer::new(axes, coded, logs).map_err(CompressError::Setting)?),
-            Scheme::Predicted(symmetries) => {
+            Scheme::Predicted(symmetries, chart) => {
                 let shape = Shape::of(axes).ok_or_else(|| CompressError::Setting("no triangle axis".to_owned()))?;
-                let layer = PredictiveLayer::new(shape, coded, &logs, symmetries);
+                let layer = PredictiveLayer::new(shape, coded, &logs, symmetries, *chart);
                 Box::new(layer.map_err(CompressError::Setting)?)
             }
             Scheme::Fixed(basis) => {

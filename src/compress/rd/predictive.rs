@@ -2,11 +2,13 @@
 //! pyramid of triangles predicted in closed loop.
 //!
 //! ```text
-//! pyramid chunk   u8 number of generators, then u8 each: the number of a symmetry of the last triangle axis' domain;
-//!                 then the range-coded pyramid
+//! pyramid chunk   u8 kind of the model, 0 if there is none; 128 more if there is no pyramid behind it;
+//!                 u8 number of generators, then u8 each: the number of a symmetry of the last triangle axis' domain;
+//!                 then the range-coded coefficients of the model, and the pyramid
 //! ```
 
 use super::super::SpectralBasis;
+use super::chart::{Chart, ChartKind};
 use super::layer::{Fineness, FirstLayer};
 use super::pyramid::Pyramid;
 use super::spectrum::{Basis, MAX_RANK};
@@ -16,6 +18,8 @@ use crate::domain::{Axis, Symmetry, TriangleMesh};
 use crate::transform::{AxisTransform, Klt};
 use rayon::prelude::*;
 
+/// Set in the first byte of the chunk if there is no pyramid.
+const ALONE: u8 = 128;
 /// Rows compared with their images when symmetries are looked for.
 const MOST_COMPARED: usize = 1 << 15;
 
@@ -48,6 +52,19 @@ impl Shape {
             inner: between.iter().map(Axis::len).product(),
             length: if spectral { axes[last].len() } else { 1 },
         })
+    }
+
+    pub(super) fn mesh(&self) -> TriangleMesh {
+        self.mesh
+    }
+
+    pub(super) fn block_axes(&self) -> &[Axis] {
+        &self.block_axes
+    }
+
+    /// Whether a model of `kind` makes sense.
+    pub(super) fn has_chart(&self, kind: ChartKind) -> bool {
+        super::chart::incoming(self, kind).is_some()
     }
 
     fn blocks(&self) -> usize {
@@ -93,6 +110,7 @@ pub(crate) struct PredictiveLayer {
     group: Group,
     representatives: Vec<Representative>,
     live: Option<Vec<bool>>,
+    chart: Option<Chart>,
     /// Of rows longer than one sample.
     klt: Option<Klt>,
     /// `[representatives, leaves, length]`
@@ -105,6 +123,7 @@ impl PredictiveLayer {
         classes: Option<&[Class]>,
         logs: &[f32],
         generators: &[Symmetry],
+        chart: Option<ChartKind>,
     ) -> Result<Self, String> {
         let known = Symmetry::of(shape.mesh.domain());
         let numbers = generators.iter().filter_map(|g| known.iter().position(|k| k == g)).map(|n| n as u8).collect();
@@ -127,7 +146,11 @@ impl PredictiveLayer {
         };
         let transforms = vec![AxisTransform::Identity; shape.axes.len()];
         let live = live_leaves(&shape, &group, &representatives, classes);
-        Ok(Self { shape, transforms, generators: numbers, group, representatives, live, klt, rows })
+        let chart = match chart {
+            Some(kind) => Some(Chart::new(kind, &shape, &representatives).ok_or("a model that makes no sense here")?),
+            None => None,
+        };
+        Ok(Self { shape, transforms, generators: numbers, group, representatives, live, chart, klt, rows })
     }
 
     /// The basis at `fineness`, and its chunk if rows are longer than one sample.
@@ -141,15 +164,30 @@ impl PredictiveLayer {
         }
     }
 
-    /// Codes at `step`: the bytes of the pyramid, what a decoder has, and how many coefficients are not 0.
+    /// Codes at `step`: the pyramid chunk, the planes that a decoder has, and how many coefficients are not 0.
     fn code(&self, step: f32, basis: Option<&Basis>) -> (Vec<u8>, Vec<f32>, u64) {
         let vectors = basis.map_or(1, Basis::rank);
         let coefficients = basis.map_or_else(|| self.rows.clone(), |basis| basis.analyse(&self.rows));
-        let planes = transposed(&coefficients, self.shape.mesh.len(), vectors);
-        let pyramid = Pyramid::new(self.shape.mesh, vectors, &self.group, &self.representatives, self.live.as_deref());
+        let mut planes = transposed(&coefficients, self.shape.mesh.len(), vectors);
         let mut encoder = Encoder::default();
-        let (decoded, kept) = pyramid.code(&mut encoder, step, Some(planes));
-        (encoder.finish(), decoded, kept)
+        let mut kept = 0;
+        let model = self.chart.as_ref().map(|chart| chart.code(&mut encoder, step, vectors, Some(&planes), &mut kept));
+        if let Some(model) = &model {
+            planes.iter_mut().zip(model).for_each(|(x, m)| *x -= m);
+        }
+        let pyramid =
+            Pyramid::new(self.shape.mesh, vectors, &self.group, &self.representatives, self.live.as_deref());
+        let model_alone = encoder.clone();
+        let (mut decoded, details) = pyramid.code(&mut encoder, step, Some(planes));
+        let mut w = Writer::default();
+        w.u8(self.chart.as_ref().map_or(0, |chart| chart.kind() as u8) | if details == 0 { ALONE } else { 0 });
+        w.u8(self.generators.len() as u8);
+        w.raw(&self.generators);
+        w.raw(&if details == 0 { model_alone } else { encoder }.finish());
+        if let Some(model) = &model {
+            decoded.iter_mut().zip(model).for_each(|(x, m)| *x += m);
+        }
+        (w.into_bytes(), decoded, kept + details)
     }
 }
 
@@ -163,11 +201,7 @@ impl FirstLayer for PredictiveLayer {
     fn chunks(&self, fineness: Fineness) -> Vec<(ChunkKind, Vec<u8>)> {
         let (basis, chunk) = self.basis_at(fineness);
         let mut chunks: Vec<_> = chunk.into_iter().map(|chunk| (ChunkKind::Basis, chunk)).collect();
-        let mut w = Writer::default();
-        w.u8(self.generators.len() as u8);
-        w.raw(&self.generators);
-        w.raw(&self.code(fineness.step, basis.as_ref()).0);
-        chunks.push((ChunkKind::Pyramid, w.into_bytes()));
+        chunks.push((ChunkKind::Pyramid, self.code(fineness.step, basis.as_ref()).0));
         chunks
     }
 
@@ -205,6 +239,7 @@ pub(crate) fn decode(
         _ => return Err(malformed("a basis chunk without a spectral axis, or none with one")),
     };
     let mut r = Reader::new(coded, 0);
+    let first = r.u8("model")?;
     let known = Symmetry::of(shape.mesh.domain());
     let mut generators = Vec::new();
     for _ in 0..r.u8("number of generators")?.min(8) {
@@ -215,9 +250,24 @@ pub(crate) fn decode(
     let representatives = group.representatives();
     let live = live_leaves(&shape, &group, &representatives, classes);
     let vectors = basis.as_ref().map_or(1, Basis::rank);
-    let pyramid = Pyramid::new(shape.mesh, vectors, &group, &representatives, live.as_deref());
-    let rest = r.take(r.remaining(), "pyramid")?;
-    let (decoded, _) = pyramid.code(&mut Decoder::new(rest), step, None);
+    let chart = match first & !ALONE {
+        0 => None,
+        code => {
+            let chart = ChartKind::from_code(code).and_then(|kind| Chart::new(kind, &shape, &representatives));
+            Some(chart.ok_or_else(|| malformed("a model that is unknown or makes no sense here"))?)
+        }
+    };
+    let mut coder = Decoder::new(r.take(r.remaining(), "pyramid")?);
+    let model = chart.map(|chart| chart.code(&mut coder, step, vectors, None, &mut 0));
+    let mut decoded = if first & ALONE == 0 {
+        let pyramid = Pyramid::new(shape.mesh, vectors, &group, &representatives, live.as_deref());
+        pyramid.code(&mut coder, step, None).0
+    } else {
+        vec![0.0; representatives.len() * vectors * shape.mesh.len()]
+    };
+    if let Some(model) = model {
+        decoded.iter_mut().zip(model).for_each(|(x, m)| *x += m);
+    }
     let mut logs = vec![0.0; axes.iter().map(Axis::len).product()];
     synthesise(&shape, &group, &representatives, basis.as_ref(), &decoded, &mut logs);
     Ok(logs)

@@ -1,0 +1,397 @@
+//! A smooth model of scattering in coordinates that follow the lobe, fitted to each plane: the pyramid codes what it misses.
+//!
+//! A gloss lobe moves with the incoming direction, but in the coordinates of the half vector h it stays (Rusinkiewicz 1998,
+//! *A new change of variables for efficient BRDF representation*). The model is linear in products of cubic B-splines:
+//! * isotropic: of the angle between h and the normal, of that between wi and h, of wo's and of that between wi and wo;
+//! * anisotropic: of h's two tangential coordinates and of the angle between wi and h;
+//! * zonal: of the angle between wi and wo alone, for phase functions.
+//!
+//! The columns are made orthonormal on the coded rows (Cholesky's factor of their Gram matrix, f64, in order), so that the
+//! pyramid's step serves their coefficients too. Square roots and divisions only: the same columns on any machine.
+
+use super::predictive::Shape;
+use super::symmetry::Representative;
+use crate::codec::{BitCoder, DetailCoder, Surroundings};
+use crate::domain::vector::{Vector, add, dot, unit};
+use crate::domain::{Axis, Direction, Domain};
+use rayon::prelude::*;
+
+/// Which coordinates a model has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(crate) enum ChartKind {
+    /// Half-vector coordinates of an isotropic surface.
+    Isotropic = 1,
+    /// Half-vector coordinates with the tangent frame.
+    Anisotropic = 2,
+    /// The angle of scattering.
+    Zonal = 3,
+}
+
+impl ChartKind {
+    pub(crate) const ALL: [Self; 3] = [Self::Isotropic, Self::Anisotropic, Self::Zonal];
+
+    pub(crate) fn from_code(code: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| *kind as u8 == code)
+    }
+}
+
+/// Entries of a row that are not zero, at most.
+const MOST_ENTRIES: usize = 80;
+/// Rows from which the columns are made orthonormal: enough to see every column.
+const GRAM_ROWS: usize = 1 << 14;
+/// A column with less than this part of its square left by those before it is left out.
+const INDEPENDENT: f64 = 1e-5;
+/// Coefficients round down from here.
+const ROUNDING: f64 = 0.4;
+/// Quantised coefficients stay below this.
+const LARGEST: f64 = (1 << 24) as f64;
+/// Blocks that have a constant of their own.
+const MOST_CONSTANTS: usize = 64;
+
+/// A model on the rows of a shape.
+pub(crate) struct Chart {
+    kind: ChartKind,
+    constants: usize,
+    incoming: Vec<Vector>,
+    outgoing: Vec<Vector>,
+    columns: usize,
+    /// Row-major lower triangle; a row of a column left out has 0 on its diagonal.
+    factor: Vec<f64>,
+}
+
+/// One row's columns that are not zero.
+struct Entries {
+    length: usize,
+    all: [(usize, f64); MOST_ENTRIES],
+}
+
+impl Entries {
+    fn new() -> Self {
+        Self { length: 0, all: [(0, 0.0); MOST_ENTRIES] }
+    }
+
+    fn push(&mut self, column: usize, value: f64) {
+        if let Some(entry) = self.all.get_mut(self.length) {
+            *entry = (column, value);
+            self.length += 1;
+        }
+    }
+
+    fn get(&self) -> &[(usize, f64)] {
+        &self.all[..self.length]
+    }
+
+    /// Adds the splines of `x` in 0 … 1 from column `first`; returns the next free column.
+    fn splines(&mut self, first: usize, count: usize, x: f64) -> usize {
+        let (at, values) = spline(count, x);
+        for (k, &value) in values.iter().enumerate() {
+            self.push(first + at + k, value);
+        }
+        first + count
+    }
+
+    /// Adds products of splines of `x` and of `y`.
+    fn products(&mut self, first: usize, (nx, x): (usize, f64), (ny, y): (usize, f64)) -> usize {
+        let ((ax, vx), (ay, vy)) = (spline(nx, x), spline(ny, y));
+        for (i, a) in vx.iter().enumerate() {
+            for (j, b) in vy.iter().enumerate() {
+                self.push(first + (ax + i) * ny + ay + j, a * b);
+            }
+        }
+        first + nx * ny
+    }
+}
+
+/// The first of the four cubic B-splines that are not 0 at `x`, and their values; `count` ≥ 4 splines on even knots whose
+/// ends are repeated (de Boor 1978, chapter X).
+fn spline(count: usize, x: f64) -> (usize, [f64; 4]) {
+    let spans = count - 3;
+    let scaled = x.clamp(0.0, 1.0) * spans as f64;
+    let span = (scaled as usize).min(spans - 1);
+    // Knots relative to the span; repeated at both ends.
+    let knot = |k: isize| (span as isize + k).clamp(0, spans as isize) as f64;
+    let mut values = [1.0, 0.0, 0.0, 0.0];
+    for degree in 1..=3_isize {
+        let mut saved = 0.0;
+        for r in 0..degree {
+            let (right, left) = (knot(r + 1), knot(r + 1 - degree));
+            let share = values[r as usize] / (right - left);
+            values[r as usize] = saved + (right - scaled) * share;
+            saved = (scaled - left) * share;
+        }
+        values[degree as usize] = saved;
+    }
+    (span, values)
+}
+
+impl Chart {
+    /// The model of `kind` on the representatives of `shape`; `None` where it makes no sense.
+    pub(crate) fn new(kind: ChartKind, shape: &Shape, representatives: &[Representative]) -> Option<Self> {
+        let incoming = incoming(shape, kind)?;
+        let incoming = representatives.iter().map(|r| incoming.get(r.block).copied()).collect::<Option<Vec<_>>>()?;
+        let mesh = shape.mesh();
+        let outgoing: Vec<Vector> = (0..mesh.len()).map(|i| mesh.centroid(i).xyz()).collect();
+        let constants = if kind == ChartKind::Zonal || incoming.len() > MOST_CONSTANTS { 0 } else { incoming.len() };
+        let mut chart = Self { kind, constants, incoming, outgoing, columns: 0, factor: Vec::new() };
+        let mut entries = Entries::new();
+        chart.columns = chart.row(0, 0, &mut entries);
+        chart.factor = chart.orthonormal();
+        Some(chart)
+    }
+
+    pub(crate) fn kind(&self) -> ChartKind {
+        self.kind
+    }
+
+    fn rows(&self) -> usize {
+        self.incoming.len() * self.outgoing.len()
+    }
+
+    /// Fills in the columns of a row; returns how many columns there are.
+    fn row(&self, block: usize, leaf: usize, entries: &mut Entries) -> usize {
+        entries.length = 0;
+        let wi = self.incoming[block];
+        let mut wo = self.outgoing[leaf];
+        let angle = ((1.0 - dot(wi, wo)).max(0.0) / 2.0).sqrt();
+        if self.kind == ChartKind::Zonal {
+            return entries.splines(0, 32, angle);
+        }
+        // Transmission is seen in the mirror.
+        wo[2] = wo[2].abs();
+        let wi = [wi[0], wi[1], wi[2].abs()];
+        let h = unit(add(wi, wo));
+        // Sines of half angles over that of 45°.
+        let to_normal = (1.0 - h[2]).max(0.0).sqrt();
+        let difference = (1.0 - dot(wi, h)).max(0.0).sqrt();
+        let height = wo[2].sqrt();
+        let mut next = self.constants;
+        if block < self.constants {
+            entries.push(block, 1.0);
+        }
+        match self.kind {
+            ChartKind::Isotropic => {
+                let peak = to_normal.sqrt();
+                next = entries.splines(next, 14, peak);
+                next = entries.splines(next, 6, difference);
+                next = entries.splines(next, 7, height);
+                next = entries.splines(next, 7, angle);
+                next = entries.products(next, (10, peak), (5, difference));
+                entries.products(next, (4, height), (5, difference))
+            }
+            _ => {
+                next = entries.splines(next, 7, height);
+                next = entries.splines(next, 7, angle);
+                next = entries.splines(next, 6, difference);
+                let across = |x: f64| 0.5 + 0.5 * x * 1.06 / (x * x + 0.1236).sqrt();
+                let first = entries.length;
+                let from = next;
+                next = entries.products(next, (10, across(h[0])), (10, across(h[1])));
+                let planar = entries.length;
+                for at in first..planar {
+                    let (column, value) = entries.all[at];
+                    let centred = difference - 0.5;
+                    entries.push(column - from + next, value * centred);
+                    entries.push(column - from + next + 100, value * centred * centred);
+                }
+                next + 200
+            }
+        }
+    }
+
+    /// Cholesky's factor of the Gram matrix of all columns.
+    fn orthonormal(&self) -> Vec<f64> {
+        let n = self.columns;
+        let stride = self.rows().div_ceil(GRAM_ROWS) | 1;
+        let mut gram = vec![0.0; n * n];
+        let mut entries = Entries::new();
+        let mut used = 0;
+        for at in (0..self.rows()).step_by(stride) {
+            self.row(at / self.outgoing.len(), at % self.outgoing.len(), &mut entries);
+            for &(i, a) in entries.get() {
+                for &(j, b) in entries.get() {
+                    if j <= i {
+                        gram[i * n + j] += a * b;
+                    }
+                }
+            }
+            used += 1;
+        }
+        let scale = self.rows() as f64 / f64::from(used);
+        let mut factor = vec![0.0; n * n];
+        for i in 0..n {
+            let (done, row) = factor.split_at_mut(i * n);
+            let row = &mut row[..n];
+            for j in 0..=i {
+                let other = if j < i { &done[j * n..][..j] } else { &[] };
+                let sum = gram[i * n + j] * scale;
+                if j < i {
+                    let product: f64 = row.iter().zip(other).map(|(a, b)| a * b).sum();
+                    let diagonal = done[j * n + j];
+                    row[j] = if diagonal > 0.0 { (sum - product) / diagonal } else { 0.0 };
+                } else {
+                    let left = sum - row[..i].iter().map(|a| a * a).sum::<f64>();
+                    row[i] = if left > INDEPENDENT * sum { left.sqrt() } else { 0.0 };
+                }
+            }
+            if row[i] == 0.0 {
+                row.fill(0.0);
+            }
+        }
+        factor
+    }
+
+    /// Coefficients of planes `[blocks, vectors, leaves]` on the orthonormal columns, by vector.
+    fn project(&self, planes: &[f32], vectors: usize) -> Vec<f64> {
+        let (n, leaves) = (self.columns, self.outgoing.len());
+        let parts: Vec<Vec<f64>> = planes
+            .par_chunks(vectors * leaves)
+            .enumerate()
+            .map(|(block, planes)| {
+                let mut sums = vec![0.0; vectors * n];
+                let mut entries = Entries::new();
+                for leaf in 0..leaves {
+                    self.row(block, leaf, &mut entries);
+                    for (plane, sums) in planes.chunks_exact(leaves).zip(sums.chunks_exact_mut(n)) {
+                        let x = f64::from(plane[leaf]);
+                        for &(column, value) in entries.get() {
+                            sums[column] += value * x;
+                        }
+                    }
+                }
+                sums
+            })
+            .collect();
+        let mut sums = vec![0.0; vectors * n];
+        for part in parts {
+            sums.iter_mut().zip(part).for_each(|(sum, x)| *sum += x);
+        }
+        // y = L⁻¹ Bᵀx
+        for y in sums.chunks_exact_mut(n) {
+            for i in 0..n {
+                let row = &self.factor[i * n..][..n];
+                let product: f64 = row[..i].iter().zip(&*y).map(|(l, y)| l * y).sum();
+                y[i] = if row[i] > 0.0 { (y[i] - product) / row[i] } else { 0.0 };
+            }
+        }
+        sums
+    }
+
+    /// The model's planes `[blocks, vectors, leaves]` of coefficients on the orthonormal columns.
+    fn evaluate(&self, mut coefficients: Vec<f64>, vectors: usize) -> Vec<f32> {
+        let (n, leaves) = (self.columns, self.outgoing.len());
+        // c = L⁻ᵀ y
+        for c in coefficients.chunks_exact_mut(n) {
+            for i in (0..n).rev() {
+                let row = &self.factor[i * n..][..n];
+                c[i] = if row[i] > 0.0 { c[i] / row[i] } else { 0.0 };
+                let own = c[i];
+                c.iter_mut().zip(&row[..i]).for_each(|(c, l)| *c -= l * own);
+            }
+        }
+        let mut planes = vec![0.0; self.rows() * vectors];
+        planes.par_chunks_mut(vectors * leaves).enumerate().for_each(|(block, planes)| {
+            let mut entries = Entries::new();
+            for leaf in 0..leaves {
+                self.row(block, leaf, &mut entries);
+                for (plane, c) in planes.chunks_exact_mut(leaves).zip(coefficients.chunks_exact(n)) {
+                    plane[leaf] = entries.get().iter().map(|&(column, value)| value * c[column]).sum::<f64>() as f32;
+                }
+            }
+        });
+        planes
+    }
+
+    /// Codes the model of planes at `step`: an encoder is given them; both return the model's planes.
+    pub(crate) fn code<C: BitCoder>(
+        &self,
+        coder: &mut C,
+        step: f32,
+        vectors: usize,
+        planes: Option<&[f32]>,
+        kept: &mut u64,
+    ) -> Vec<f32> {
+        let step = f64::from(step);
+        let wanted = planes.map(|planes| self.project(planes, vectors));
+        let n = self.columns;
+        let mut details = DetailCoder::default();
+        let mut decoded = vec![0.0; vectors * n];
+        let mut before = vec![0_u32; n];
+        for vector in 0..vectors {
+            let mut last = [64_u32; 3];
+            for column in 0..n {
+                if self.factor[column * n + column] == 0.0 {
+                    continue;
+                }
+                let wanted = wanted.as_ref().map_or(0, |wanted| {
+                    let x = wanted[vector * n + column] / step;
+                    let magnitude = (x.abs() + ROUNDING).min(LARGEST) as i32;
+                    if x < 0.0 { -magnitude } else { magnitude }
+                });
+                let around = Surroundings {
+                    level: 0,
+                    neighbours: Some(16 * (2 * last[0] + last[1] + last[2]) / 4),
+                    before: (vector > 0).then(|| 16 * before[column]),
+                    ..Surroundings::default()
+                };
+                let q = details.code(coder, &around, wanted);
+                *kept += u64::from(q != 0);
+                let magnitude = q.unsigned_abs().min(1 << 16);
+                last = [magnitude, last[0], last[1]];
+                before[column] = magnitude;
+                decoded[vector * n + column] = f64::from(q) * step;
+            }
+        }
+        self.evaluate(decoded, vectors)
+    }
+}
+
+/// The incoming direction of every block.
+pub(super) fn incoming(shape: &Shape, kind: ChartKind) -> Option<Vec<Vector>> {
+    let zonal = kind == ChartKind::Zonal;
+    if zonal != (shape.mesh().domain() == Domain::Sphere) {
+        return None;
+    }
+    match shape.block_axes() {
+        [Axis::Triangles(mesh)] if zonal == (mesh.domain() == Domain::Sphere) => {
+            Some((0..mesh.len()).map(|i| mesh.centroid(i).xyz()).collect())
+        }
+        [Axis::Elevation(degrees)] if !zonal => {
+            Some(degrees.iter().map(|&theta| Direction::from_degrees(theta, 0.0).xyz()).collect())
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn splines_add_up_to_one_and_are_not_negative() {
+        for count in [4, 5, 7, 14, 32] {
+            for k in 0..=200 {
+                let (first, values) = spline(count, f64::from(k) / 200.0);
+                assert!(first + 4 <= count);
+                assert!((values.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+                assert!(values.iter().all(|&v| v >= -1e-15));
+            }
+        }
+    }
+
+    #[test]
+    fn splines_are_continuous() {
+        for count in [4, 7, 14] {
+            for k in 1..count - 3 {
+                let x = k as f64 / (count - 3) as f64;
+                let value = |x: f64, column: usize| {
+                    let (first, values) = spline(count, x);
+                    column.checked_sub(first).and_then(|k| values.get(k)).copied().unwrap_or(0.0)
+                };
+                for column in 0..count {
+                    assert!((value(x - 1e-9, column) - value(x + 1e-9, column)).abs() < 1e-7);
+                }
+            }
+        }
+    }
+}
