@@ -20,13 +20,16 @@ use super::rows::lanes;
 use super::search::largest;
 use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target};
 use crate::codec::{ChunkKind, Class, Encoder, code_corrections};
-use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress, Symmetry};
+use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress};
+use std::sync::Arc;
 use adaptive::AdaptiveLayer;
 use layer::{Fineness, FirstLayer, FixedLayer};
 use chart::ChartKind;
-use predictive::{PredictiveLayer, Shape};
+use predictive::{Folded, PredictiveLayer, Shape};
 use rayon::prelude::*;
 
+/// The symmetries of a hemisphere's mesh.
+const ALL_SYMMETRIES: usize = 8;
 /// Bisections of the step: 2^(1/64) at the end, 1 % of the step.
 const REFINEMENTS: u32 = 6;
 /// A positive sample below the floor keeps at least this fraction of it, so that its error stays below the floor.
@@ -47,7 +50,7 @@ pub(crate) fn compress(
     let counts = ErrorReport::measure(measurement.tensor.samples(), measurement.tensor.samples(), f64::from(floor));
     let plane = Plane { classes: &classes, coded: classes_coded.as_ref(), counts };
     let work = |scheme: &Scheme| Work::new(measurement, plane, scheme, settings, floor);
-    let schemes = schemes(measurement, plane, bases, settings.target, floor);
+    let schemes = schemes(measurement, plane, bases, settings.target, floor)?;
     progress.step(0.05)?;
     let (work, steps, ranking) = match schemes.as_slice() {
         [only] => {
@@ -71,14 +74,14 @@ pub(crate) fn compress(
 }
 
 /// How the first layer sees a tensor.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone)]
 enum Scheme {
     /// In fixed bases on all axes.
     Fixed(SpectralBasis),
     /// On the data's own spectral basis, in fixed bases on the other axes.
     Adaptive,
     /// The same with triangles predicted, folded by the group of these symmetries, behind a model.
-    Predicted(Vec<Symmetry>, Option<ChartKind>),
+    Predicted(Arc<Folded>, Option<ChartKind>),
 }
 
 impl Scheme {
@@ -86,7 +89,7 @@ impl Scheme {
         match self {
             Self::Fixed(basis) => basis.name(),
             Self::Adaptive => SpectralBasis::Klt.name(),
-            Self::Predicted(symmetries, None) if symmetries.is_empty() => "predicted",
+            Self::Predicted(folded, None) if folded.is_trivial() => "predicted",
             Self::Predicted(_, None) => "predicted, folded",
             Self::Predicted(_, Some(ChartKind::Isotropic)) => "predicted, isotropic model",
             Self::Predicted(_, Some(ChartKind::Anisotropic)) => "predicted, anisotropic model",
@@ -102,30 +105,17 @@ fn schemes(
     bases: &[SpectralBasis],
     target: Target,
     floor: f32,
-) -> Vec<Scheme> {
+) -> Result<Vec<Scheme>, CompressError> {
     let axes = measurement.tensor.axes();
-    let shape = Shape::of(axes);
     let spectral = axes.last().is_some_and(|axis| !matches!(axis, Axis::Triangles(_)));
     let mut schemes = Vec::new();
     for &basis in bases {
         let own = basis == SpectralBasis::Klt;
-        match &shape {
+        match Shape::of(axes) {
             Some(shape) if own || !spectral => {
-                let tolerance = match target {
-                    Target::ErL2(error) => error,
-                    Target::MaxRelativeError(error) => 0.5 * error,
-                    Target::Ratio(_) | Target::Bytes(_) | Target::Lossless => 0.05,
-                };
                 let logs = logarithms(measurement, plane.classes, floor);
                 let classes = plane.coded.map(|_| plane.classes);
-                let symmetries = predictive::symmetries(shape, &logs, classes, tolerance);
-                for kind in ChartKind::ALL.into_iter().filter(|&kind| shape.has_chart(kind)) {
-                    schemes.push(Scheme::Predicted(symmetries.clone(), Some(kind)));
-                }
-                if !symmetries.is_empty() {
-                    schemes.push(Scheme::Predicted(symmetries, None));
-                }
-                schemes.push(Scheme::Predicted(Vec::new(), None));
+                schemes.extend(predicted(&shape, classes, &logs, target).map_err(CompressError::Setting)?);
             }
             _ if own => schemes.push(Scheme::Adaptive),
             _ => {}
@@ -134,7 +124,41 @@ fn schemes(
             schemes.push(Scheme::Fixed(basis));
         }
     }
-    schemes
+    Ok(schemes)
+}
+
+/// The predicted schemes worth a trial: the symmetries that hold decide.
+fn predicted(
+    shape: &Shape,
+    classes: Option<&[Class]>,
+    logs: &[f32],
+    target: Target,
+) -> Result<Vec<Scheme>, String> {
+    let tolerance = match target {
+        Target::ErL2(error) => error,
+        Target::MaxRelativeError(error) => 0.5 * error,
+        Target::Ratio(_) | Target::Bytes(_) | Target::Lossless => 0.05,
+    };
+    let found = predictive::symmetries(shape, logs, classes, tolerance);
+    let mut schemes = Vec::new();
+    let mut groups = vec![found.generators.as_slice()];
+    // Well within the error that is allowed, a symmetry is always worth its while.
+    if !found.generators.is_empty() && found.deviation > 0.5 * tolerance {
+        groups.push(&[]);
+    }
+    for (i, generators) in groups.into_iter().enumerate() {
+        let folded = Arc::new(Folded::new(shape, classes, logs, generators)?);
+        if i == 0 {
+            for kind in ChartKind::ALL.into_iter().filter(|&kind| shape.has_chart(kind)) {
+                // What has all symmetries of the mesh is as good as isotropic.
+                if kind != ChartKind::Anisotropic || found.order < ALL_SYMMETRIES {
+                    schemes.push(Scheme::Predicted(Arc::clone(&folded), Some(kind)));
+                }
+            }
+        }
+        schemes.push(Scheme::Predicted(folded, None));
+    }
+    Ok(schemes)
 }
 
 /// The best scheme with its steps, and the ranking: the fewest bytes at a wanted error, the least error at a wanted size.
@@ -268,17 +292,15 @@ impl<'a> Work<'a> {
         floor: f32,
     ) -> Result<Self, CompressError> {
         let axes = measurement.tensor.axes();
-        let logs = logarithms(measurement, plane.classes, floor);
+        let logs = || logarithms(measurement, plane.classes, floor);
         let coded = plane.coded.map(|_| plane.classes);
         let layer: Box<dyn FirstLayer + 'a> = match scheme {
-            Scheme::Adaptive => Box::new(AdaptiveLayer::new(axes, coded, logs).map_err(CompressError::Setting)?),
-            Scheme::Predicted(symmetries, chart) => {
-                let shape = Shape::of(axes).ok_or_else(|| CompressError::Setting("no triangle axis".to_owned()))?;
-                let layer = PredictiveLayer::new(shape, coded, &logs, symmetries, *chart);
-                Box::new(layer.map_err(CompressError::Setting)?)
+            Scheme::Adaptive => Box::new(AdaptiveLayer::new(axes, coded, logs()).map_err(CompressError::Setting)?),
+            Scheme::Predicted(folded, chart) => {
+                Box::new(PredictiveLayer::new(Arc::clone(folded), *chart).map_err(CompressError::Setting)?)
             }
             Scheme::Fixed(basis) => {
-                let layer = FixedLayer::new(axes, coded, *basis, logs);
+                let layer = FixedLayer::new(axes, coded, *basis, logs());
                 Box::new(layer.map_err(|e| CompressError::Setting(e.to_string()))?)
             }
         };
@@ -333,14 +355,17 @@ impl<'a> Work<'a> {
         let mut decoded = vec![0.0; self.original().len()];
         let mut best = (chunk_bytes(&self.layer.chunks(steps.first)), steps.first);
         // One choice after the other, each from the best so far.
-        for (vectors, coarser) in [(1, 0), (-1, 0), (0, 1), (0, -1), (0, 2)] {
+        for (vectors, coarser) in [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)] {
             let from = Fineness {
                 more_vectors: best.1.more_vectors + vectors,
                 coarser_vectors: best.1.coarser_vectors + coarser,
                 ..best.1
             };
+            if chunk_bytes(&self.layer.chunks(from)) > best.0 + best.0 / 16 {
+                continue;
+            }
             for quarter in -4..=4_i32 {
-                // Steps in quarters of a semitone around the best; the error is not monotone there.
+                // The error is not monotone in the step: all of its neighbourhood is tried.
                 let factor = libm::exp2(f64::from(quarter) / 24.0) as f32;
                 let fineness = Fineness { step: from.step * factor, ..from };
                 let bytes = chunk_bytes(&self.layer.chunks(fineness));

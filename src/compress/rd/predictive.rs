@@ -17,6 +17,7 @@ use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Reader, Write
 use crate::domain::{Axis, Symmetry, TriangleMesh};
 use crate::transform::{AxisTransform, Klt};
 use rayon::prelude::*;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Set in the first byte of the chunk if there is no pyramid.
 const ALONE: u8 = 128;
@@ -102,38 +103,35 @@ fn closure(generators: &[Symmetry]) -> Vec<Symmetry> {
     all
 }
 
-/// Folded rows and their principal components.
-pub(crate) struct PredictiveLayer {
+/// Rows folded by a group of symmetries, and their principal components: what every model starts from.
+pub(crate) struct Folded {
     shape: Shape,
-    transforms: Vec<AxisTransform>,
     generators: Vec<u8>,
     group: Group,
     representatives: Vec<Representative>,
-    live: Option<Vec<bool>>,
-    chart: Option<Chart>,
+    pyramid: Pyramid,
     /// Of rows longer than one sample.
     klt: Option<Klt>,
     /// `[representatives, leaves, length]`
     rows: Vec<f32>,
 }
 
-impl PredictiveLayer {
+impl Folded {
     pub(crate) fn new(
-        shape: Shape,
+        shape: &Shape,
         classes: Option<&[Class]>,
         logs: &[f32],
         generators: &[Symmetry],
-        chart: Option<ChartKind>,
     ) -> Result<Self, String> {
         let known = Symmetry::of(shape.mesh.domain());
         let numbers = generators.iter().filter_map(|g| known.iter().position(|k| k == g)).map(|n| n as u8).collect();
         let group = shape.group(generators).ok_or("a symmetry of another domain")?;
         let representatives = group.representatives();
-        let rows = fold_rows(&shape, &group, &representatives, logs);
+        let rows = fold_rows(shape, &group, &representatives, logs);
         let klt = if shape.length > 1 {
             let mut klt = if group.members().len() > 1 {
                 let mut even = vec![0.0; logs.len()];
-                unfold_rows(&shape, &group, &representatives, shape.length, &rows, &mut even);
+                unfold_rows(shape, &group, &representatives, shape.length, &rows, &mut even);
                 Klt::of(&even, shape.length)
             } else {
                 Klt::of(logs, shape.length)
@@ -144,71 +142,108 @@ impl PredictiveLayer {
         } else {
             None
         };
-        let transforms = vec![AxisTransform::Identity; shape.axes.len()];
-        let live = live_leaves(&shape, &group, &representatives, classes);
+        let live = live_leaves(shape, &group, &representatives, classes);
+        let pyramid = Pyramid::new(shape.mesh, &group, &representatives, live.as_deref());
+        Ok(Self { shape: shape.clone(), generators: numbers, group, representatives, pyramid, klt, rows })
+    }
+}
+
+impl Folded {
+    /// Whether nothing is folded.
+    pub(crate) fn is_trivial(&self) -> bool {
+        self.generators.is_empty()
+    }
+}
+
+/// Folded rows behind a model or none.
+pub(crate) struct PredictiveLayer {
+    folded: Arc<Folded>,
+    transforms: Vec<AxisTransform>,
+    chart: Option<Chart>,
+    /// What was coded last: a size and an error are asked for one after the other.
+    last: Mutex<Option<(Fineness, Arc<Coded>)>>,
+}
+
+/// A layer at one fineness.
+struct Coded {
+    basis: Option<Basis>,
+    chunks: Vec<(ChunkKind, Vec<u8>)>,
+    planes: Vec<f32>,
+    kept: u64,
+}
+
+impl PredictiveLayer {
+    pub(crate) fn new(folded: Arc<Folded>, chart: Option<ChartKind>) -> Result<Self, String> {
         let chart = match chart {
-            Some(kind) => Some(Chart::new(kind, &shape, &representatives).ok_or("a model that makes no sense here")?),
+            Some(kind) => {
+                let chart = Chart::new(kind, &folded.shape, &folded.representatives);
+                Some(chart.ok_or("a model that makes no sense here")?)
+            }
             None => None,
         };
-        Ok(Self { shape, transforms, generators: numbers, group, representatives, live, chart, klt, rows })
+        let transforms = vec![AxisTransform::Identity; folded.shape.axes.len()];
+        Ok(Self { folded, transforms, chart, last: Mutex::new(None) })
     }
 
-    /// The basis at `fineness`, and its chunk if rows are longer than one sample.
-    fn basis_at(&self, fineness: Fineness) -> (Option<Basis>, Option<Vec<u8>>) {
-        match &self.klt {
-            Some(klt) => {
-                let (basis, chunk) = Basis::encode(klt, &self.shape.axes, self.shape.rows(), fineness);
-                (Some(basis), Some(chunk))
+    fn coded(&self, fineness: Fineness) -> Arc<Coded> {
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*last {
+            Some((known, coded)) if *known == fineness => Arc::clone(coded),
+            _ => {
+                let coded = Arc::new(self.code(fineness));
+                *last = Some((fineness, Arc::clone(&coded)));
+                coded
             }
-            None => (None, None),
         }
     }
 
-    /// Codes at `step`: the pyramid chunk, the planes that a decoder has, and how many coefficients are not 0.
-    fn code(&self, step: f32, basis: Option<&Basis>) -> (Vec<u8>, Vec<f32>, u64) {
-        let vectors = basis.map_or(1, Basis::rank);
-        let coefficients = basis.map_or_else(|| self.rows.clone(), |basis| basis.analyse(&self.rows));
-        let mut planes = transposed(&coefficients, self.shape.mesh.len(), vectors);
+    fn code(&self, fineness: Fineness) -> Coded {
+        let folded = &*self.folded;
+        let (step, leaves) = (fineness.step, folded.shape.mesh.len());
+        let mut chunks = Vec::new();
+        let basis = folded.klt.as_ref().map(|klt| {
+            let (basis, chunk) = Basis::encode(klt, &folded.shape.axes, folded.shape.rows(), fineness);
+            chunks.push((ChunkKind::Basis, chunk));
+            basis
+        });
+        let vectors = basis.as_ref().map_or(1, Basis::rank);
+        let coefficients = basis.as_ref().map_or_else(|| folded.rows.clone(), |basis| basis.analyse(&folded.rows));
+        let mut planes = transposed(&coefficients, leaves, vectors);
         let mut encoder = Encoder::default();
-        let mut kept = 0;
+        // The basis itself is part of what is kept.
+        let mut kept = basis.as_ref().map_or(0, |basis| basis.entries() as u64);
         let model = self.chart.as_ref().map(|chart| chart.code(&mut encoder, step, vectors, Some(&planes), &mut kept));
         if let Some(model) = &model {
             planes.iter_mut().zip(model).for_each(|(x, m)| *x -= m);
         }
-        let pyramid =
-            Pyramid::new(self.shape.mesh, vectors, &self.group, &self.representatives, self.live.as_deref());
         let model_alone = encoder.clone();
-        let (mut decoded, details) = pyramid.code(&mut encoder, step, Some(planes));
+        let (mut decoded, details) = folded.pyramid.code(&mut encoder, step, vectors, Some(planes));
         let mut w = Writer::default();
         w.u8(self.chart.as_ref().map_or(0, |chart| chart.kind() as u8) | if details == 0 { ALONE } else { 0 });
-        w.u8(self.generators.len() as u8);
-        w.raw(&self.generators);
+        w.u8(folded.generators.len() as u8);
+        w.raw(&folded.generators);
         w.raw(&if details == 0 { model_alone } else { encoder }.finish());
+        chunks.push((ChunkKind::Pyramid, w.into_bytes()));
         if let Some(model) = &model {
             decoded.iter_mut().zip(model).for_each(|(x, m)| *x += m);
         }
-        (w.into_bytes(), decoded, kept + details)
+        Coded { basis, chunks, planes: decoded, kept: kept + details }
     }
 }
 
 impl FirstLayer for PredictiveLayer {
     fn approximate(&self, fineness: Fineness, logs: &mut [f32]) {
-        let (basis, _) = self.basis_at(fineness);
-        let (_, decoded, _) = self.code(fineness.step, basis.as_ref());
-        synthesise(&self.shape, &self.group, &self.representatives, basis.as_ref(), &decoded, logs);
+        let coded = self.coded(fineness);
+        let folded = &*self.folded;
+        synthesise(&folded.shape, &folded.group, &folded.representatives, coded.basis.as_ref(), &coded.planes, logs);
     }
 
     fn chunks(&self, fineness: Fineness) -> Vec<(ChunkKind, Vec<u8>)> {
-        let (basis, chunk) = self.basis_at(fineness);
-        let mut chunks: Vec<_> = chunk.into_iter().map(|chunk| (ChunkKind::Basis, chunk)).collect();
-        chunks.push((ChunkKind::Pyramid, self.code(fineness.step, basis.as_ref()).0));
-        chunks
+        self.coded(fineness).chunks.clone()
     }
 
     fn kept(&self, fineness: Fineness) -> u64 {
-        let (basis, _) = self.basis_at(fineness);
-        // The basis itself is part of what is kept.
-        self.code(fineness.step, basis.as_ref()).2 + basis.map_or(0, |basis| basis.entries() as u64)
+        self.coded(fineness).kept
     }
 
     fn transforms(&self) -> &[AxisTransform] {
@@ -216,7 +251,7 @@ impl FirstLayer for PredictiveLayer {
     }
 
     fn basis(&self) -> SpectralBasis {
-        if self.klt.is_some() { SpectralBasis::Klt } else { SpectralBasis::Identity }
+        if self.folded.klt.is_some() { SpectralBasis::Klt } else { SpectralBasis::Identity }
     }
 
     fn is_predicted(&self) -> bool {
@@ -260,8 +295,8 @@ pub(crate) fn decode(
     let mut coder = Decoder::new(r.take(r.remaining(), "pyramid")?);
     let model = chart.map(|chart| chart.code(&mut coder, step, vectors, None, &mut 0));
     let mut decoded = if first & ALONE == 0 {
-        let pyramid = Pyramid::new(shape.mesh, vectors, &group, &representatives, live.as_deref());
-        pyramid.code(&mut coder, step, None).0
+        let pyramid = Pyramid::new(shape.mesh, &group, &representatives, live.as_deref());
+        pyramid.code(&mut coder, step, vectors, None).0
     } else {
         vec![0.0; representatives.len() * vectors * shape.mesh.len()]
     };
@@ -373,10 +408,21 @@ fn live_leaves(
     Some(live)
 }
 
-/// Generators of the largest group found under which the logarithms differ by at most `tolerance`, root mean square.
+/// Symmetries that hold.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Found {
+    /// Generators of their group.
+    pub(crate) generators: Vec<Symmetry>,
+    /// Members of their group.
+    pub(crate) order: usize,
+    /// The largest deviation under a generator.
+    pub(crate) deviation: f64,
+}
+
+/// The largest group found under which the logarithms differ by at most `tolerance`, root mean square.
 ///
 /// The deviation is that of one entry from its orbit's mean if entries differed by independent noise.
-pub(crate) fn symmetries(shape: &Shape, logs: &[f32], classes: Option<&[Class]>, tolerance: f64) -> Vec<Symmetry> {
+pub(crate) fn symmetries(shape: &Shape, logs: &[f32], classes: Option<&[Class]>, tolerance: f64) -> Found {
     let mut accepted: Vec<(f64, Symmetry)> = Symmetry::of(shape.mesh.domain())
         .into_par_iter()
         .filter(|&s| s != Symmetry::IDENTITY)
@@ -388,7 +434,8 @@ pub(crate) fn symmetries(shape: &Shape, logs: &[f32], classes: Option<&[Class]>,
         .collect();
     accepted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let mut generators: Vec<Symmetry> = Vec::new();
-    for &(_, symmetry) in &accepted {
+    let mut largest = 0.0;
+    for &(deviation, symmetry) in &accepted {
         if closure(&generators).contains(&symmetry) {
             continue;
         }
@@ -396,9 +443,11 @@ pub(crate) fn symmetries(shape: &Shape, logs: &[f32], classes: Option<&[Class]>,
         let all = closure(&generators);
         if !all.iter().all(|s| *s == Symmetry::IDENTITY || accepted.iter().any(|(_, known)| known == s)) {
             generators.pop();
+        } else {
+            largest = deviation;
         }
     }
-    generators
+    Found { order: closure(&generators).len(), generators, deviation: largest }
 }
 
 /// Root mean square of the difference between rows and their images, divided by √2.

@@ -16,11 +16,10 @@ const LARGEST: f32 = (1 << 30) as f32;
 /// Magnitudes in contexts are capped, so that sums cannot overflow.
 const CAP: u32 = 1 << 16;
 
-/// The pyramid of planes `[representatives, vectors, leaves]`.
+/// The pyramid of planes `[representatives, vectors, leaves]`, for any number of vectors.
 pub(crate) struct Pyramid {
     levels: usize,
     bases: usize,
-    vectors: usize,
     predictions: Vec<Prediction>,
     /// By representative: its number in `folds`.
     fold_of: Vec<usize>,
@@ -43,7 +42,6 @@ struct LevelFold {
 impl Pyramid {
     pub(crate) fn new(
         mesh: TriangleMesh,
-        vectors: usize,
         group: &Group,
         representatives: &[Representative],
         live: Option<&[bool]>,
@@ -64,17 +62,12 @@ impl Pyramid {
         Self {
             levels: usize::from(mesh.level()),
             bases: mesh.bases(),
-            vectors,
             predictions: Prediction::levels(mesh),
             fold_of,
             folds: folds.into_iter().map(|(_, levels)| levels).collect(),
             live,
             householders: [Householder::new(2), Householder::new(3), Householder::new(4)],
         }
-    }
-
-    fn planes(&self) -> usize {
-        self.fold_of.len() * self.vectors
     }
 
     fn nodes(&self, level: usize) -> usize {
@@ -87,7 +80,7 @@ impl Pyramid {
     }
 
     /// The means of all levels of `planes`, coarse first; dead children do not count.
-    fn means(&self, planes: Vec<f32>) -> Vec<Vec<f32>> {
+    fn means(&self, planes: Vec<f32>, vectors: usize) -> Vec<Vec<f32>> {
         let mut levels = vec![planes];
         for level in (0..self.levels).rev() {
             let children = &levels[levels.len() - 1];
@@ -96,7 +89,7 @@ impl Pyramid {
                 .chunks_exact(4)
                 .enumerate()
                 .map(|(i, c)| {
-                    let live = self.live(i / (n * self.vectors), level, i % n);
+                    let live = self.live(i / (n * vectors), level, i % n);
                     let (mut sum, mut count) = (0.0, 0.0);
                     for (k, value) in c.iter().enumerate() {
                         if live >> k & 1 == 1 {
@@ -115,28 +108,35 @@ impl Pyramid {
 
     /// Codes planes at `step`: an encoder is given them, a decoder nothing; both return what a decoder has. The number of
     /// details that are not 0 comes along. `each_level` sees the coder at the end of every level.
-    pub(crate) fn code<C: BitCoder>(&self, coder: &mut C, step: f32, planes: Option<Vec<f32>>) -> (Vec<f32>, u64) {
-        let source = planes.map(|planes| self.means(planes));
+    pub(crate) fn code<C: BitCoder>(
+        &self,
+        coder: &mut C,
+        step: f32,
+        vectors: usize,
+        planes: Option<Vec<f32>>,
+    ) -> (Vec<f32>, u64) {
+        let count = self.fold_of.len() * vectors;
+        let source = planes.map(|planes| self.means(planes, vectors));
         let mut details = DetailCoder::default();
         let mut kept = 0;
         let mut decoded =
-            self.code_roots(coder, &mut details, step, source.as_ref().map(|s| s[0].as_slice()), &mut kept);
+            self.code_roots(coder, &mut details, (step, vectors), source.as_ref().map(|s| s[0].as_slice()), &mut kept);
         let mut above: Vec<i32> = Vec::new();
         for level in 0..self.levels {
             let n = self.nodes(level);
-            let mut children = vec![0.0; self.planes() * 4 * n];
-            let mut quantised = vec![0_i32; self.planes() * 3 * n];
-            for plane in 0..self.planes() {
+            let mut children = vec![0.0; count * 4 * n];
+            let mut quantised = vec![0_i32; count * 3 * n];
+            for plane in 0..count {
                 let (before, here) = quantised.split_at_mut(plane * 3 * n);
                 let task = Plane {
                     pyramid: self,
                     level,
-                    representative: plane / self.vectors,
+                    representative: plane / vectors,
                     step: step_at(step, self.levels - level - 1),
                     source: source.as_ref().map(|s| &s[level + 1][plane * 4 * n..][..4 * n]),
                     means: &decoded[plane * n..][..n],
                     above: above.get(plane * 3 * (n / 4)..).unwrap_or_default(),
-                    before: self.plane_before(plane).map(|p| &before[p * 3 * n..][..3 * n]),
+                    before: plane_before(plane, vectors).map(|p| &before[p * 3 * n..][..3 * n]),
                 };
                 kept += task.code(coder, &mut details, &mut here[..3 * n], &mut children[plane * 4 * n..][..4 * n]);
             }
@@ -146,23 +146,19 @@ impl Pyramid {
         (decoded, kept)
     }
 
-    /// The plane whose magnitudes tell most about those of `plane`.
-    fn plane_before(&self, plane: usize) -> Option<usize> {
-        if plane % self.vectors > 0 { Some(plane - 1) } else { plane.checked_sub(self.vectors) }
-    }
-
     fn code_roots<C: BitCoder>(
         &self,
         coder: &mut C,
         details: &mut DetailCoder,
-        step: f32,
+        (step, vectors): (f32, usize),
         source: Option<&[f32]>,
         kept: &mut u64,
     ) -> Vec<f32> {
         let step = step_at(step, self.levels);
-        let mut decoded = vec![0.0; self.planes() * self.bases];
-        for plane in 0..self.planes() {
-            let representative = plane / self.vectors;
+        let planes = self.fold_of.len() * vectors;
+        let mut decoded = vec![0.0; planes * self.bases];
+        for plane in 0..planes {
+            let representative = plane / vectors;
             let fold = self.folds[self.fold_of[representative]].first();
             let mut last = 0;
             for root in 0..self.bases {
@@ -181,6 +177,11 @@ impl Pyramid {
         }
         decoded
     }
+}
+
+/// The plane whose magnitudes tell most about those of `plane`.
+fn plane_before(plane: usize, vectors: usize) -> Option<usize> {
+    if plane % vectors > 0 { Some(plane - 1) } else { plane.checked_sub(vectors) }
 }
 
 /// The step of means over 4^`below` leaves.
