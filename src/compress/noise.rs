@@ -159,7 +159,7 @@ fn fit(axis: usize, what: &Axis) -> Option<(u8, Fit)> {
     let line = |values: Vec<f64>| if len >= 6 { Place::Line(values) } else { Place::Unordered };
     let (rank, place) = match what {
         Axis::Triangles(mesh) if mesh.level() >= 2 => (OUTGOING, Place::Plane(*mesh)),
-        Axis::Wavelength(grid) => (WAVELENGTH, line(grid.values().to_vec())),
+        Axis::Wavelength(grid) => (WAVELENGTH, line(grid.values())),
         Axis::Elevation(values) => (INCOMING, line(values.clone())),
         Axis::Triangles(_) | Axis::Rgb | Axis::Index { .. } => (UNORDERED, Place::Unordered),
     };

@@ -110,7 +110,7 @@ fn power(x: f64, exponent: i32) -> f64 {
 fn centred(values: &[f64]) -> Vec<f64> {
     let (low, high) = values.iter().fold((f64::MAX, f64::MIN), |(low, high), &v| (low.min(v), high.max(v)));
     let half = ((high - low) / 2.0).max(f64::MIN_POSITIVE);
-    values.iter().map(|v| (v - (low + high) / 2.0) / half).collect()
+    values.iter().map(|v| (v - f64::midpoint(low, high)) / half).collect()
 }
 
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
