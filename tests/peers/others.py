@@ -271,15 +271,17 @@ def zigzag(a):
     return u.astype(np.uint8 if top < 256 else np.uint16 if top < 65536 else np.uint32)
 
 
-def pack(a):
-    """int32 array to bytes: width or pcodec, length, payload."""
+def pack(a, both=True):
+    """int32 array to bytes: pcodec or zstd with its width, length, payload."""
     import imagecodecs
     import zstandard
 
-    u = zigzag(a)
-    best = u.itemsize, zstandard.ZstdCompressor(level=19 if u.size < 2e6 else 12).compress(shuffled(u))
-    other = bytes(imagecodecs.pcodec_encode(np.ascontiguousarray(a, np.int32).reshape(-1), level=8))
-    kind, payload = best if len(best[1]) <= len(other) else (0, other)
+    kind, payload = 0, bytes(imagecodecs.pcodec_encode(np.ascontiguousarray(a, np.int32).reshape(-1), level=8))
+    if both:
+        u = zigzag(a)
+        level = 19 if np.count_nonzero(u) < 100_000 else 9  # many integers are noise, where effort is lost
+        other = zstandard.ZstdCompressor(level=level).compress(shuffled(u))
+        kind, payload = (u.itemsize, other) if len(other) < len(payload) else (kind, payload)
     return bytes([kind]) + np.uint32(len(payload)).tobytes() + payload
 
 
@@ -441,10 +443,9 @@ def principal_components():
             if scores == "haar":
                 step = np.float32(step * 0.9)
                 planes = on_triangles(fitted.reshape((k,) + x.shape[:-1]).astype(np.float32), axes, False)
-                integers = [dead_zone(planes, step)]
-            else:
-                integers = np.rint(fitted / step).astype(np.int32)
-            return b"".join([*out, step.tobytes(), *map(pack, integers)])
+                return b"".join([*out, step.tobytes(), pack(dead_zone(planes, step))])
+            rows = np.rint(fitted / step).astype(np.int32)
+            return b"".join([*out, step.tobytes(), *(pack(row, both=False) for row in rows)])
 
         def decode(b, shape, axes):
             reader = Reader(b)

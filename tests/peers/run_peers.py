@@ -12,9 +12,10 @@ from below at that fraction of its maximum, for every compressor alike, before a
 The error is er(L2) = sqrt(mean(((s' - s) / s)²)) over samples with s > 0, of float32 in and out, computed here in float64.
 Peers get negative samples as zeros, and may decode anything where s <= 0; wavelume keeps signs and zeros and pays for them.
 Each peer runs on the array as it is and on the triangles' rhombic grids (`grid`), on values and on logarithms (`log`). Its
-knob is searched for the smallest file with an error within the target; the best of these is its entry. The search is
-bounded by a number of encodings, so the same arrays give the same results; arrays above 20 MB get the grid, the logarithm
-and fewer encodings, and no slow peers. Whatever did not run is listed with its reason.
+knob is searched for the smallest file with an error within the target, from the loosest target on; the best of these is its
+entry, and what is 1.5 times larger is not followed further. The search is bounded by a number of encodings, so the same
+arrays give the same results; arrays above 10 MB get the grid, the logarithm, fewer encodings, and no slow peers. Whatever
+did not run is listed with its reason.
 """
 import argparse
 import csv
@@ -38,7 +39,8 @@ import gen  # noqa: E402
 import others  # noqa: E402
 
 ROOT = gen.ROOT
-LARGE = 20e6
+LARGE = 10e6
+HOPELESS = 1.5
 FIELDS = "array,samples,digest,target,group,peer,setting,bytes,er_l1,er_l2,max_relative,encode_mb_s,decode_mb_s,seconds,note".split(",")
 FLOOR = 1e-3
 PLOTTED = ["brdf_gloss", "brdf_aniso", "aerolamp", "carpaint_red"]
@@ -247,29 +249,39 @@ def run_peers(truth, targets, peers, missing, log):
     for peer in peers:
         start, candidates, failed = time.perf_counter(), {}, []
         if truth.large and peer.slow:
-            rows.append(truth.row(0, peer.group, peer.name, "", note="too slow for an array above 20 MB"))
+            rows.append(truth.row(0, peer.group, peer.name, "", note="too slow for an array above 10 MB"))
             continue
         grids = any(axis.kind == "triangles" and n >= 256 for axis, n in zip(truth.axes, truth.values.shape))
         layouts = [layout for layout in peer.layouts if layout == "array" or grids]
         domains = peer.domains
         if truth.large:
             layouts, domains = layouts[-1:], domains[-1:]
+        families = []
         for layout in layouts:
             for domain in domains:
                 try:
-                    family = Family(truth, peer, layout, domain)
-                    for target in sorted(targets, reverse=True):
-                        family.search(target / 100, 4 if truth.large else 7)
-                        found = family.best(target / 100)
-                        if found:
-                            candidates.setdefault(target, []).append(found)
+                    families.append(Family(truth, peer, layout, domain))
                 except Exception as why:  # a peer's failure is a result, whatever it raised
                     failed.append(f"{layout} {domain}: {type(why).__name__}: {why}")
+        for target in sorted(targets, reverse=True):
+            found = []
+            for family in list(families):
+                try:
+                    family.search(target / 100, 4 if truth.large else 6)
+                    found.append(family.best(target / 100))
+                except Exception as why:
+                    failed.append(f"{family.setting}: {type(why).__name__}: {why}")
+                    families.remove(family)
+            found = [one for one in found if one]
+            if found:
+                candidates[target] = min(found, key=lambda one: one[0])
+                hopeless = [one[2] for one in found if one[0] > HOPELESS * candidates[target][0]]
+                families = [family for family in families if family not in hopeless]
         for target in targets:
             if target not in candidates:
                 rows.append(truth.row(target, peer.group, peer.name, "", note="; ".join(failed) or "error not reached"))
                 continue
-            _, knob, family = min(candidates[target], key=lambda one: one[0])
+            _, knob, family = candidates[target]
             setting = f"{family.setting} {knob:.6g}"
             rows.append(truth.row(target, peer.group, peer.name, setting, **family.tried[knob]))
         seconds = time.perf_counter() - start
