@@ -5,6 +5,7 @@ packaged parts (principal components, Tucker factors, Haar trees on triangles). 
 except shape and axes, which are free. A knob is continuous (about the root mean square error wanted) or a list of steps
 from coarse to fine.
 """
+
 import math
 import os
 import shutil
@@ -321,7 +322,9 @@ def dead_zone(y, step):
 
 # ---- recipes: trees on triangles
 
-HADAMARD = np.array([[0.5, 0.5, 0.5, 0.5], [0.5, 0.5, -0.5, -0.5], [0.5, -0.5, 0.5, -0.5], [0.5, -0.5, -0.5, 0.5]], np.float32)
+HADAMARD = np.array(
+    [[0.5, 0.5, 0.5, 0.5], [0.5, 0.5, -0.5, -0.5], [0.5, -0.5, 0.5, -0.5], [0.5, -0.5, -0.5, 0.5]], np.float32
+)
 
 
 def haar(x, axis, inverse):
@@ -488,7 +491,8 @@ def plain_components():
         basis = vectors[:, :k].astype(np.float32)
         scores = matrix.astype(np.float32) @ basis
         scale = np.abs(scores).max(0) + np.float32(1e-30)
-        return np.uint16(k).tobytes() + (basis.T * scale[:, None]).astype(np.float32).tobytes() + (scores / scale).astype(np.float16).tobytes()
+        parts = np.uint16(k), (basis.T * scale[:, None]).astype(np.float32), (scores / scale).astype(np.float16)
+        return b"".join(part.tobytes() for part in parts)
 
     def decode(b, shape, axes):
         reader = Reader(b)
@@ -497,7 +501,9 @@ def plain_components():
         basis = reader.numbers(np.float32, k * m).reshape(k, m)
         return (reader.numbers(np.float16, n * k).reshape(n, k).astype(np.float32) @ basis).reshape(shape)
 
-    steps = lambda x: [k for k in (1, 2, 3, 4, 5, 6, 8, 10, 14, 20, 30, 45) if k <= min(x.shape[-1], x.size // x.shape[-1])]
+    def steps(x):
+        return [k for k in (1, 2, 3, 4, 5, 6, 8, 10, 14, 20, 30, 45) if k <= min(x.shape[-1], x.size // x.shape[-1])]
+
     return [Peer("pca-f16", "recipe", encode, decode, steps, prepare=principal, layouts=("array",))]
 
 

@@ -6,6 +6,7 @@ Usage: plot_rd.py CSV... -o OUT.svg [--arrays NAME,...] [--each N]
 CSV is what run_peers.py writes (with --policies for the paper's); of several files the last one that has an entry counts.
 In each panel stand the N best packaged peers and the N best recipes at er(L2) 1 % (or the next target that there is).
 """
+
 import argparse
 import csv
 import os

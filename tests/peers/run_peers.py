@@ -17,6 +17,7 @@ entry, and what is 1.5 times larger is not followed further. The search is bound
 arrays give the same results; arrays above 10 MB get the grid, the logarithm, fewer encodings, and no slow peers. Whatever
 did not run is listed with its reason.
 """
+
 import argparse
 import csv
 import glob
@@ -41,7 +42,8 @@ import others  # noqa: E402
 ROOT = gen.ROOT
 LARGE = 10e6
 HOPELESS = 1.5
-FIELDS = "array,samples,digest,target,group,peer,setting,bytes,er_l1,er_l2,max_relative,encode_mb_s,decode_mb_s,seconds,note".split(",")
+FIELDS = """array samples digest target group peer setting bytes er_l1 er_l2 max_relative encode_mb_s decode_mb_s
+seconds note""".split()
 FLOOR = 1e-3
 PLOTTED = ["brdf_gloss", "brdf_aniso", "aerolamp", "carpaint_red"]
 RATIOS = [4, 8, 16, 32, 64, 128, 256, 512]
@@ -95,6 +97,8 @@ def find(name, places):
 
 
 def project(binary, path, extra, out):
+    if not binary:
+        raise Refused(f"{os.path.basename(path)} is projected by the program, which --binary names")
     command = [binary, "project", path, *extra, "-o", out]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode != 0:
@@ -328,7 +332,8 @@ def run_policies(truth, options):
     for policy in ("conventional", "generic", "adaptive"):
         for ratio in RATIOS:
             extra = ["--policy", policy, "--basis", "bior4.4"]
-            yield {**run_wavelume(truth, options, 0, ["--ratio", str(ratio)], f"ratio {ratio}", extra), "peer": policy, "group": "paper"}
+            row = run_wavelume(truth, options, 0, ["--ratio", str(ratio)], f"ratio {ratio}", extra)
+            yield {**row, "peer": policy, "group": "paper"}
 
 
 # ---- output
@@ -350,6 +355,16 @@ def read_csv(path):
         return list(csv.DictReader(file))
 
 
+def versions():
+    with open(os.path.join(HERE, "requirements.txt")) as file:
+        names = [line.split("==")[0] for line in file if "==" in line and not line.startswith("#")]
+    for name in names:
+        try:
+            yield f"{name} {importlib.metadata.version(name)}"
+        except importlib.metadata.PackageNotFoundError:
+            yield f"{name} not installed"
+
+
 def stored_rows():
     """The peers' results kept in the repository: the newest file, and what was measured elsewhere of peers not on PyPI."""
     dated = sorted(glob.glob(os.path.join(HERE, "results", "peers-*.csv")))
@@ -359,14 +374,19 @@ def stored_rows():
 
 def smallest(rows, name, target, group=None):
     """(bytes, peer) of the smallest entry of an array at a target, without wavelume's own; or nothing."""
-    fits = [row for row in rows if row["array"] == name and float(row["target"]) == target and row["bytes"] != ""]
-    fits = [(int(float(row["bytes"])), row["peer"]) for row in fits if row["group"] in ((group,) if group else ("packaged", "recipe"))]
-    return min(fits, default=None)
+    groups = (group,) if group else ("packaged", "recipe")
+    fits = [row for row in rows if row["array"] == name and float(row["target"]) == target and row["group"] in groups]
+    return min(((int(row["bytes"]), row["peer"]) for row in fits if row["bytes"] != ""), default=None)
+
+
+def sorted_by(rows, groups):
+    return [row for group in groups for row in rows if row["group"] == group]
 
 
 def markdown(rows, targets):
     """Wavelume beside the best peer of each group; then every peer; then what did not run."""
-    out = ["| array | er(L2) | best packaged peer | best recipe | wavelume | best peer / wavelume | seconds |", "|---|--:|--:|--:|--:|--:|--:|"]
+    out = ["| array | er(L2) | best packaged peer | best recipe | wavelume | best peer / wavelume | seconds |"]
+    out.append("|---|--:|--:|--:|--:|--:|--:|")
     names = list(dict.fromkeys(row["array"] for row in rows))
     at = lambda name, target: [row for row in rows if row["array"] == name and float(row["target"]) == target]
     for name in names:
@@ -387,18 +407,21 @@ def markdown(rows, targets):
                 size = int(ours[0]["bytes"])
                 cells += [f"{size:,}", f"{min(every) / size:.2f}" if every else "–", f"{float(ours[0]['seconds']):.2f}"]
             out.append(f"| {name} | {target:g} % | " + " | ".join(cells) + " |")
-    peers = list(dict.fromkeys(row["peer"] for row in rows if row["group"] in ("packaged", "recipe", "wavelume")))
+    columns = ("packaged", "recipe", "wavelume")
+    peers = list(dict.fromkeys(row["peer"] for row in sorted_by(rows, columns) if row["bytes"] != ""))
     for target in targets:
-        out += ["", f"Bytes at er(L2) {target:g} %:", "", "| array | " + " | ".join(peers) + " |", "|---|" + "--:|" * len(peers)]
+        out += ["", f"Bytes at er(L2) {target:g} %:", ""]
+        out += ["| array | " + " | ".join(peers) + " |", "|---|" + "--:|" * len(peers)]
         for name in names:
             found = {row["peer"]: row for row in at(name, target) if row["bytes"] != ""}
             if found:
-                cells = [f"{int(float(found[peer]['bytes'])):,}" if peer in found else "–" for peer in peers]
+                cells = [f"{int(found[peer]['bytes']):,}" if peer in found else "–" for peer in peers]
                 out.append(f"| {name} | " + " | ".join(cells) + " |")
     silent = {}
     for row in rows:
         if row["note"] and row["bytes"] == "":
-            silent.setdefault((row["peer"], row["note"]), []).append(f"{row['array']}" + (f" {row['target']} %" if row["target"] != "0" else ""))
+            where = row["array"] + (f" at {row['target']} %" if row["target"] != "0" else "")
+            silent.setdefault((row["peer"], row["note"]), []).append(where)
     if silent:
         out += ["", "Not run, or not reached:", ""]
         out += [f"* {peer}, {note}: {', '.join(dict.fromkeys(where))}" for (peer, note), where in silent.items()]
@@ -428,7 +451,8 @@ def goals_of(name, stored):
 def figures(options, names, rows):
     """The table of goals, ours and verdicts, printed as it grows; whether all are reached."""
     stored, met, cells, slowest = stored_rows(), 0, 0, (0.0, "")
-    print("| array | bound | goal, bytes | from | ours, bytes | ours / goal | error, % | seconds | |\n|---|--:|--:|---|--:|--:|--:|--:|---|")
+    print("| array | bound | goal, bytes | from | ours, bytes | ours / goal | error, % | seconds | |")
+    print("|---|--:|--:|---|--:|--:|--:|--:|---|")
     for name in names:
         goals = list(goals_of(name, stored))
         if not goals:
@@ -444,18 +468,24 @@ def figures(options, names, rows):
             rows.append({**row, "setting": option})
             pointwise = option == "--max-relative-error"
             bound = f"{target:g} % {'of every sample' if pointwise else ''}".strip()
+            wanted = f"| {name} | {bound} | {f'{goal:,}' if goal else '–'} | {origin}"
             cells += 1
             if row["bytes"] == "":
-                print(f"| {name} | {bound} | {goal or '–'} | {origin} | | | | | **{row['note']}** |", flush=True)
+                print(f"{wanted} | | | | | **{row['note']}** |", flush=True)
                 continue
             error = 100 * (row["max_relative"] if pointwise else row["er_l2"])
             good = goal is not None and row["bytes"] <= goal and not row["note"]
             verdict = row["note"] or ("ok" if good else "miss" if goal else "no goal")
             share = f"{row['bytes'] / goal:.2f}" if goal else "–"
             met += good
-            slowest = max(slowest, (row["seconds"], f"{name} {bound}"))
-            print(f"| {name} | {bound} | {f'{goal:,}' if goal else '–'} | {origin} | {row['bytes']:,} | {share} | {error:.4g} | {row['seconds']:.2f} | {verdict} |", flush=True)
-    print(f"\n{met} of {cells} reached; slowest with rate control, wall clock of the whole program: {slowest[0]:.2f} s ({slowest[1]}), goal {SECONDS_GOAL:g} s on the synthetic BRDFs")
+            if name.startswith("brdf_") and not pointwise:
+                slowest = max(slowest, (row["seconds"], f"{name} {bound}"))
+            got = f"{row['bytes']:,} | {share} | {error:.4g} | {row['seconds']:.2f} | {verdict}"
+            print(f"{wanted} | {got} |", flush=True)
+    print(f"\n{met} of {cells} reached.")
+    if slowest[1]:
+        print(f"Slowest er(L2) on a synthetic BRDF, wall clock of the whole program: {slowest[0]:.2f} s ({slowest[1]});")
+        print(f"goal {SECONDS_GOAL:g} s.")
     return met == cells
 
 
@@ -467,12 +497,14 @@ def arguments():
     parser.add_argument("--binary", help="the wavelume program; without it peers only, on synthetic arrays")
     parser.add_argument("--out", help="directory for peers.csv, peers.md and the arrays")
     parser.add_argument("--arrays", help="names, comma-separated; all without it")
-    parser.add_argument("--targets", help="er(L2) in %%, comma-separated; 0.5,1,2,5, and 0.1 for phase functions, without it")
+    parser.add_argument(
+        "--targets", help="er(L2) in %%, comma-separated; 0.5,1,2,5, and 0.1 for phase functions, without it"
+    )
     parser.add_argument("--peers", help="names of peers, comma-separated; all that are installed without it; none for none")
     parser.add_argument("--measurements", help="one more directory with measured files")
     parser.add_argument("--stored", action="store_true", help="take the peers' results from results/")
     parser.add_argument("--policies", action="store_true", help="also the paper's policies, on the arrays that are plotted")
-    parser.add_argument("--figures", action="store_true", help="wavelume against the goals: a markdown table; exit code 1 if one is missed")
+    parser.add_argument("--figures", action="store_true", help="wavelume against the goals; exit code 1 if one is missed")
     parser.add_argument("--extra", default="", help="more options for `wavelume compress`, in one string")
     parser.add_argument("--list", action="store_true", help="the names of the arrays")
     options = parser.parse_args()
@@ -501,6 +533,7 @@ def main():
         peers = [peer for peer in peers if peer.name in options.peers.split(",")]
         missing = {name: why for name, why in missing.items() if name in options.peers.split(",")}
     kept, every = stored_rows() if options.stored else [], set()
+    stale = lambda truth: any(row["array"] == truth.name and row["digest"] not in ("", truth.digest) for row in kept)
     for name in chosen:
         start = time.perf_counter()
         targets = [float(one) for one in options.targets.split(",")] if options.targets else [0.5, 1.0, 2.0, 5.0]
@@ -512,17 +545,19 @@ def main():
             truth = Truth(name, make(name, options))
         except Refused as why:
             print(f"  not made: {why}", file=sys.stderr)
-            rows.append({**dict.fromkeys(FIELDS, ""), "array": name, "target": "0", "group": "wavelume", "peer": "array", "note": f"not made: {why}"})
+            absent = {"array": name, "target": "0", "group": "wavelume", "peer": "array", "note": f"not made: {why}"}
+            rows.append({**dict.fromkeys(FIELDS, ""), **absent})
             continue
         for row in kept:
             if row["array"] == name and float(row["target"]) in [0.0, *targets]:
                 rows.append(row)
-        if any(row["array"] == name and row["digest"] not in ("", truth.digest) for row in kept):
+        if stale(truth):
             print("  the stored results are of an array with other bits", file=sys.stderr)
         rows += run_peers(truth, targets, peers, missing, sys.stderr)
         if options.binary:
             for target in targets:
-                rows.append(run_wavelume(truth, options, target, ["--er-l2", repr(target / 100)], " ".join(options.extra), options.extra))
+                promise, setting = ["--er-l2", repr(target / 100)], " ".join(options.extra)
+                rows.append(run_wavelume(truth, options, target, promise, setting, options.extra))
                 missed |= bool(rows[-1]["note"])
             if options.policies and name in PLOTTED:
                 rows += run_policies(truth, options)
@@ -530,9 +565,10 @@ def main():
         write_csv(os.path.join(options.out, "peers.csv"), rows)
     write_csv(os.path.join(options.out, "peers.csv"), rows)
     table = markdown(rows, sorted(every))
-    versions = ", ".join(f"{one} {importlib.metadata.version(one)}" for one in ("fpzip", "imagecodecs", "pysz", "PyWavelets", "zfpy", "zstandard") if peers and not missing.get(one))
+    if peers:
+        table += f"\nPackages: {', '.join(versions())}.\n"
     with open(os.path.join(options.out, "peers.md"), "w") as file:
-        file.write(table + (f"\nPackages: {versions}.\n" if versions else ""))
+        file.write(table)
     print(table)
     sys.exit(1 if missed else 0)
 
