@@ -280,7 +280,7 @@ def pack(a, both=True):
     kind, payload = 0, bytes(imagecodecs.pcodec_encode(np.ascontiguousarray(a, np.int32).reshape(-1), level=8))
     if both:
         u = zigzag(a)
-        level = 19 if np.count_nonzero(u) < 100_000 else 9  # many integers are noise, where effort is lost
+        level = 19 if u.size < 2_000_000 or np.count_nonzero(u) < 100_000 else 9  # elsewhere it takes minutes
         other = zstandard.ZstdCompressor(level=level).compress(shuffled(u))
         kind, payload = (u.itemsize, other) if len(other) < len(payload) else (kind, payload)
     return bytes([kind]) + np.uint32(len(payload)).tobytes() + payload

@@ -45,7 +45,15 @@ HOPELESS = 1.5
 FIELDS = """array samples digest target group peer setting bytes er_l1 er_l2 max_relative encode_mb_s decode_mb_s
 seconds note""".split()
 FLOOR = 1e-3
-PLOTTED = ["brdf_gloss", "brdf_aniso", "aerolamp", "carpaint_red"]
+PLOTTED = [
+    "brdf_gloss",
+    "brdf_aniso",
+    "aerolamp",
+    "aerolamp_floor",
+    "carpaint_red",
+    "carpaint_red_floor",
+    "carpaint_blue_floor",
+]
 RATIOS = [4, 8, 16, 32, 64, 128, 256, 512]
 
 # ---- the arrays: name -> (files to project) ; the synthetic ones are gen.ARRAYS
