@@ -327,8 +327,8 @@ def run_wavelume(truth, options, target, promise, setting, extra=()):
     if promise[0] == "--max-relative-error" and largest > float(promise[1]) * (1 + 1e-6):
         note = f"missed: largest relative error {100 * largest:.4g} %"
     size = os.path.getsize(material)
-    os.remove(material)
-    os.remove(decoded)
+    for made in (material, decoded, decoded[:-4] + ".axes.json"):
+        os.remove(made)
     return truth.row(
         target, "wavelume", "wavelume", setting, bytes=size, er_l1=er_l1, er_l2=er_l2, max_relative=largest, note=note,
         encode_mb_s=truth.megabytes / encode, decode_mb_s=truth.megabytes / decode, seconds=seconds,
@@ -567,6 +567,7 @@ def main():
                 promise, setting = ["--er-l2", repr(target / 100)], " ".join(options.extra)
                 rows.append(run_wavelume(truth, options, target, promise, setting, options.extra))
                 missed |= bool(rows[-1]["note"])
+            write_csv(os.path.join(options.out, "peers.csv"), rows)
             if options.policies and name in PLOTTED:
                 rows += run_policies(truth, options)
         print(f"  {time.perf_counter() - start:.1f} s", file=sys.stderr)
