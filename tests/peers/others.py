@@ -243,8 +243,7 @@ def tthresh():
         try:
             x.tofile(room + "/i")
             sizes = map(str, folded(x.shape, 9, 3)[::-1])  # the fastest axis first, whatever its message says
-            relative = error / float(np.sqrt((x.astype(np.float64) ** 2).mean()))
-            run("-i", room + "/i", "-t", "float", "-s", *sizes, "-r", f"{relative:.9f}", "-c", room + "/c")
+            run("-i", room + "/i", "-t", "float", "-s", *sizes, "-r", f"{error:.9g}", "-c", room + "/c")  # -r: RMSE
             with open(room + "/c", "rb") as file:
                 return file.read()
         finally:
