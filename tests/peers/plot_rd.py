@@ -98,7 +98,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("csv", nargs="+")
     parser.add_argument("-o", required=True, dest="out")
-    parser.add_argument("--arrays", default="brdf_gloss,brdf_aniso,aerolamp_floor,carpaint_blue_floor")
+    parser.add_argument("--arrays", default="brdf_gloss,brdf_aniso,aerolamp,carpaint_blue_floor")
     parser.add_argument("--each", type=int, default=2)
     options = parser.parse_args()
     found, panels, colours, apart = read(options.csv), [], {"wavelume": OURS, **PAPER}, []
