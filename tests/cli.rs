@@ -141,6 +141,7 @@ fn compress_reports_every_field_of_the_contract() {
         "axes",
         "policy",
         "basis",
+        "noise",
         "coverage",
         "notes",
     ] {
@@ -152,6 +153,41 @@ fn compress_reports_every_field_of_the_contract() {
     assert_eq!(report["samples"], INCOMING * OUTGOING * LAMBDAS);
     assert_eq!(report["masked_samples"], LAMBDAS);
     assert!(report["er_l2"].as_f64().unwrap() <= 0.02);
+    assert!(report["noise"].is_null(), "meshes too coarse to tell: {report}");
+}
+
+#[test]
+fn a_promise_below_the_noise_is_kept_and_warned_of() {
+    let dir = workshop();
+    let mut state = 1_u64;
+    let mut uniform = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    // The sum of twelve uniform deviates has variance 1.
+    let samples: Vec<f32> = (0..512 * 20)
+        .map(|i| {
+            let noise = (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+            ((1.0 + 0.1 * f64::from(i % 20)) * (1.0 + 0.01 * noise)) as f32
+        })
+        .collect();
+    let (input, out) = (at(&dir, "noisy.npy"), at(&dir, "noisy.wlm"));
+    fs::write(&input, npy(&[512, 20], &samples)).unwrap();
+    let manifest = r#"{"quantity":"edf","axes":["sphere:3","lambda:400:10:20"]}"#;
+    fs::write(at(&dir, "noisy.axes.json"), manifest).unwrap();
+    let warning = |report: &Value| {
+        let notes = report["notes"].as_array().unwrap();
+        notes.iter().any(|note| note["kind"] == "warning" && note["message"].as_str().unwrap().contains("noise"))
+    };
+    for (target, warned) in [("0.002", true), ("0.02", false)] {
+        let report = json(&["compress", &input, "-o", &out, "--er-l2", target, "--json"]);
+        let sigma = report["noise"]["relative"].as_f64().unwrap();
+        assert!((sigma - 0.01).abs() < 0.001, "{report}");
+        assert_eq!(warning(&report), warned, "{report}");
+    }
+    let text = done(&["compress", &input, "-o", &out, "--max-relative-error", "0.01"]);
+    assert!(text.contains("from sample to sample"), "{text}");
+    assert!(text.contains("max_relative_error 0.01 lies below the noise"), "{text}");
 }
 
 #[test]

@@ -104,10 +104,14 @@ struct Manifest {
     /// The same errors at the samples of the file, where projection changed them.
     #[schema(value_type = Option<Object>)]
     errors_at_samples: Option<Value>,
+    /// Standard deviations of the relative noise of the measurement, found by its lack of structure: `relative` of one
+    /// sample, its `uncertainty`, `common` to neighbouring spectral samples; null where none can be told.
+    #[schema(value_type = Option<Object>)]
+    noise: Option<Value>,
     /// What the cells of the projection stand on.
     #[schema(value_type = Object)]
     coverage: Value,
-    /// Everything the parser assumed, filled or skipped.
+    /// Everything the parser assumed, filled or skipped, and a warning where the target lies below the noise.
     #[schema(value_type = Vec<Object>)]
     notes: Vec<Value>,
     /// The measurement, its options, the request and the program.

@@ -1,6 +1,7 @@
 //! Reports for people: the same facts as `--json`, in labelled lines.
 
 use super::output::{Sheet, count, per_cent, three_digits};
+use crate::compress::Noise;
 use crate::domain::ErrorReport;
 use crate::formats::{Note, NoteKind};
 use crate::pipeline::Report;
@@ -14,6 +15,7 @@ pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
     axes_lines(&mut sheet, &report.axes);
     sample_lines(&mut sheet, &report.errors);
     coverage_lines(&mut sheet, &report.coverage);
+    noise_line(&mut sheet, report.noise.as_ref());
     note_lines(&mut sheet, &report.notes);
     sheet.line("policy", format!("{}, basis {}", report.policy, report.basis));
     sheet.line(
@@ -106,6 +108,18 @@ pub(crate) fn coverage_lines(sheet: &mut Sheet, coverage: &Coverage) {
     for note in &coverage.notes {
         sheet.line("coverage", note);
     }
+}
+
+/// The estimated noise of the samples.
+fn noise_line(sheet: &mut Sheet, noise: Option<&Noise>) {
+    let Some(noise) = noise else { return };
+    let own = (noise.relative > 0.0).then(|| {
+        format!("about {} from sample to sample (± {})", per_cent(noise.relative), per_cent(noise.uncertainty))
+    });
+    let common =
+        (noise.common > 0.0).then(|| format!("about {} common to neighbouring wavelengths", per_cent(noise.common)));
+    let both: Vec<String> = own.into_iter().chain(common).collect();
+    sheet.line("noise", both.join(", "));
 }
 
 /// Everything a parser assumed, filled, skipped or warns of.

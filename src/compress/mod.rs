@@ -12,6 +12,7 @@ mod file;
 mod fill;
 mod header;
 mod lossless;
+mod noise;
 mod ranking;
 mod rd;
 mod rows;
@@ -22,6 +23,7 @@ mod thresholded;
 
 pub use crate::codec::CodecError as DecodeError;
 pub use decode::{Decoded, decode, inspect, payload_digest};
+pub use noise::{Noise, estimate as estimate_noise};
 
 use crate::codec::MAGIC;
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress, Quantity, Sampling, Unit};
@@ -86,6 +88,8 @@ pub struct Compressed {
     pub summary: Summary,
     /// The bases that competed, best first; one where the basis was named.
     pub ranking: Vec<Ranked>,
+    /// The noise of the measurement, where it can be told; it decides nothing.
+    pub noise: Option<Noise>,
 }
 
 /// One basis that competed.
@@ -156,7 +160,7 @@ pub fn compress(
         Policy::Lossless => Vec::new(),
         _ => ranking::candidates(measurement, settings, progress)?,
     };
-    let compressed = match policy {
+    let mut compressed = match policy {
         Policy::Rd => rd::compress(measurement, settings, &bases, floor, progress)?,
         Policy::Conventional | Policy::Generic | Policy::Adaptive => {
             thresholded::compress(measurement, settings, &bases, floor, progress)?
@@ -165,6 +169,7 @@ pub fn compress(
     };
     progress.report(1.0);
     keeps_its_promise(settings, floor, &compressed)?;
+    compressed.noise = estimate_noise(measurement, floor);
     Ok(compressed)
 }
 

@@ -1,8 +1,8 @@
 //! What a user asks for, whole: bytes of a measurement and a request in, a compressed material with its report out.
 
-use crate::compress::{self, CompressError, Policy, Ranked, Settings, Target};
+use crate::compress::{self, CompressError, Noise, Policy, Ranked, Settings, Target};
 use crate::domain::{Axis, ErrorReport, Progress, Quantity, Unit, WavelengthError, WavelengthGrid};
-use crate::formats::{self, Acquisition, FormatError, Interpretation, Note};
+use crate::formats::{self, Acquisition, FormatError, Interpretation, Note, NoteKind};
 use crate::projection::{self, AxesRequest, Coverage, Projected, ProjectionError};
 use serde::{Deserialize, Serialize};
 
@@ -143,9 +143,11 @@ pub struct Report {
     pub errors: ErrorReport,
     /// Errors of the decoded file at the original samples, where projection changed them.
     pub errors_at_samples: Option<ErrorReport>,
+    /// The noise of the tensor that was compressed; `None` where none can be told.
+    pub noise: Option<Noise>,
     /// What the cells stand on.
     pub coverage: Coverage,
-    /// Everything a parser assumed, filled or skipped.
+    /// Everything a parser assumed, filled or skipped, and a warning where the target lies below the noise.
     pub notes: Vec<Note>,
 }
 
@@ -190,7 +192,7 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
     // The measurement is not needed any more, and decoding needs the memory.
     let samples = measurement.tensor.len();
     drop(measurement);
-    let report = report(acquisition, samples, coverage, &compressed);
+    let report = report(acquisition, request.target, samples, coverage, &compressed);
     Ok(Outcome { bytes: compressed.bytes, report })
 }
 
@@ -217,11 +219,19 @@ pub fn digest(bytes: &[u8]) -> String {
     format!("b3-{}", blake3::hash(bytes).to_hex())
 }
 
-fn report(acquisition: &Acquisition, samples: usize, coverage: Coverage, compressed: &compress::Compressed) -> Report {
+fn report(
+    acquisition: &Acquisition,
+    target: Target,
+    samples: usize,
+    coverage: Coverage,
+    compressed: &compress::Compressed,
+) -> Report {
     let summary = &compressed.summary;
     let samples = samples as f64;
     // Samples on their final axes are the tensor's own: there is nothing more to measure.
     let projected = matches!(acquisition.samples, formats::Samples::Grid(_));
+    let warning = compressed.noise.and_then(|noise| noise.warning(target));
+    let warning = warning.map(|message| Note { kind: NoteKind::Warning, message });
     let decoded = projected.then(|| compress::decode(&compressed.bytes).ok()).flatten();
     Report {
         digest: digest(&compressed.bytes),
@@ -241,7 +251,8 @@ fn report(acquisition: &Acquisition, samples: usize, coverage: Coverage, compres
         ratio_bytes: 4.0 * samples / compressed.bytes.len() as f64,
         errors: summary.errors,
         errors_at_samples: decoded.and_then(|d| projection::error_at_samples(acquisition, &d.measurement)),
+        noise: compressed.noise,
         coverage,
-        notes: acquisition.report.notes.clone(),
+        notes: acquisition.report.notes.iter().cloned().chain(warning).collect(),
     }
 }

@@ -1,0 +1,598 @@
+#!/usr/bin/env python3
+"""Bytes of wavelume and of other compressors on the same arrays at the same error: CSV, markdown, and the goals.
+
+Usage: run_peers.py --binary target/release/wavelume --out DIR [--arrays NAME,...] [--targets 1,2,5]
+       run_peers.py --binary … --out DIR --stored       # the peers from results/, wavelume measured now
+       run_peers.py --binary … --out DIR --figures      # wavelume against the goals alone
+       run_peers.py --list                              # the arrays
+
+An array is synthetic (gen.py), or a measurement through `wavelume project`. A name with `_floor` is the same array clipped
+from below at that fraction of its maximum, for every compressor alike, before any of them sees it.
+
+The error is er(L2) = sqrt(mean(((s' - s) / s)²)) over samples with s > 0, of float32 in and out, computed here in float64.
+Peers get negative samples as zeros, and may decode anything where s <= 0; wavelume keeps signs and zeros and pays for them.
+Each peer runs on the array as it is and on the triangles' rhombic grids (`grid`), on values and on logarithms (`log`). Its
+knob is searched for the smallest file with an error within the target, from the loosest target on; the best of these is its
+entry, and what is 1.5 times larger is not followed further. The search is bounded by a number of encodings, so the same
+arrays give the same results; arrays above 10 MB get the grid, the logarithm, fewer encodings, and no slow peers. Whatever
+did not run is listed with its reason.
+"""
+
+import argparse
+import csv
+import glob
+import hashlib
+import importlib.metadata
+import json
+import math
+import os
+import resource
+import subprocess
+import sys
+import time
+
+os.environ.update({name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")})
+import numpy as np  # noqa: E402  (after the number of threads)
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, HERE)
+import gen  # noqa: E402
+import others  # noqa: E402
+
+ROOT = gen.ROOT
+LARGE = 10e6
+HOPELESS = 1.5
+FIELDS = """array samples digest target group peer setting bytes er_l1 er_l2 max_relative encode_mb_s decode_mb_s
+seconds note""".split()
+FLOOR = 1e-3
+PLOTTED = [
+    "brdf_gloss",
+    "brdf_aniso",
+    "aerolamp",
+    "aerolamp_floor",
+    "carpaint_red",
+    "carpaint_red_floor",
+    "carpaint_blue_floor",
+]
+RATIOS = [4, 8, 16, 32, 64, 128, 256, 512]
+
+# ---- the arrays: name -> (files to project) ; the synthetic ones are gen.ARRAYS
+MEASURED = {
+    "aerolamp": ("aerolamp.ies", "aerolamp.csv"),
+    "nukit_lantern": ("nukit_lantern.ies", "nukit_lantern.csv"),
+    "ushio_b1": ("ushio_b1.ies", "ushio_b1.csv"),
+    "carpaint_red": ("carpaint_red.mbsdf", None),
+    "carpaint_blue": ("carpaint_blue.mbsdf", None),
+}
+NOISY_VIRTUAL = {"brushed_copper_1pct": ("data/virtual/brushed_copper.json", 0.01)}
+PLACES = ["data", "tests/fixtures/ies", "tests/fixtures/mbsdf"]
+NAMES = [*gen.ARRAYS, *NOISY_VIRTUAL, *(name + end for name in MEASURED for end in ("", "_floor"))]
+
+# ---- the goals: bytes at er(L2) of 0.5, 1, 2 and 5 %; at 0.1 % for phase functions; pointwise at 2 %
+GOALS = {
+    "brdf_aniso": {0.5: 8364, 1: 4064, 2: 2064, 5: 1064},
+    "brdf_gloss": {0.5: 1064, 1: 664, 2: 414, 5: 264},
+    "brdf_wood": {0.5: 914, 1: 514, 2: 324, 5: 244},
+    "brdf_velvet": {0.5: 614, 1: 364, 2: 264, 5: 144},
+    "brdf_spectralon": {0.5: 254, 1: 164, 2: 128, 5: 128},
+    "edf_d65": {0.5: 814, 1: 664, 2: 504, 5: 284},
+    "edf_f11": {0.5: 714, 1: 614, 2: 514, 5: 394},
+    "edf_led": {0.5: 1164, 1: 814, 2: 584, 5: 374},
+    "phase_rayleigh": {0.1: 128},
+    "phase_hazy": {0.1: 128},
+    "phase_murky": {0.1: 128},
+}
+POINTWISE_GOALS = {"brdf_gloss": {2: 1664}}
+# Measurements have no goal in bytes: 1.5 times below the best peer where the target lies above the noise, never above it.
+AGAINST_PEERS = {"aerolamp": 0.0, "carpaint_red": 6.0}  # the estimated noise, %
+MARGIN = 1.5
+SECONDS_GOAL = 1.5
+
+
+class Refused(Exception):
+    """An array that cannot be made here, or a file that misses its promise."""
+
+
+# ---- making arrays
+
+
+def find(name, places):
+    for place in places:
+        path = os.path.join(ROOT, place, name)
+        if os.path.exists(path):
+            return path
+    raise Refused(f"{name} is not in {', '.join(places)}; --measurements names one more directory")
+
+
+def project(binary, path, extra, out):
+    if not binary:
+        raise Refused(f"{os.path.basename(path)} is projected by the program, which --binary names")
+    command = [binary, "project", path, *extra, "-o", out]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode != 0:
+        raise Refused(f"{' '.join(command)}: {done.stderr.strip()}")
+    return out
+
+
+def make(name, options):
+    """The path of an array's .npy; its manifest is beside it."""
+    room = os.path.join(options.out, "arrays")
+    os.makedirs(room, exist_ok=True)
+    path = os.path.join(room, name + ".npy")
+    if os.path.exists(path):
+        return path
+    if name in gen.ARRAYS:
+        return gen.generate(room, name)
+    if name.endswith("_floor"):
+        whole = make(name.removesuffix("_floor"), options)
+        x = np.load(whole)
+        np.save(path, np.where(np.isnan(x), x, np.maximum(x, np.float32(FLOOR) * np.nanmax(x))))
+        with open(whole[:-4] + ".axes.json") as source, open(path[:-4] + ".axes.json", "w") as file:
+            file.write(source.read())
+        return path
+    if name in NOISY_VIRTUAL:
+        document, noise = NOISY_VIRTUAL[name]
+        with open(os.path.join(ROOT, document)) as file:
+            virtual = json.load(file)
+        virtual["noise"]["relative"] = noise
+        document = os.path.join(room, name + ".json")
+        with open(document, "w") as file:
+            json.dump(virtual, file)
+        return project(options.binary, document, [], path)
+    places = PLACES + ([os.path.abspath(options.measurements)] if options.measurements else [])
+    files = MEASURED[name]
+    extra = ["--spectrum", find(files[1], places)] if files[1] else []
+    return project(options.binary, find(files[0], places), extra, path)
+
+
+class Truth:
+    """An array, and the errors of what stands for it."""
+
+    def __init__(self, name, path):
+        self.name, self.path = name, path
+        self.values = np.ascontiguousarray(np.load(path), np.float32)
+        with open(path[:-4] + ".axes.json") as file:
+            self.axes = others.axes_of(json.load(file))
+        self.digest = hashlib.sha256(self.values.tobytes()).hexdigest()[:16]
+        self.scored = np.flatnonzero(self.values.reshape(-1) > 0)
+        self.wanted = self.values.reshape(-1)[self.scored].astype(np.float64)
+        self.megabytes = self.values.nbytes / 1e6
+        self.large = self.values.nbytes > LARGE
+        clean = np.where(self.values > 0, self.values, np.float32(0))  # what peers get; NaN becomes 0
+        self.for_peers = {"linear": clean, "log": np.log(np.maximum(clean, np.float32(self.wanted.min())))}
+        self.rms = float(np.sqrt((clean.astype(np.float64) ** 2).mean()))
+
+    def errors(self, found):
+        """er(L1), er(L2) and the largest relative error, as fractions."""
+        relative = np.abs(found.reshape(-1)[self.scored].astype(np.float64) - self.wanted) / self.wanted
+        with np.errstate(over="ignore"):
+            return float(relative.mean()), float(np.sqrt((relative**2).mean())), float(relative.max())
+
+    def row(self, target, group, peer, setting, **more):
+        base = {"array": self.name, "samples": self.values.size, "digest": self.digest, "target": f"{target:g}"}
+        return {**dict.fromkeys(FIELDS, ""), **base, "group": group, "peer": peer, "setting": setting, **more}
+
+
+# ---- peers: the smallest file within a target
+
+
+def processor():
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
+
+
+class Family:
+    """One peer on one layout and domain of one array, and every encoding of it so far."""
+
+    def __init__(self, truth, peer, layout, domain):
+        self.truth, self.peer, self.setting, self.domain = truth, peer, f"{layout} {domain}", domain
+        self.layout = others.Layout(truth.values.shape, truth.axes, layout == "grid")
+        start = processor()
+        self.x = self.layout.forward(truth.for_peers[domain])
+        self.state = peer.prepare(self.x, truth.axes)
+        self.prepared = processor() - start
+        self.tried = {}
+
+    def measure(self, knob):
+        """Encodes, decodes and scores at a knob: a dictionary of what came out."""
+        if knob in self.tried:
+            return self.tried[knob]
+        truth, start = self.truth, processor()
+        b = self.peer.encode(self.x, truth.axes, self.state, knob)
+        encoded = processor()
+        y = self.peer.decode(b, self.layout.out, truth.axes)
+        y = self.layout.inverse(np.exp(y) if self.domain == "log" else y)
+        decoded = processor()
+        er_l1, er_l2, largest = truth.errors(y)
+        speed = lambda seconds: truth.megabytes / max(seconds, 1e-4)
+        self.tried[knob] = {
+            "bytes": len(b), "er_l1": er_l1, "er_l2": er_l2 if math.isfinite(er_l2) else math.inf, "max_relative": largest,
+            "encode_mb_s": speed(encoded - start + self.prepared), "decode_mb_s": speed(decoded - encoded),
+        }  # fmt: skip
+        return self.tried[knob]
+
+    def search(self, target, budget):
+        if self.peer.steps:
+            self.bisect(target, self.peer.steps(self.x))
+        else:
+            self.close_in(target, budget)
+
+    def bisect(self, target, steps):
+        """The coarsest step within the target."""
+        low, high = 0, len(steps) - 1
+        while low < high:
+            middle = (low + high) // 2
+            if self.measure(steps[middle])["er_l2"] <= target:
+                high = middle
+            else:
+                low = middle + 1
+        self.measure(steps[low])
+
+    def close_in(self, target, budget):
+        """Log-log interpolation of the error in the knob, between the nearest knobs on both sides."""
+        unit = 1.0 if self.domain == "log" else self.truth.rms * 0.1
+        for _ in range(budget):
+            inside = [(k, t["er_l2"]) for k, t in self.tried.items() if t["er_l2"] <= target]
+            outside = [(k, t["er_l2"]) for k, t in self.tried.items() if t["er_l2"] > target]
+            below, above = max(inside, default=None), min(outside, default=None)
+            if below and (below[1] >= 0.98 * target or above and above[0] < below[0] * 1.01):
+                return
+            if below and above and above[0] > below[0]:
+                share = 0.5
+                if 0 < below[1] < above[1] < math.inf:
+                    share = math.log(0.995 * target / below[1]) / math.log(above[1] / below[1])
+                knob = below[0] * (above[0] / below[0]) ** min(max(share, 0.1), 0.9)
+            elif above:
+                knob = above[0] * max(0.9 * target / above[1], 1 / 16)
+            elif below:
+                knob = below[0] * min(0.99 * target / max(below[1], 1e-9), 16)
+            else:
+                knob = target * unit
+            self.measure(knob)
+
+    def best(self, target):
+        within = [(t["bytes"], k) for k, t in self.tried.items() if t["er_l2"] <= target]
+        return (*min(within), self) if within else None
+
+
+def run_peers(truth, targets, peers, missing, log):
+    """One row a peer and target, best setting; and one a peer that did not run, with its reason."""
+    rows = []
+    for peer in peers:
+        start, candidates, failed = time.perf_counter(), {}, []
+        if truth.large and peer.slow:
+            rows.append(truth.row(0, peer.group, peer.name, "", note="too slow for an array above 10 MB"))
+            continue
+        grids = any(axis.kind == "triangles" and n >= 256 for axis, n in zip(truth.axes, truth.values.shape))
+        layouts = [layout for layout in peer.layouts if layout == "array" or grids]
+        domains = peer.domains
+        if truth.large:
+            layouts, domains = layouts[-1:], domains[-1:]
+        families = []
+        for layout in layouts:
+            for domain in domains:
+                try:
+                    families.append(Family(truth, peer, layout, domain))
+                except Exception as why:  # a peer's failure is a result, whatever it raised
+                    failed.append(f"{layout} {domain}: {type(why).__name__}: {why}")
+        every = list(families)
+        for target in sorted(targets, reverse=True):
+            found = []
+            for family in list(families):
+                try:
+                    family.search(target / 100, 4 if truth.large else 6)
+                    found.append(family.best(target / 100))
+                except Exception as why:
+                    failed.append(f"{family.setting}: {type(why).__name__}: {why}")
+                    families.remove(family)
+            found = [one for one in found if one]
+            if found:
+                candidates[target] = min(found, key=lambda one: one[0])
+                hopeless = [one[2] for one in found if one[0] > HOPELESS * candidates[target][0]]
+                families = [family for family in families if family not in hopeless]
+        for target in targets:  # what was tried for a tighter target also counts
+            found = [one for one in (family.best(target / 100) for family in every) if one]
+            if found:
+                candidates[target] = min(found, key=lambda one: one[0])
+            else:
+                rows.append(
+                    truth.row(
+                        target,
+                        peer.group,
+                        peer.name,
+                        "",
+                        note="; ".join(failed) or "error not reached in the encodings allowed",
+                    )
+                )
+                continue
+            _, knob, family = candidates[target]
+            setting = f"{family.setting} {knob:.6g}"
+            rows.append(truth.row(target, peer.group, peer.name, setting, **family.tried[knob]))
+        seconds = time.perf_counter() - start
+        print(f"  {peer.name:16s} {seconds:6.1f} s  " + "; ".join(failed), file=log, flush=True)
+    rows += [truth.row(0, "packaged", name, "", note=f"not installed: {why}") for name, why in missing.items()]
+    return rows
+
+
+# ---- wavelume
+
+
+def run_wavelume(truth, options, target, promise, setting, extra=()):
+    """One row: compressed by the program, decoded by it, scored here; refused where it misses what it promised."""
+    material = os.path.join(options.out, truth.name + ".wlm")
+    decoded = os.path.join(options.out, truth.name + ".decoded.npy")
+    command = [options.binary, "compress", truth.path, "-o", material, "--no-metadata", "--json", *promise, *extra]
+    start, busy = time.perf_counter(), processor()
+    done = subprocess.run(command, capture_output=True, text=True)
+    seconds, encode = time.perf_counter() - start, processor() - busy
+    if done.returncode != 0:
+        return truth.row(target, "wavelume", "wavelume", setting, note=f"failed: {done.stderr.strip()}")
+    busy = processor()
+    done = subprocess.run([options.binary, "decode", material, "-o", decoded], capture_output=True, text=True)
+    decode = processor() - busy
+    if done.returncode != 0:
+        return truth.row(target, "wavelume", "wavelume", setting, note=f"decode failed: {done.stderr.strip()}")
+    er_l1, er_l2, largest = truth.errors(np.load(decoded))
+    note = ""
+    if promise[0] == "--er-l2" and er_l2 > float(promise[1]) * (1 + 1e-6):
+        note = f"missed: er(L2) {100 * er_l2:.4g} %"
+    if promise[0] == "--max-relative-error" and largest > float(promise[1]) * (1 + 1e-6):
+        note = f"missed: largest relative error {100 * largest:.4g} %"
+    size = os.path.getsize(material)
+    for made in (material, decoded, decoded[:-4] + ".axes.json"):
+        os.remove(made)
+    return truth.row(
+        target, "wavelume", "wavelume", setting, bytes=size, er_l1=er_l1, er_l2=er_l2, max_relative=largest, note=note,
+        encode_mb_s=truth.megabytes / encode, decode_mb_s=truth.megabytes / decode, seconds=seconds,
+    )  # fmt: skip
+
+
+def run_policies(truth, options):
+    """The paper's policies at fixed ratios, for the plot."""
+    for policy in ("conventional", "generic", "adaptive"):
+        for ratio in RATIOS:
+            extra = ["--policy", policy, "--basis", "bior4.4"]
+            row = run_wavelume(truth, options, 0, ["--ratio", str(ratio)], f"ratio {ratio}", extra)
+            yield {**row, "peer": policy, "group": "paper"}
+
+
+# ---- output
+
+
+def show(value):
+    return f"{value:.5g}" if isinstance(value, float) else value
+
+
+def write_csv(path, rows):
+    with open(path, "w", newline="") as file:
+        out = csv.DictWriter(file, FIELDS, lineterminator="\n")
+        out.writeheader()
+        out.writerows({key: show(value) for key, value in row.items()} for row in rows)
+
+
+def read_csv(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def versions():
+    with open(os.path.join(HERE, "requirements.txt")) as file:
+        names = [line.split("==")[0] for line in file if "==" in line and not line.startswith("#")]
+    for name in names:
+        try:
+            yield f"{name} {importlib.metadata.version(name)}"
+        except importlib.metadata.PackageNotFoundError:
+            yield f"{name} not installed"
+
+
+def stored_rows():
+    """The peers' results kept in the repository: the newest file, and what was measured elsewhere of peers not on PyPI."""
+    dated = sorted(glob.glob(os.path.join(HERE, "results", "peers-*.csv")))
+    elsewhere = sorted(glob.glob(os.path.join(HERE, "results", "tthresh-*.csv")))
+    return [row for path in dated[-1:] + elsewhere[-1:] for row in read_csv(path)]
+
+
+def smallest(rows, name, target, group=None):
+    """(bytes, peer) of the smallest entry of an array at a target, without wavelume's own; or nothing."""
+    groups = (group,) if group else ("packaged", "recipe")
+    fits = [row for row in rows if row["array"] == name and float(row["target"]) == target and row["group"] in groups]
+    return min(((int(row["bytes"]), row["peer"]) for row in fits if row["bytes"] != ""), default=None)
+
+
+def sorted_by(rows, groups):
+    return [row for group in groups for row in rows if row["group"] == group]
+
+
+def markdown(rows, targets):
+    """Wavelume beside the best peer of each group; then every peer; then what did not run."""
+    out = ["| array | er(L2) | best packaged peer | best recipe | wavelume | best peer / wavelume | seconds |"]
+    out.append("|---|--:|--:|--:|--:|--:|--:|")
+    names = list(dict.fromkeys(row["array"] for row in rows))
+    at = lambda name, target: [row for row in rows if row["array"] == name and float(row["target"]) == target]
+    for name in names:
+        for target in targets:
+            cells, every = [], []
+            for group in ("packaged", "recipe"):
+                best = smallest(rows, name, target, group)
+                every += [best[0]] if best else []
+                cells.append(f"{best[0]:,} {best[1]}" if best else "–")
+            ours = [row for row in at(name, target) if row["group"] == "wavelume"]
+            if not every and not ours:
+                continue
+            if not ours:
+                cells += ["–", "–", "–"]
+            elif ours[0]["bytes"] == "" or ours[0]["note"]:
+                cells += [f"**{ours[0]['note']}**", "–", "–"]
+            else:
+                size = int(ours[0]["bytes"])
+                cells += [f"{size:,}", f"{min(every) / size:.2f}" if every else "–", f"{float(ours[0]['seconds']):.2f}"]
+            out.append(f"| {name} | {target:g} % | " + " | ".join(cells) + " |")
+    columns = ("packaged", "recipe", "wavelume")
+    peers = list(dict.fromkeys(row["peer"] for row in sorted_by(rows, columns) if row["bytes"] != ""))
+    for target in targets:
+        out += ["", f"Bytes at er(L2) {target:g} %:", ""]
+        out += ["| array | " + " | ".join(peers) + " |", "|---|" + "--:|" * len(peers)]
+        for name in names:
+            found = {row["peer"]: row for row in at(name, target) if row["bytes"] != ""}
+            if found:
+                cells = [f"{int(found[peer]['bytes']):,}" if peer in found else "–" for peer in peers]
+                out.append(f"| {name} | " + " | ".join(cells) + " |")
+    silent = {}
+    for row in rows:
+        if row["note"] and row["bytes"] == "":
+            where = row["array"] + (f" at {row['target']} %" if row["target"] != "0" else "")
+            silent.setdefault((row["peer"], row["note"]), []).append(where)
+    if silent:
+        out += ["", "Not run, or not reached:", ""]
+        out += [f"* {peer}, {note}: {', '.join(dict.fromkeys(where))}" for (peer, note), where in silent.items()]
+    return "\n".join(out) + "\n"
+
+
+# ---- the goals
+
+
+def goals_of(name, stored):
+    """(promise, target in %, goal in bytes or nothing, where it is from) of an array."""
+    for target, goal in GOALS.get(name, {}).items():
+        yield "--er-l2", target, goal, "goal"
+    for target, goal in POINTWISE_GOALS.get(name, {}).items():
+        yield "--max-relative-error", target, goal, "goal"
+    if name in AGAINST_PEERS:
+        for target in (0.5, 1.0, 2.0, 5.0):
+            best = smallest(stored, name, target)
+            if best is None:
+                yield "--er-l2", target, None, "no peer stored"
+            elif target > AGAINST_PEERS[name]:
+                yield "--er-l2", target, math.floor(best[0] / MARGIN), f"{best[1]} {best[0]:,} / {MARGIN:g}"
+            else:
+                yield "--er-l2", target, best[0], f"{best[1]}, below the noise"
+
+
+def figures(options, names, rows):
+    """The table of goals, ours and verdicts, printed as it grows; whether all are reached."""
+    stored, met, cells, slowest = stored_rows(), 0, 0, (0.0, "")
+    print("| array | bound | goal, bytes | from | ours, bytes | ours / goal | error, % | seconds | |")
+    print("|---|--:|--:|---|--:|--:|--:|--:|---|")
+    for name in names:
+        goals = list(goals_of(name, stored))
+        if not goals:
+            continue
+        try:
+            truth = Truth(name, make(name, options))
+        except Refused as why:
+            print(f"| {name} | | | | | | | | {why} |")
+            cells += len(goals)
+            continue
+        for option, target, goal, origin in goals:
+            row = run_wavelume(truth, options, target, [option, repr(target / 100)], "", options.extra)
+            rows.append({**row, "setting": option})
+            pointwise = option == "--max-relative-error"
+            bound = f"{target:g} % {'of every sample' if pointwise else ''}".strip()
+            wanted = f"| {name} | {bound} | {f'{goal:,}' if goal else '–'} | {origin}"
+            cells += 1
+            if row["bytes"] == "":
+                print(f"{wanted} | | | | | **{row['note']}** |", flush=True)
+                continue
+            error = 100 * (row["max_relative"] if pointwise else row["er_l2"])
+            good = goal is not None and row["bytes"] <= goal and not row["note"]
+            verdict = row["note"] or ("ok" if good else "miss" if goal else "no goal")
+            share = f"{row['bytes'] / goal:.2f}" if goal else "–"
+            met += good
+            if name.startswith("brdf_") and not pointwise:
+                slowest = max(slowest, (row["seconds"], f"{name} {bound}"))
+            got = f"{row['bytes']:,} | {share} | {error:.4g} | {row['seconds']:.2f} | {verdict}"
+            print(f"{wanted} | {got} |", flush=True)
+    print(f"\n{met} of {cells} reached.")
+    if slowest[1]:
+        print(f"Slowest er(L2) on a synthetic BRDF, wall clock of the whole program: {slowest[0]:.2f} s ({slowest[1]});")
+        print(f"goal {SECONDS_GOAL:g} s.")
+    return met == cells
+
+
+# ---- the command
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], epilog="more in the head of this file")
+    parser.add_argument("--binary", help="the wavelume program; without it peers only, on synthetic arrays")
+    parser.add_argument("--out", help="directory for peers.csv, peers.md and the arrays")
+    parser.add_argument("--arrays", help="names, comma-separated; all without it")
+    parser.add_argument(
+        "--targets", help="er(L2) in %%, comma-separated; 0.5,1,2,5, and 0.1 for phase functions, without it"
+    )
+    parser.add_argument("--peers", help="names of peers, comma-separated; all that are installed without it; none for none")
+    parser.add_argument("--measurements", help="one more directory with measured files")
+    parser.add_argument("--stored", action="store_true", help="take the peers' results from results/")
+    parser.add_argument("--policies", action="store_true", help="also the paper's policies, on the arrays that are plotted")
+    parser.add_argument("--figures", action="store_true", help="wavelume against the goals; exit code 1 if one is missed")
+    parser.add_argument("--extra", default="", help="more options for `wavelume compress`, in one string")
+    parser.add_argument("--list", action="store_true", help="the names of the arrays")
+    options = parser.parse_args()
+    if options.list:
+        sys.exit(print("\n".join(NAMES)))
+    if not options.out or (options.figures and not options.binary):
+        parser.error("--out is needed, and --binary for --figures")
+    options.extra = options.extra.split()
+    options.binary = options.binary and os.path.abspath(options.binary)
+    chosen = options.arrays.split(",") if options.arrays else NAMES
+    if unknown := [name for name in chosen if name not in NAMES]:
+        parser.error(f"unknown arrays {', '.join(unknown)}; --list names them")
+    return options, chosen
+
+
+def main():
+    options, chosen = arguments()
+    os.makedirs(options.out, exist_ok=True)
+    rows, missed = [], False
+    if options.figures:
+        reached = figures(options, chosen, rows)
+        write_csv(os.path.join(options.out, "figures.csv"), rows)
+        sys.exit(0 if reached else 1)
+    peers, missing = others.installed() if not options.stored and options.peers != "none" else ([], {})
+    if options.peers:
+        peers = [peer for peer in peers if peer.name in options.peers.split(",")]
+        missing = {name: why for name, why in missing.items() if name in options.peers.split(",")}
+    kept, every = stored_rows() if options.stored else [], set()
+    stale = lambda truth: any(row["array"] == truth.name and row["digest"] not in ("", truth.digest) for row in kept)
+    for name in chosen:
+        start = time.perf_counter()
+        targets = [float(one) for one in options.targets.split(",")] if options.targets else [0.5, 1.0, 2.0, 5.0]
+        if name.startswith("phase_") and not options.targets:
+            targets = [0.1, *targets]
+        every |= set(targets)
+        print(name, file=sys.stderr, flush=True)
+        try:
+            truth = Truth(name, make(name, options))
+        except Refused as why:
+            print(f"  not made: {why}", file=sys.stderr)
+            absent = {"array": name, "target": "0", "group": "wavelume", "peer": "array", "note": f"not made: {why}"}
+            rows.append({**dict.fromkeys(FIELDS, ""), **absent})
+            continue
+        for row in kept:
+            if row["array"] == name and float(row["target"]) in [0.0, *targets]:
+                rows.append(row)
+        if stale(truth):
+            print("  the stored results are of an array with other bits", file=sys.stderr)
+        rows += run_peers(truth, targets, peers, missing, sys.stderr)
+        if options.binary:
+            for target in targets:
+                promise, setting = ["--er-l2", repr(target / 100)], " ".join(options.extra)
+                rows.append(run_wavelume(truth, options, target, promise, setting, options.extra))
+                missed |= bool(rows[-1]["note"])
+            write_csv(os.path.join(options.out, "peers.csv"), rows)
+            if options.policies and name in PLOTTED:
+                rows += run_policies(truth, options)
+        print(f"  {time.perf_counter() - start:.1f} s", file=sys.stderr)
+        write_csv(os.path.join(options.out, "peers.csv"), rows)
+    write_csv(os.path.join(options.out, "peers.csv"), rows)
+    table = markdown(rows, sorted(every))
+    if peers:
+        table += f"\nPackages: {', '.join(versions())}.\n"
+    with open(os.path.join(options.out, "peers.md"), "w") as file:
+        file.write(table)
+    print(table)
+    sys.exit(1 if missed else 0)
+
+
+if __name__ == "__main__":
+    main()
