@@ -38,10 +38,12 @@ impl ChartKind {
 
 /// Entries of a row that are not zero, at most.
 const MOST_ENTRIES: usize = 80;
-/// Rows from which the columns are made orthonormal: enough to see every column.
-const GRAM_ROWS: usize = 1 << 14;
+/// Rows on which the columns are made orthonormal: few, because a decoder does it, too.
+const GRAM_ROWS: usize = 1 << 12;
+/// Rows to which the model is fitted.
+const FITTED_ROWS: usize = 1 << 16;
 /// A column with less than this part of its square left by those before it is left out.
-const INDEPENDENT: f64 = 1e-5;
+const INDEPENDENT: f64 = 1e-4;
 /// Coefficients round down from here.
 const ROUNDING: f64 = 0.4;
 /// Quantised coefficients stay below this.
@@ -56,8 +58,71 @@ pub(crate) struct Chart {
     incoming: Vec<Vector>,
     outgoing: Vec<Vector>,
     columns: usize,
-    /// Row-major lower triangle; a row of a column left out has 0 on its diagonal.
-    factor: Vec<f64>,
+    factor: Factor,
+    /// Of the rows the model is fitted to; an encoder's.
+    fitted: Option<Factor>,
+}
+
+/// Cholesky's factor of the Gram matrix of columns: row-major lower triangle, with rows of zeros for columns left out.
+struct Factor {
+    n: usize,
+    lower: Vec<f64>,
+}
+
+impl Factor {
+    /// Of a Gram matrix; columns that depend on those before them are left out, and those that `keep` does not want.
+    fn new(n: usize, gram: &[f64], keep: impl Fn(usize) -> bool) -> Self {
+        let mut lower = vec![0.0; n * n];
+        for i in (0..n).filter(|&i| keep(i)) {
+            let (done, row) = lower.split_at_mut(i * n);
+            let row = &mut row[..n];
+            for j in 0..i {
+                let other = &done[j * n..][..=j];
+                if other[j] > 0.0 {
+                    let product: f64 = row.iter().zip(&other[..j]).map(|(a, b)| a * b).sum();
+                    row[j] = (gram[i * n + j] - product) / other[j];
+                }
+            }
+            let own = gram[i * n + i];
+            let left = own - row[..i].iter().map(|a| a * a).sum::<f64>();
+            if left > INDEPENDENT * own {
+                row[i] = left.sqrt();
+            } else {
+                row.fill(0.0);
+            }
+        }
+        Self { n, lower }
+    }
+
+    fn keeps(&self, column: usize) -> bool {
+        self.lower[column * self.n + column] > 0.0
+    }
+
+    /// L⁻¹ x, in place.
+    fn solve(&self, x: &mut [f64]) {
+        for i in 0..self.n {
+            let row = &self.lower[i * self.n..][..self.n];
+            let product: f64 = row[..i].iter().zip(&*x).map(|(l, x)| l * x).sum();
+            x[i] = if row[i] > 0.0 { (x[i] - product) / row[i] } else { 0.0 };
+        }
+    }
+
+    /// L⁻ᵀ x, in place.
+    fn solve_transposed(&self, x: &mut [f64]) {
+        for i in (0..self.n).rev() {
+            let row = &self.lower[i * self.n..][..self.n];
+            x[i] = if row[i] > 0.0 { x[i] / row[i] } else { 0.0 };
+            let own = x[i];
+            x.iter_mut().zip(&row[..i]).for_each(|(x, l)| *x -= l * own);
+        }
+    }
+
+    /// Lᵀ x, in place.
+    fn multiply_transposed(&self, x: &mut [f64]) {
+        for j in 0..self.n {
+            x[j] = (j..self.n).map(|i| self.lower[i * self.n + j] * x[i]).sum();
+        }
+    }
 }
 
 /// One row's columns that are not zero.
@@ -133,11 +198,25 @@ impl Chart {
         let mesh = shape.mesh();
         let outgoing: Vec<Vector> = (0..mesh.len()).map(|i| mesh.centroid(i).xyz()).collect();
         let constants = if kind == ChartKind::Zonal || incoming.len() > MOST_CONSTANTS { 0 } else { incoming.len() };
-        let mut chart = Self { kind, constants, incoming, outgoing, columns: 0, factor: Vec::new() };
+        let mut chart = Self {
+            kind,
+            constants,
+            incoming,
+            outgoing,
+            columns: 0,
+            factor: Factor { n: 0, lower: Vec::new() },
+            fitted: None,
+        };
         let mut entries = Entries::new();
         chart.columns = chart.row(0, 0, &mut entries);
-        chart.factor = chart.orthonormal();
+        chart.factor = Factor::new(chart.columns, &chart.gram(GRAM_ROWS), |_| true);
         Some(chart)
+    }
+
+    /// Ready to be fitted.
+    pub(crate) fn prepared(mut self) -> Self {
+        self.fitted = Some(Factor::new(self.columns, &self.gram(FITTED_ROWS), |column| self.factor.keeps(column)));
+        self
     }
 
     pub(crate) fn kind(&self) -> ChartKind {
@@ -199,61 +278,47 @@ impl Chart {
         }
     }
 
-    /// Cholesky's factor of the Gram matrix of all columns.
-    fn orthonormal(&self) -> Vec<f64> {
+    /// Every how many rows are looked at, so that there are at most `most`.
+    fn stride(&self, most: usize) -> usize {
+        // Odd, so that all places among siblings have their turn.
+        if self.rows() <= most { 1 } else { self.rows().div_ceil(most) | 1 }
+    }
+
+    /// The Gram matrix of all columns (its lower triangle) on `most` rows, as if on all.
+    fn gram(&self, most: usize) -> Vec<f64> {
         let n = self.columns;
-        let stride = self.rows().div_ceil(GRAM_ROWS) | 1;
+        let stride = self.stride(most);
         let mut gram = vec![0.0; n * n];
         let mut entries = Entries::new();
-        let mut used = 0;
         for at in (0..self.rows()).step_by(stride) {
             self.row(at / self.outgoing.len(), at % self.outgoing.len(), &mut entries);
             for &(i, a) in entries.get() {
+                let row = &mut gram[i * n..][..n];
                 for &(j, b) in entries.get() {
-                    if j <= i {
-                        gram[i * n + j] += a * b;
-                    }
+                    row[j] += a * b;
                 }
             }
-            used += 1;
         }
-        let scale = self.rows() as f64 / f64::from(used);
-        let mut factor = vec![0.0; n * n];
-        for i in 0..n {
-            let (done, row) = factor.split_at_mut(i * n);
-            let row = &mut row[..n];
-            for j in 0..=i {
-                let other = if j < i { &done[j * n..][..j] } else { &[] };
-                let sum = gram[i * n + j] * scale;
-                if j < i {
-                    let product: f64 = row.iter().zip(other).map(|(a, b)| a * b).sum();
-                    let diagonal = done[j * n + j];
-                    row[j] = if diagonal > 0.0 { (sum - product) / diagonal } else { 0.0 };
-                } else {
-                    let left = sum - row[..i].iter().map(|a| a * a).sum::<f64>();
-                    row[i] = if left > INDEPENDENT * sum { left.sqrt() } else { 0.0 };
-                }
-            }
-            if row[i] == 0.0 {
-                row.fill(0.0);
-            }
+        for entry in &mut gram {
+            *entry *= stride as f64;
         }
-        factor
+        gram
     }
 
-    /// Coefficients of planes `[blocks, vectors, leaves]` on the orthonormal columns, by vector.
-    fn project(&self, planes: &[f32], vectors: usize) -> Vec<f64> {
+    /// The best coefficients of planes `[blocks, vectors, leaves]` on the orthonormal columns, by vector.
+    fn fit(&self, fitted: &Factor, planes: &[f32], vectors: usize) -> Vec<f64> {
         let (n, leaves) = (self.columns, self.outgoing.len());
+        let stride = self.stride(FITTED_ROWS);
         let parts: Vec<Vec<f64>> = planes
             .par_chunks(vectors * leaves)
             .enumerate()
             .map(|(block, planes)| {
                 let mut sums = vec![0.0; vectors * n];
                 let mut entries = Entries::new();
-                for leaf in 0..leaves {
+                for leaf in (0..leaves).filter(|leaf| (block * leaves + leaf).is_multiple_of(stride)) {
                     self.row(block, leaf, &mut entries);
                     for (plane, sums) in planes.chunks_exact(leaves).zip(sums.chunks_exact_mut(n)) {
-                        let x = f64::from(plane[leaf]);
+                        let x = f64::from(plane[leaf]) * stride as f64;
                         for &(column, value) in entries.get() {
                             sums[column] += value * x;
                         }
@@ -266,13 +331,10 @@ impl Chart {
         for part in parts {
             sums.iter_mut().zip(part).for_each(|(sum, x)| *sum += x);
         }
-        // y = L⁻¹ Bᵀx
         for y in sums.chunks_exact_mut(n) {
-            for i in 0..n {
-                let row = &self.factor[i * n..][..n];
-                let product: f64 = row[..i].iter().zip(&*y).map(|(l, y)| l * y).sum();
-                y[i] = if row[i] > 0.0 { (y[i] - product) / row[i] } else { 0.0 };
-            }
+            fitted.solve(y);
+            fitted.solve_transposed(y);
+            self.factor.multiply_transposed(y);
         }
         sums
     }
@@ -280,15 +342,7 @@ impl Chart {
     /// The model's planes `[blocks, vectors, leaves]` of coefficients on the orthonormal columns.
     fn evaluate(&self, mut coefficients: Vec<f64>, vectors: usize) -> Vec<f32> {
         let (n, leaves) = (self.columns, self.outgoing.len());
-        // c = L⁻ᵀ y
-        for c in coefficients.chunks_exact_mut(n) {
-            for i in (0..n).rev() {
-                let row = &self.factor[i * n..][..n];
-                c[i] = if row[i] > 0.0 { c[i] / row[i] } else { 0.0 };
-                let own = c[i];
-                c.iter_mut().zip(&row[..i]).for_each(|(c, l)| *c -= l * own);
-            }
-        }
+        coefficients.chunks_exact_mut(n).for_each(|c| self.factor.solve_transposed(c));
         let mut planes = vec![0.0; self.rows() * vectors];
         planes.par_chunks_mut(vectors * leaves).enumerate().for_each(|(block, planes)| {
             let mut entries = Entries::new();
@@ -312,7 +366,7 @@ impl Chart {
         kept: &mut u64,
     ) -> Vec<f32> {
         let step = f64::from(step);
-        let wanted = planes.map(|planes| self.project(planes, vectors));
+        let wanted = planes.zip(self.fitted.as_ref()).map(|(planes, fitted)| self.fit(fitted, planes, vectors));
         let n = self.columns;
         let mut details = DetailCoder::default();
         let mut decoded = vec![0.0; vectors * n];
@@ -320,7 +374,7 @@ impl Chart {
         for vector in 0..vectors {
             let mut last = [64_u32; 3];
             for column in 0..n {
-                if self.factor[column * n + column] == 0.0 {
+                if !self.factor.keeps(column) {
                     continue;
                 }
                 let wanted = wanted.as_ref().map_or(0, |wanted| {

@@ -21,12 +21,12 @@ use super::search::largest;
 use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target};
 use crate::codec::{ChunkKind, Class, Encoder, code_corrections};
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress};
-use std::sync::Arc;
 use adaptive::AdaptiveLayer;
-use layer::{Fineness, FirstLayer, FixedLayer};
 use chart::ChartKind;
+use layer::{Fineness, FirstLayer, FixedLayer};
 use predictive::{Folded, PredictiveLayer, Shape};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// The symmetries of a hemisphere's mesh.
 const ALL_SYMMETRIES: usize = 8;
@@ -128,12 +128,7 @@ fn schemes(
 }
 
 /// The predicted schemes worth a trial: the symmetries that hold decide.
-fn predicted(
-    shape: &Shape,
-    classes: Option<&[Class]>,
-    logs: &[f32],
-    target: Target,
-) -> Result<Vec<Scheme>, String> {
+fn predicted(shape: &Shape, classes: Option<&[Class]>, logs: &[f32], target: Target) -> Result<Vec<Scheme>, String> {
     let tolerance = match target {
         Target::ErL2(error) => error,
         Target::MaxRelativeError(error) => 0.5 * error,

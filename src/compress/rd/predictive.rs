@@ -177,7 +177,7 @@ impl PredictiveLayer {
         let chart = match chart {
             Some(kind) => {
                 let chart = Chart::new(kind, &folded.shape, &folded.representatives);
-                Some(chart.ok_or("a model that makes no sense here")?)
+                Some(chart.ok_or("a model that makes no sense here")?.prepared())
             }
             None => None,
         };
