@@ -8,8 +8,8 @@ use crate::domain::{Axis, Measurement, Progress, Silent, Tensor};
 use crate::transform::LineBasis;
 use rayon::prelude::*;
 
-/// Wavelengths up to which the data's own basis is tried without being asked for: its cost grows with their cube.
-const MOST_FOR_KLT: usize = 256;
+/// Wavelengths up to which the data's own basis is tried without being asked for.
+const MOST_FOR_KLT: usize = 4096;
 /// Spectra from which a basis of their own is worth its bytes.
 const LEAST_FOR_KLT: usize = 32;
 /// Samples up to which every basis is tried on the whole.

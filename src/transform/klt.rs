@@ -9,6 +9,11 @@ use serde::{Deserialize, Serialize};
 /// Entries of a row: the covariance of more would take gigabytes and hours.
 pub const MAX_KLT_LENGTH: usize = 1024;
 
+/// Vectors carried along beside those wanted, so that the wanted ones converge.
+const SPARE: usize = 8;
+/// Rounds of subspace iteration, and rows that take part in one.
+const ITERATIONS: usize = 3;
+const ITERATED: usize = 4096;
 /// Rows summed together before the sums are added in order.
 const CHUNK: usize = 1024;
 
@@ -95,6 +100,63 @@ impl Klt {
             }
         }
         Ok(Self { mean, vectors, variances })
+    }
+
+    /// The first `rank` vectors for rows of any length, by subspace iteration (Golub & Van Loan, section 8.2.4) from rows of
+    /// the data's own: exact where the rows have no higher rank, and close where later vectors are small.
+    pub fn leading(rows: &[f32], length: usize, rank: usize) -> Result<Self, KltError> {
+        if length == 0 || rows.is_empty() || !rows.len().is_multiple_of(length) {
+            return Err(KltError::Shape { samples: rows.len(), length });
+        }
+        if let Some(at) = rows.iter().position(|x| !x.is_finite()) {
+            return Err(KltError::NotFinite { row: at / length, entry: at % length });
+        }
+        let count = rows.len() / length;
+        let mut mean = sums(rows, length, length, |row, sum| {
+            sum.iter_mut().zip(row).for_each(|(s, &x)| *s += f64::from(x));
+        });
+        for m in &mut mean {
+            *m /= count as f64;
+        }
+        let start = (rank + SPARE).min(length).min(count);
+        let mut vectors: Vec<Vec<f64>> = (0..start)
+            .map(|k| {
+                let row = &rows[k * count / start * length..][..length];
+                row.iter().zip(&mean).map(|(&x, m)| f64::from(x) - m).collect()
+            })
+            .collect();
+        orthonormalise(&mut vectors);
+        let few: Vec<f32> = if count > ITERATED {
+            rows.chunks_exact(length).step_by(count.div_ceil(ITERATED)).flatten().copied().collect()
+        } else {
+            Vec::new()
+        };
+        for _ in 0..ITERATIONS {
+            vectors = covariance_times(if few.is_empty() { rows } else { &few }, &mean, &vectors);
+            orthonormalise(&mut vectors);
+        }
+        // Within the subspace found, the principal components are those of the projected rows.
+        let found = vectors.len();
+        if found == 0 {
+            let vectors = (0..rank.min(length)).map(|k| (0..length).map(|i| f64::from(u8::from(i == k))).collect());
+            return Ok(Self { mean, vectors: vectors.collect(), variances: vec![0.0; rank.min(length)] });
+        }
+        let subspace = Self { mean, variances: vec![0.0; found], vectors };
+        let within = Self::of(&subspace.forward(rows), found)?;
+        let vectors: Vec<Vec<f64>> = within
+            .vectors
+            .iter()
+            .map(|rotation| {
+                let mut vector = vec![0.0; length];
+                for (&share, own) in rotation.iter().zip(&subspace.vectors) {
+                    vector.iter_mut().zip(own).for_each(|(x, v)| *x += share * v);
+                }
+                vector
+            })
+            .collect();
+        let mut klt = Self { mean: subspace.mean, vectors, variances: within.variances };
+        klt.truncate(rank);
+        Ok(klt)
     }
 
     /// The entries of a row.
@@ -227,6 +289,50 @@ fn eigen(mut a: Vec<f64>, n: usize) -> (Vec<f64>, Vec<Vec<f64>>) {
     ((0..n).map(|i| a[i * n + i]).collect(), vectors)
 }
 
+/// Gram–Schmidt, twice, in order; what depends on the vectors before it is left out.
+fn orthonormalise(vectors: &mut Vec<Vec<f64>>) {
+    let mut kept: Vec<Vec<f64>> = Vec::with_capacity(vectors.len());
+    for mut vector in vectors.drain(..) {
+        let size = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let before = size(&vector);
+        for _ in 0..2 {
+            for other in &kept {
+                let product: f64 = vector.iter().zip(other).map(|(a, b)| a * b).sum();
+                vector.iter_mut().zip(other).for_each(|(x, o)| *x -= product * o);
+            }
+        }
+        let after = size(&vector);
+        if after > 1e-9 * before && after > 0.0 {
+            vector.iter_mut().for_each(|x| *x /= after);
+            kept.push(vector);
+        }
+    }
+    *vectors = kept;
+}
+
+/// The covariance of `rows` times each vector, but for a factor.
+fn covariance_times(rows: &[f32], mean: &[f64], vectors: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let (n, k) = (mean.len(), vectors.len());
+    let mut columns = vec![0.0; n * k];
+    for (j, vector) in vectors.iter().enumerate() {
+        for (i, &x) in vector.iter().enumerate() {
+            columns[i * k + j] = x;
+        }
+    }
+    let product = sums(rows, n, n * k, |row, sum| {
+        let mut along = vec![0.0; k];
+        for ((&x, m), column) in row.iter().zip(mean).zip(columns.chunks_exact(k)) {
+            let x = f64::from(x) - m;
+            along.iter_mut().zip(column).for_each(|(a, c)| *a += x * c);
+        }
+        for ((&x, m), sum) in row.iter().zip(mean).zip(sum.chunks_exact_mut(k)) {
+            let x = f64::from(x) - m;
+            sum.iter_mut().zip(&along).for_each(|(s, a)| *s += x * a);
+        }
+    });
+    (0..k).map(|j| (0..n).map(|i| product[i * k + j]).collect()).collect()
+}
+
 fn rotate(p: &mut [f64], q: &mut [f64], c: f64, s: f64) {
     for (x, y) in p.iter_mut().zip(q) {
         (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
@@ -308,6 +414,23 @@ mod tests {
         for vector in &klt.vectors {
             assert!(vector.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap() > 0.0);
         }
+    }
+
+    #[test]
+    fn leading_vectors_are_those_of_the_whole_basis() {
+        for (count, n) in [(500, 75), (5000, 20), (40, 300)] {
+            let rows = rows(count, n);
+            let whole = Klt::of(&rows, n).unwrap();
+            let leading = Klt::leading(&rows, n, 3).unwrap();
+            assert_eq!((leading.length(), leading.rank()), (n, 3));
+            for k in 0..3 {
+                let product: f64 = whole.vectors[k].iter().zip(&leading.vectors[k]).map(|(a, b)| a * b).sum();
+                assert!(product.abs() > 1.0 - 1e-4, "{count} {n} {k}: {product}");
+                assert!((leading.variances[k] / whole.variances[k] - 1.0).abs() < 1e-3);
+            }
+        }
+        let equal = Klt::leading(&[1.0, 2.0, 3.0, 1.0, 2.0, 3.0], 3, 2).unwrap();
+        assert_eq!((equal.rank(), equal.variances.as_slice()), (2, [0.0; 2].as_slice()));
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::super::SpectralBasis;
 use super::super::rows::{clear_uncoded, coding_order};
 use super::super::scales::Scales;
 use super::layer::{Fineness, FirstLayer, transform_of};
-use super::spectrum::{Basis, MAX_RANK};
+use super::spectrum::{Basis, components};
 use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Payload, Rows, code_coefficients};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Klt, Plan, PlanError};
@@ -22,8 +22,7 @@ impl<'a> AdaptiveLayer<'a> {
     /// Analyses `logs` on `axes`, the last of which is spectral.
     pub(crate) fn new(axes: &[Axis], classes: Option<&'a [Class]>, logs: Vec<f32>) -> Result<Self, String> {
         let length = axes.last().map_or(1, Axis::len);
-        let mut klt = Klt::of(&logs, length).map_err(|e| format!("basis klt: {e}"))?;
-        klt.truncate(MAX_RANK);
+        let klt = components(&logs, length)?;
         let transforms = axes.iter().map(|axis| transform_of(axis, SpectralBasis::Klt)).collect();
         Ok(Self { axes: axes.to_vec(), classes, transforms, klt, logs })
     }

@@ -28,6 +28,8 @@ use predictive::{Folded, PredictiveLayer, Shape};
 use rayon::prelude::*;
 use std::sync::Arc;
 
+/// Entries of an index axis that the data's own basis is tried on.
+const MOST_INDICES: usize = 64;
 /// The symmetries of a hemisphere's mesh.
 const ALL_SYMMETRIES: usize = 8;
 /// Bisections of the step: 2^(1/64) at the end, 1 % of the step.
@@ -50,7 +52,7 @@ pub(crate) fn compress(
     let counts = ErrorReport::measure(measurement.tensor.samples(), measurement.tensor.samples(), f64::from(floor));
     let plane = Plane { classes: &classes, coded: classes_coded.as_ref(), counts };
     let work = |scheme: &Scheme| Work::new(measurement, plane, scheme, settings, floor);
-    let schemes = schemes(measurement, plane, bases, settings.target, floor)?;
+    let schemes = schemes(measurement, plane, bases, settings, floor)?;
     progress.step(0.05)?;
     let (work, steps, ranking) = match schemes.as_slice() {
         [only] => {
@@ -103,21 +105,22 @@ fn schemes(
     measurement: &Measurement,
     plane: Plane<'_>,
     bases: &[SpectralBasis],
-    target: Target,
+    settings: &Settings,
     floor: f32,
 ) -> Result<Vec<Scheme>, CompressError> {
     let axes = measurement.tensor.axes();
-    let spectral = axes.last().is_some_and(|axis| !matches!(axis, Axis::Triangles(_)));
+    let named = settings.basis != "auto";
     let mut schemes = Vec::new();
     for &basis in bases {
         let own = basis == SpectralBasis::Klt;
         match Shape::of(axes) {
-            Some(shape) if own || !spectral => {
+            // Where nothing has a basis to be named, the data's own costs nothing or a few numbers.
+            Some(shape) if schemes.is_empty() && (own || !named && short(axes)) => {
                 let logs = logarithms(measurement, plane.classes, floor);
                 let classes = plane.coded.map(|_| plane.classes);
-                schemes.extend(predicted(&shape, classes, &logs, target).map_err(CompressError::Setting)?);
+                schemes.extend(predicted(&shape, classes, &logs, settings.target).map_err(CompressError::Setting)?);
             }
-            _ if own => schemes.push(Scheme::Adaptive),
+            None if own => schemes.push(Scheme::Adaptive),
             _ => {}
         }
         if !own {
@@ -125,6 +128,15 @@ fn schemes(
         }
     }
     Ok(schemes)
+}
+
+/// Whether the last axis is no spectrum, but triangles, colours or some index.
+fn short(axes: &[Axis]) -> bool {
+    axes.last().is_some_and(|axis| match axis {
+        Axis::Triangles(_) | Axis::Rgb => true,
+        Axis::Index { count, .. } => *count <= MOST_INDICES,
+        Axis::Wavelength(_) | Axis::Elevation(_) => false,
+    })
 }
 
 /// The predicted schemes worth a trial: the symmetries that hold decide.

@@ -11,7 +11,7 @@ use super::super::SpectralBasis;
 use super::chart::{Chart, ChartKind};
 use super::layer::{Fineness, FirstLayer};
 use super::pyramid::Pyramid;
-use super::spectrum::{Basis, MAX_RANK};
+use super::spectrum::{Basis, components};
 use super::symmetry::{Group, Member, Representative};
 use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Reader, Writer};
 use crate::domain::{Axis, Symmetry, TriangleMesh};
@@ -129,16 +129,13 @@ impl Folded {
         let representatives = group.representatives();
         let rows = fold_rows(shape, &group, &representatives, logs);
         let klt = if shape.length > 1 {
-            let mut klt = if group.members().len() > 1 {
+            Some(if group.members().len() > 1 {
                 let mut even = vec![0.0; logs.len()];
                 unfold_rows(shape, &group, &representatives, shape.length, &rows, &mut even);
-                Klt::of(&even, shape.length)
+                components(&even, shape.length)?
             } else {
-                Klt::of(logs, shape.length)
-            }
-            .map_err(|e| format!("basis klt: {e}"))?;
-            klt.truncate(MAX_RANK);
-            Some(klt)
+                components(logs, shape.length)?
+            })
         } else {
             None
         };

@@ -26,6 +26,17 @@ const COARSEST: u8 = 7;
 /// Rows approximated together.
 const BLOCK: usize = 256;
 
+/// Rows up to this length have all their principal components found at once.
+const LONG: usize = 256;
+
+/// The first principal components of rows of `length`.
+pub(super) fn components(rows: &[f32], length: usize) -> Result<Klt, String> {
+    let mut klt = if length > LONG { Klt::leading(rows, length, MAX_RANK) } else { Klt::of(rows, length) }
+        .map_err(|e| format!("basis klt: {e}"))?;
+    klt.truncate(MAX_RANK);
+    Ok(klt)
+}
+
 /// A decoded basis.
 #[derive(Clone, Debug)]
 pub(super) struct Basis {
