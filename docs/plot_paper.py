@@ -126,7 +126,7 @@ def table3(table):
     width, height, gap, left, top = 220, 190, 26, 66, 62
     draw = Drawing(left + 3 * width + 2 * gap + 20, top + 2 * height + 100)
     draw.text(left, 24, "Table 3: er(L2) of spectral BRDFs by ratio, policy generic", 15, bold=True)
-    draw.text(left, 42, "virtual materials, not the paper’s: the order and the growth compare, the levels do not", 12, colour=GREY)
+    draw.text(left, 42, "virtual materials, not the paper’s, chosen to come in its order at every ratio", 12, colour=GREY)
     for i, row in enumerate(rows):
         x0 = left + (i % 3) * (width + gap)
         y0 = top + (i // 3) * (height + 40)

@@ -54,10 +54,13 @@ pub(super) fn make(progress: &dyn Progress) -> Result<Table, PaperError> {
     Ok(Table {
         number: 3,
         title: "Relative error (%) of spectral BRDFs, 16 × 1024 × 75 samples, by ratio samples : coefficients".to_owned(),
-        data: "virtual materials in place of the paper's goniometer data (wood for its plywood), read at 1,024 scattered \
-               directions for each of 16 incoming ones with 0.3 % noise, then projected onto triangles; errors are against \
-               the readings, so the 1:1 column is that of the projection. Levels depend on the materials, which are not \
-               the paper's and were adjusted to come near its order, so that order is no finding: spectralon, then wood and velvet, then cloth and plastic. The paper has cloth above plastic at 8:1 and 16:1, these have not. What compares is the growth with the ratio."
+        data: "virtual materials in place of the paper's goniometer data (wood for its plywood), read near the middle of \
+               each of 1,024 triangles for 16 incoming directions, then projected onto the triangles; errors are against \
+               the readings, so the 1:1 column is that of the projection. Readings have 0.3 % noise, velvet's 0.5 %, \
+               cloth's an absolute one besides (0.00065/sr, a few per cent of its dark wavelengths). Levels and growth \
+               depend on the materials, which are not the paper's and were chosen, with their noise and the aim of the \
+               instrument, to come in its order at every ratio by the policy generic: that order is no finding. What \
+               compares is one method with another."
             .to_owned(),
         methods: vec![
             "generic: bio-Haar on triangles, bior4.4 along wavelength, L2-normalised coefficients, one threshold a space, \
@@ -83,8 +86,10 @@ mod tests {
     use super::*;
     use crate::domain::Silent;
 
+    /// The materials were chosen so that this holds; where the paper prints the same two digits for both (wood and
+    /// velvet, er(L2) at 64:1 and 128:1) it says nothing of their order.
     #[test]
-    fn materials_come_in_the_order_they_were_adjusted_to() {
+    fn materials_come_in_the_order_of_the_paper_at_every_ratio() {
         let table = make(&Silent).unwrap();
         print!("{}", table.text());
         assert_eq!(table.rows.len(), 15);
@@ -92,13 +97,28 @@ mod tests {
             let l2: Vec<f64> = row.cells.iter().skip(1).step_by(2).map(|cell| cell.ours).collect();
             assert!(l2[0] > 0.0 && l2[1] < l2[6] && l2[3] < l2[6], "{}: {l2:?}", row.label);
         }
-        let at = |label: &str, column: usize| {
-            table.rows.iter().find(|row| row.label == label && row.method == "generic").unwrap().cells[column].ours
-        };
-        for column in (1..14).step_by(2) {
-            let [spectralon, wood, plastic, cloth, velvet] = MATERIALS.map(|(name, _)| at(name, column));
-            assert!(spectralon < wood.min(velvet) && wood.max(velvet) < cloth && cloth < plastic, "column {column}");
+        let generic: Vec<&Row> = table.rows.iter().filter(|row| row.method == "generic").collect();
+        assert!(generic.iter().map(|row| row.label.as_str()).eq(MATERIALS.map(|(name, _)| name)));
+        let mut ties = Vec::new();
+        for (column, head) in table.columns.iter().enumerate() {
+            for (a, first) in generic.iter().enumerate() {
+                for (b, second) in generic.iter().enumerate().skip(a + 1) {
+                    let printed = |m: usize| PRINTED[m][column / 2][column % 2];
+                    if printed(a) == printed(b) {
+                        ties.push((head.as_str(), first.label.as_str(), second.label.as_str()));
+                        continue;
+                    }
+                    let (ours_a, ours_b) = (first.cells[column].ours, second.cells[column].ours);
+                    assert_eq!(
+                        ours_a < ours_b,
+                        printed(a) < printed(b),
+                        "{head}: {} {ours_a}, {} {ours_b}",
+                        first.label,
+                        second.label
+                    );
+                }
+            }
         }
-        assert!(at("velvet", 1) < at("wood", 1));
+        assert_eq!(ties, [("64:1 L2", "wood", "velvet"), ("128:1 L2", "wood", "velvet")]);
     }
 }
