@@ -128,19 +128,13 @@ impl Folded {
         let group = shape.group(generators).ok_or("a symmetry of another domain")?;
         let representatives = group.representatives();
         let rows = fold_rows(shape, &group, &representatives, logs);
-        let klt = if shape.length > 1 {
-            Some(if group.members().len() > 1 {
-                let mut even = vec![0.0; logs.len()];
-                unfold_rows(shape, &group, &representatives, shape.length, &rows, &mut even);
-                components(&even, shape.length)?
-            } else {
-                components(logs, shape.length)?
-            })
-        } else {
-            None
-        };
         let live = live_leaves(shape, &group, &representatives, classes);
+        let klt = (shape.length > 1).then(|| {
+            let spectra = spectra(shape, &group, &representatives, &rows, live.as_deref());
+            components(&spectra, shape.length)
+        });
         let pyramid = Pyramid::new(shape.mesh, &group, &representatives, live.as_deref());
+        let klt = klt.transpose()?;
         Ok(Self { shape: shape.clone(), generators: numbers, group, representatives, pyramid, klt, rows })
     }
 }
@@ -379,6 +373,30 @@ fn unfold_rows(
             }
         }
     }
+}
+
+/// The rows whose principal components are wanted: each as often as it stands for, and none without a sample of its own,
+/// because what fills it is no spectrum.
+fn spectra(
+    shape: &Shape,
+    group: &Group,
+    representatives: &[Representative],
+    rows: &[f32],
+    live: Option<&[bool]>,
+) -> Vec<f32> {
+    let (n, leaves) = (shape.length, shape.mesh.len());
+    let mut spectra = Vec::new();
+    for (k, representative) in representatives.iter().enumerate() {
+        let times = group.members().len() / representative.stabiliser.len();
+        for leaf in (0..leaves).map(|leaf| k * leaves + leaf) {
+            if live.is_none_or(|live| live[leaf]) {
+                for _ in 0..times {
+                    spectra.extend_from_slice(&rows[leaf * n..][..n]);
+                }
+            }
+        }
+    }
+    if spectra.is_empty() { rows.to_vec() } else { spectra }
 }
 
 /// By representative and leaf: whether any sample that it stands for has a logarithm; `None` if all have.
