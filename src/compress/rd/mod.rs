@@ -6,6 +6,7 @@
 
 pub(crate) mod adaptive;
 mod layer;
+mod metric;
 
 use super::exponential::{add_corrections, exponentiate};
 use super::file::{Parts, assemble, classes_chunk, finish, metadata_with_labels};
@@ -18,6 +19,7 @@ use crate::codec::{ChunkKind, Class, Encoder, code_corrections};
 use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
 use adaptive::AdaptiveLayer;
 use layer::{FirstLayer, FixedLayer};
+use metric::Trial;
 use rayon::prelude::*;
 
 /// Bisections of the step: 2^(1/64) at the end, 1 % of the step.
@@ -211,6 +213,16 @@ impl<'a> Work<'a> {
                 let keeps = |step: f64| self.relative_error(step as f32, &mut decoded, progress).map(|e| e <= error);
                 let step = largest(4.0 * error, REFINEMENTS, keeps)?;
                 plain(step, "er_l2 is below what float32 logarithms hold: ask for a larger error or lossless")
+            }
+            Target::ErL1(_) | Target::MaxAbsoluteError(_) | Target::RelativeRmse(_) | Target::DeltaE(_) => {
+                let magnitudes = |step: f32, decoded: &mut [f32]| {
+                    self.layer.approximate(step, decoded);
+                    exponentiate(decoded);
+                };
+                let classes = self.plane.coded.map(|_| self.plane.classes);
+                let trial = Trial { measurement: self.measurement, classes, floor: self.floor, magnitudes };
+                let step = trial.largest_step(self.settings.target, progress)?;
+                plain(step, "the target is below what float32 logarithms hold: ask for a larger error or lossless")
             }
             Target::Ratio(ratio) => {
                 let most = self.original().len() as f64 / ratio;
