@@ -226,12 +226,12 @@ fn colours_are_promised_and_reported() {
     assert!(plain["delta_e"].is_null());
 
     let lamp = data("aerolamp.csv");
-    let refusal = refused(1, &["compress", &lamp, "-o", &out, "--delta-e", "1"]);
+    let refusal = refused(2, &["compress", &lamp, "-o", &out, "--delta-e", "1"]);
     assert!(
         refusal.contains("delta_e: wavelengths from 199.9") && refusal.contains("at least 400 to 700 nm"),
         "{refusal}"
     );
-    let refusal = refused(1, &[&line[..], &["--policy", "conventional"]].concat());
+    let refusal = refused(2, &[&line[..], &["--policy", "conventional"]].concat());
     assert!(refusal.contains("expected policy rd"), "{refusal}");
 }
 
