@@ -55,7 +55,9 @@ impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
                 apply_classes(classes, &mut decoded);
             }
             if negated {
-                decoded.iter_mut().for_each(|s| *s = -*s);
+                for sample in &mut decoded {
+                    *sample = -*sample;
+                }
             }
             let errors = || ErrorReport::measure(&original, &decoded, f64::from(self.floor));
             Ok(match &metric {

@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn a_perfect_diffuser_is_white_and_grey_is_a_lightness() {
         let grey = |v: f32| vec![v; 41];
-        let reflectance = measurement(Quantity::Reflectance, Unit::One, &grid(), &[grey(1.0), grey(0.184_186_51)]);
+        let reflectance = measurement(Quantity::Reflectance, Unit::One, &grid(), &[grey(1.0), grey(0.184_186_5)]);
         let colours = SpectraColours::of(&reflectance, Illuminant::A).unwrap();
         let lightness: Vec<f64> = colours.colours().iter().map(|lab| lab.unwrap().l).collect();
         assert!((lightness[0] - 100.0).abs() < 1e-9 && (lightness[1] - 50.0).abs() < 1e-5, "{lightness:?}");
