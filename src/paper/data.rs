@@ -48,8 +48,9 @@ pub(super) fn colour_matching(lambdas: &[f64]) -> [Vec<f64>; 3] {
     [&observer.x, &observer.y, &observer.z].map(|curve| sampled(curve, lambdas))
 }
 
+/// In f32, as samples of a measurement are.
 fn sampled(curve: &Curve, lambdas: &[f64]) -> Vec<f64> {
-    lambdas.iter().map(|&lambda| curve.at(lambda)).collect()
+    lambdas.iter().map(|&lambda| f64::from(curve.at(lambda) as f32)).collect()
 }
 
 /// A column of a spectral table, linear between its wavelengths.
