@@ -196,6 +196,9 @@ fn every_promise_is_kept_on_the_decoded_file() {
     let (input, out, tensor) = (at(&dir, "brdf.npy"), at(&dir, "m.wlm"), at(&dir, "t.npy"));
     for promise in [
         &["--er-l2", "0.001"][..],
+        &["--er-l1", "0.003"],
+        &["--max-absolute-error", "0.002"],
+        &["--relative-rmse", "0.003"],
         &["--max-relative-error", "0.01"],
         &["--ratio", "4"],
         &["--bytes", "2000"],
@@ -215,6 +218,17 @@ fn every_promise_is_kept_on_the_decoded_file() {
         match promise {
             [] => assert!(error <= 0.01),
             ["--max-relative-error", _] => assert!(largest <= 0.01, "{largest}"),
+            ["--er-l1", _] => {
+                let scored = original.iter().zip(&decoded).filter(|(s, _)| **s > 0.0);
+                let errors: Vec<f64> = scored.map(|(s, d)| f64::from((d - s).abs()) / f64::from(*s)).collect();
+                let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+                assert!(mean <= 0.003, "{mean}");
+            }
+            ["--max-absolute-error", _] => {
+                let both = original.iter().zip(&decoded).filter(|(s, _)| !s.is_nan());
+                assert!(both.into_iter().all(|(s, d)| (f64::from(*d) - f64::from(*s)).abs() <= 0.002));
+            }
+            ["--relative-rmse", _] => assert!(report["relative_rmse"].as_f64().unwrap() <= 0.003),
             ["--ratio", _] => assert!(report["ratio_coefficients"].as_f64().unwrap() >= 4.0),
             ["--bytes", _] => assert!(report["bytes"].as_u64().unwrap() <= 2000),
             ["--lossless"] => {
@@ -225,6 +239,36 @@ fn every_promise_is_kept_on_the_decoded_file() {
         let reported = report["er_l2"].as_f64().unwrap();
         assert!((reported - error).abs() <= 1e-6 * error + 1e-9, "{promise:?}: reports {reported}, measured {error}");
     }
+}
+
+#[test]
+fn colours_are_promised_and_reported() {
+    let dir = workshop();
+    let out = at(&dir, "checker.wlm");
+    let checker = data("colorchecker_n_ohta.csv");
+    let line = ["compress", &checker, "-o", &out, "--quantity", "reflectance", "--delta-e", "0.5"];
+    let report = json(&[&line[..], &["--json"]].concat());
+    let colour = &report["delta_e"];
+    assert!(colour["largest"].as_f64().unwrap() <= 0.5 && colour["mean"].as_f64() <= colour["largest"].as_f64());
+    assert_eq!(
+        (&colour["illuminant"], &colour["spectra"], &colour["unscored_spectra"]),
+        (&"D65".into(), &24.into(), &0.into())
+    );
+    let incandescent = json(&[&line[..], &["--illuminant", "A", "--json"]].concat());
+    assert_eq!(incandescent["delta_e"]["illuminant"], "A");
+    let sheet = done(&[&line[..], &["--illuminant", "F11"]].concat());
+    assert!(sheet.contains("CIEDE2000 largest 0.") && sheet.contains("illuminant F11"), "{sheet}");
+    let plain = json(&["compress", &checker, "-o", &out, "--quantity", "reflectance", "--json"]);
+    assert!(plain["delta_e"].is_null());
+
+    let lamp = data("aerolamp.csv");
+    let refusal = refused(2, &["compress", &lamp, "-o", &out, "--delta-e", "1"]);
+    assert!(
+        refusal.contains("delta_e: wavelengths from 199.9") && refusal.contains("at least 400 to 700 nm"),
+        "{refusal}"
+    );
+    let refusal = refused(2, &[&line[..], &["--policy", "conventional"]].concat());
+    assert!(refusal.contains("expected policy rd"), "{refusal}");
 }
 
 #[test]

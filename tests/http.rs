@@ -222,6 +222,40 @@ async fn a_job_makes_a_material_with_a_manifest() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn every_promise_can_be_asked_for() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    let id = service.upload("?quantity=reflectance", CHECKER).await["id"].clone();
+    let material = async |target: Value| -> Value {
+        let job = service.compress(&json!({ "measurement": id, "quantity": "reflectance", "target": target })).await;
+        assert_eq!(job["state"], "succeeded", "{job}");
+        let path = format!("/v1/materials/{}", job["material"].as_str().unwrap());
+        service.get(&path).send().await.unwrap().json().await.unwrap()
+    };
+    for (field, most) in [("er_l1", 0.004), ("max_absolute_error", 0.003), ("relative_rmse", 0.005)] {
+        let found = material(json!({ field: most })).await;
+        assert!(found[field].as_f64().unwrap() <= most && found["delta_e"].is_null(), "{found}");
+        assert_eq!(found["provenance"]["request"]["target"], json!({ field: most }));
+    }
+    let whole = json!({ "delta_e": { "at_most": 1.0, "illuminant": "D65" } });
+    let short = material(json!({ "delta_e": 1 })).await;
+    assert!(short["delta_e"]["largest"].as_f64().unwrap() <= 1.0, "{short}");
+    assert_eq!(short["provenance"]["request"]["target"], whole);
+    assert_eq!(material(whole).await["id"], short["id"]);
+    let lit = material(json!({ "delta_e": { "at_most": 1.0, "illuminant": "A" } })).await;
+    assert_eq!((&lit["delta_e"]["illuminant"], &lit["delta_e"]["spectra"]), (&json!("A"), &json!(24)));
+
+    let bad = json!({ "measurement": id, "target": { "delta_e": { "at_most": 1, "illuminant": "D93" } } });
+    let refusal = problem(service.post("/v1/jobs").json(&bad), 422, "invalid-request").await;
+    assert!(refusal["detail"].as_str().unwrap().contains("unknown illuminant `D93`"), "{refusal}");
+    for target in [json!({ "delta_e": 0 }), json!({ "max_absolute_error": -1 })] {
+        let job = service.compress(&json!({ "measurement": id, "target": target })).await;
+        assert_eq!(job["problem"]["type"], "urn:wavelume:problem:bad-setting", "{job}");
+    }
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn job_bodies_are_checked() {
     let data = tempfile::tempdir().unwrap();
     let service = Service::start(config(data.path())).await;

@@ -101,6 +101,11 @@ struct Manifest {
     masked_samples: u64,
     max_absolute_error_unscored: Option<f64>,
     mask_mismatches: u64,
+    /// Colour differences, where they were promised: `illuminant`, `largest` and `mean` CIEDE2000, `spectra`,
+    /// `unscored_spectra`.
+    #[serde(default)]
+    #[schema(value_type = Option<Object>)]
+    delta_e: Option<Value>,
     /// The same errors at the samples of the file, where projection changed them.
     #[schema(value_type = Option<Object>)]
     errors_at_samples: Option<Value>,

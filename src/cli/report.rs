@@ -3,6 +3,7 @@
 use super::output::{Sheet, count, per_cent, three_digits};
 use crate::compress::Noise;
 use crate::domain::ErrorReport;
+use crate::domain::colour::ColourReport;
 use crate::formats::{Note, NoteKind};
 use crate::pipeline::Report;
 use crate::projection::Coverage;
@@ -29,6 +30,9 @@ pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
     );
     coefficient_line(&mut sheet, report.kept_coefficients, report.ratio_coefficients);
     error_lines(&mut sheet, "error", &report.errors);
+    if let Some(colour) = &report.delta_e {
+        colour_lines(&mut sheet, colour);
+    }
     if let Some(errors) = &report.errors_at_samples {
         error_lines(&mut sheet, "at the file's samples", errors);
     }
@@ -90,6 +94,16 @@ pub(crate) fn error_lines(sheet: &mut Sheet, label: &str, errors: &ErrorReport) 
     }
     if errors.mask_mismatches > 0 {
         sheet.line(label, format!("{} samples masked in one of the two only", count(errors.mask_mismatches)));
+    }
+}
+
+/// The colour differences.
+fn colour_lines(sheet: &mut Sheet, colour: &ColourReport) {
+    let (largest, mean) = (three_digits(colour.largest), three_digits(colour.mean));
+    sheet.line("colour", format!("CIEDE2000 largest {largest}, mean {mean}, illuminant {}", colour.illuminant));
+    if colour.unscored_spectra > 0 {
+        let (scored, others) = (count(colour.spectra), count(colour.unscored_spectra));
+        sheet.line("colour", format!("{scored} spectra; {others} others have too few measured wavelengths"));
     }
 }
 

@@ -1,8 +1,9 @@
 //! What the user asks of a compression: axes, promise, policy, threads; in the names of a request.
 
 use super::failure::Failure;
-use crate::compress::{Policy, Target};
+use crate::compress::{DeltaE, Policy, Target};
 use crate::domain::WavelengthGrid;
+use crate::domain::colour::Illuminant;
 use crate::domain::limits::MAX_LEVEL;
 use crate::pipeline::Request;
 
@@ -27,12 +28,24 @@ pub(crate) struct AxesArgs {
 #[derive(Debug, clap::Args)]
 #[group(multiple = false)]
 pub(crate) struct TargetArgs {
-    /// Root mean square of the relative error at most this: 0.01 is 1 % [default: 0.01]
+    /// Root mean square of the relative error at most this: 0.01 is 1 % [default: 0.01]; `auto` stops at the noise (policy rd)
+    #[arg(long, value_name = "E|auto", value_parser = er_l2)]
+    er_l2: Option<Target>,
+    /// Mean of the relative error at most this: 0.01 is 1 %
     #[arg(long, value_name = "E", value_parser = positive)]
-    er_l2: Option<f64>,
+    er_l1: Option<f64>,
     /// Relative error of every sample > 0 at most this
     #[arg(long, value_name = "E", value_parser = positive)]
     max_relative_error: Option<f64>,
+    /// Absolute error of every sample at most this, in the unit of the samples
+    #[arg(long, value_name = "E", value_parser = positive)]
+    max_absolute_error: Option<f64>,
+    /// Root of the squared errors' sum over the squared samples' sum at most this
+    #[arg(long, value_name = "E", value_parser = positive)]
+    relative_rmse: Option<f64>,
+    /// Colour difference CIEDE2000 of every spectrum at most this (policy rd)
+    #[arg(long, value_name = "E", value_parser = positive)]
+    delta_e: Option<f64>,
     /// At least this many samples per kept coefficient
     #[arg(long, value_name = "R", value_parser = positive)]
     ratio: Option<f64>,
@@ -51,6 +64,9 @@ pub(crate) struct RequestArgs {
     axes: AxesArgs,
     #[command(flatten)]
     target: TargetArgs,
+    /// The illuminant of --delta-e: A, B, C, D50, D65, F11 or E [default: D65]
+    #[arg(long, value_name = "NAME", requires = "delta_e")]
+    illuminant: Option<Illuminant>,
     /// rd: rate-distortion; the paper's: conventional (one threshold), generic (one a space), adaptive
     #[arg(long, default_value_t)]
     policy: Policy,
@@ -85,10 +101,19 @@ impl AxesArgs {
     }
 }
 
+/// A number, or `auto`.
+fn er_l2(text: &str) -> Result<Target, String> {
+    if text == "auto" { Ok(Target::Auto) } else { positive(text).map(Target::ErL2) }
+}
+
 impl TargetArgs {
-    fn target(&self) -> Target {
-        let named = self.er_l2.map(Target::ErL2);
+    fn target(&self, illuminant: Illuminant) -> Target {
+        let named = self.er_l2;
+        let named = named.or(self.er_l1.map(Target::ErL1));
         let named = named.or(self.max_relative_error.map(Target::MaxRelativeError));
+        let named = named.or(self.max_absolute_error.map(Target::MaxAbsoluteError));
+        let named = named.or(self.relative_rmse.map(Target::RelativeRmse));
+        let named = named.or(self.delta_e.map(|at_most| Target::DeltaE(DeltaE { at_most, illuminant })));
         let named = named.or(self.ratio.map(Target::Ratio));
         let named = named.or(self.bytes.map(Target::Bytes));
         named.or(self.lossless.then_some(Target::Lossless)).unwrap_or(DEFAULT_TARGET)
@@ -99,7 +124,7 @@ impl RequestArgs {
     /// The request.
     pub(crate) fn request(&self) -> Request {
         Request {
-            target: self.target.target(),
+            target: self.target.target(self.illuminant.unwrap_or_default()),
             policy: self.policy,
             basis: self.basis.clone(),
             floor: self.floor,
@@ -157,6 +182,15 @@ mod tests {
     fn every_promise_has_its_option() {
         for (line, target) in [
             (&["--er-l2", "0.02"][..], Target::ErL2(0.02)),
+            (&["--er-l2", "auto"], Target::Auto),
+            (&["--er-l1", "0.02"], Target::ErL1(0.02)),
+            (&["--max-absolute-error", "7.5"], Target::MaxAbsoluteError(7.5)),
+            (&["--relative-rmse", "0.02"], Target::RelativeRmse(0.02)),
+            (&["--delta-e", "1"], Target::DeltaE(DeltaE { at_most: 1.0, illuminant: Illuminant::D65 })),
+            (
+                &["--delta-e", "0.5", "--illuminant", "A"],
+                Target::DeltaE(DeltaE { at_most: 0.5, illuminant: Illuminant::A }),
+            ),
             (&["--max-relative-error", "0.02"], Target::MaxRelativeError(0.02)),
             (&["--ratio", "64"], Target::Ratio(64.0)),
             (&["--bytes", "4096"], Target::Bytes(4096)),
@@ -171,6 +205,12 @@ mod tests {
         for line in [
             &["--er-l2", "0.01", "--ratio", "64"][..],
             &["--lossless", "--bytes", "100"],
+            &["--er-l1", "0.01", "--er-l2", "0.01"],
+            &["--delta-e", "1", "--relative-rmse", "0.01"],
+            &["--illuminant", "A"],
+            &["--er-l2", "0.01", "--illuminant", "A"],
+            &["--delta-e", "1", "--illuminant", "D93"],
+            &["--max-absolute-error", "-1"],
             &["--er-l2", "0"],
             &["--er-l2", "nan"],
             &["--er-l2", "inf"],

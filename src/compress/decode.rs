@@ -143,7 +143,8 @@ pub(crate) fn samples_of<'a>(
     Ok(samples)
 }
 
-fn apply_classes(classes: &[Class], samples: &mut [f32]) {
+/// Puts signs, zeros and the mask on magnitudes.
+pub(crate) fn apply_classes(classes: &[Class], samples: &mut [f32]) {
     for (sample, class) in samples.iter_mut().zip(classes) {
         match class {
             Class::Positive => {}

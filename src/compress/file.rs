@@ -68,5 +68,5 @@ pub(crate) fn finish(
     summary.axes = measurement.tensor.axes().to_vec();
     let ranking =
         vec![Ranked { basis: summary.basis.clone(), bytes: bytes.len() as u64, er_l2: Some(summary.errors.er_l2) }];
-    Ok(Compressed { bytes, summary, ranking, noise: None })
+    Ok(Compressed { bytes, summary, colour: None, ranking, noise: None })
 }

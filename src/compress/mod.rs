@@ -13,38 +13,26 @@ mod fill;
 mod header;
 mod lossless;
 mod noise;
+mod promise;
 mod ranking;
 mod rd;
 mod rows;
 mod scales;
 mod search;
 pub mod selection;
+mod target;
 mod thresholded;
 
 pub use crate::codec::CodecError as DecodeError;
 pub use decode::{Decoded, decode, inspect, payload_digest};
 pub use noise::{Noise, estimate as estimate_noise};
+pub use target::{DeltaE, Target};
 
 use crate::codec::MAGIC;
+use crate::domain::colour::ColourReport;
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress, Quantity, Sampling, Unit};
 use crate::transform::{AxisTransform, LineBasis, SphereBasis};
-use serde::{Deserialize, Serialize};
-
-/// What the user is promised.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Target {
-    /// er(L2) at most this (0.01 = 1 %).
-    ErL2(f64),
-    /// The relative error of every sample > 0 at most this.
-    MaxRelativeError(f64),
-    /// At least this many samples per kept coefficient.
-    Ratio(f64),
-    /// At most this many bytes, metadata included.
-    Bytes(u64),
-    /// Every bit.
-    Lossless,
-}
+use serde::Serialize;
 
 /// How coefficients are chosen and coded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -86,6 +74,8 @@ pub struct Compressed {
     pub bytes: Vec<u8>,
     /// What was achieved; its errors are those of the decoded bytes, in full precision.
     pub summary: Summary,
+    /// The colours of the decoded bytes, where they were promised.
+    pub colour: Option<ColourReport>,
     /// The bases that competed, best first; one where the basis was named.
     pub ranking: Vec<Ranked>,
     /// The noise of the measurement, where it can be told; it decides nothing.
@@ -154,6 +144,7 @@ pub fn compress(
     progress: &dyn Progress,
 ) -> Result<Compressed, CompressError> {
     check(settings)?;
+    promise::check(measurement, settings)?;
     let policy = if settings.target == Target::Lossless { Policy::Lossless } else { settings.policy };
     let floor = absolute_floor(measurement, settings);
     let bases = match policy {
@@ -168,25 +159,15 @@ pub fn compress(
         Policy::Lossless => lossless::compress(measurement, settings, floor, progress)?,
     };
     progress.report(1.0);
-    keeps_its_promise(settings, floor, &compressed)?;
+    compressed.colour = promise::colour(measurement, settings.target, &compressed.bytes)?;
+    promise::keep(settings, floor, &compressed)?;
     compressed.noise = estimate_noise(measurement, floor);
     Ok(compressed)
 }
 
 fn check(settings: &Settings) -> Result<(), CompressError> {
     let refuse = |message: String| Err(CompressError::Setting(message));
-    match settings.target {
-        Target::ErL2(error) if !(error > 0.0 && error <= 10.0) => {
-            return refuse(format!("er_l2 is {error}, expected more than 0 and at most 10 (0.01 is 1 %)"));
-        }
-        Target::MaxRelativeError(error) if !(error > 0.0 && error <= 10.0) => {
-            return refuse(format!("max_relative_error is {error}, expected more than 0 and at most 10 (0.01 is 1 %)"));
-        }
-        Target::Ratio(ratio) if !(ratio >= 1.0 && ratio.is_finite()) => {
-            return refuse(format!("ratio is {ratio}, expected at least 1 sample per coefficient"));
-        }
-        _ => {}
-    }
+    settings.target.check().or_else(refuse)?;
     if settings.policy == Policy::Lossless && settings.target != Target::Lossless {
         return refuse("policy lossless has no error to aim at: use the target lossless".to_owned());
     }
@@ -215,35 +196,6 @@ fn check(settings: &Settings) -> Result<(), CompressError> {
 fn absolute_floor(measurement: &Measurement, settings: &Settings) -> f32 {
     let maximum = measurement.tensor.range().map_or(0.0, |(_, high)| f64::from(high.max(0.0)));
     settings.floor.map_or(0.0, |floor| (floor * maximum) as f32)
-}
-
-/// The last gate: a file that misses its target is never handed out.
-fn keeps_its_promise(settings: &Settings, floor: f32, compressed: &Compressed) -> Result<(), CompressError> {
-    let errors = &compressed.summary.errors;
-    let missed = |what: &str, found: f64, wanted: f64| {
-        Err(CompressError::Unreachable(format!("{what} {wanted} was not reached: the closest file has {found}")))
-    };
-    if errors.mask_mismatches > 0 {
-        return missed("an exact mask: mismatches", errors.mask_mismatches as f64, 0.0);
-    }
-    match settings.target {
-        Target::ErL2(wanted) if errors.er_l2 > wanted => return missed("er_l2", errors.er_l2, wanted),
-        Target::MaxRelativeError(wanted) if errors.max_relative_error > wanted => {
-            return missed("max_relative_error", errors.max_relative_error, wanted);
-        }
-        Target::Bytes(wanted) if compressed.bytes.len() as u64 > wanted => {
-            return missed("bytes", compressed.bytes.len() as f64, wanted as f64);
-        }
-        Target::Lossless if errors.max_absolute_error > 0.0 => {
-            return missed("lossless: largest error", errors.max_absolute_error, 0.0);
-        }
-        _ => {}
-    }
-    let floored = errors.below_floor_samples > 0 && settings.policy == Policy::Rd;
-    if floored && errors.max_absolute_error_unscored > f64::from(floor) {
-        return missed("floor: largest error", errors.max_absolute_error_unscored, f64::from(floor));
-    }
-    Ok(())
 }
 
 /// What happens along wavelength.

@@ -5,6 +5,8 @@ use crate::domain::{Domain, Silent, Tensor, TriangleMesh, WavelengthGrid};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+mod targets;
+
 fn mesh(domain: Domain, level: u8) -> Axis {
     Axis::Triangles(TriangleMesh::new(domain, level).unwrap())
 }

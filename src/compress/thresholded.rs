@@ -11,6 +11,7 @@ use super::rows::{clear_uncoded, coding_order};
 use super::scales::Scales;
 use super::search::largest;
 use super::selection::{GenericTransform, Rule};
+use super::target::Bound;
 use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target};
 use crate::codec::{ChunkKind, Class, Encoder, Payload, Rows, code_coefficients};
 use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
@@ -107,16 +108,18 @@ impl<'a> Work<'a> {
         Ok(Self { measurement, settings, plan, transforms, scales, rows, coefficients, classes, floor })
     }
 
+    /// What the target bounds, but for lossless, which no threshold is.
+    fn bound(&self) -> Option<Bound> {
+        self.settings.target.bound().filter(|_| self.settings.target != Target::Lossless)
+    }
+
     fn find_threshold(&self, progress: &dyn Progress) -> Result<f32, CompressError> {
         let n = self.coefficients.len() as f64;
-        match self.settings.target {
-            Target::ErL2(error) => self.largest_threshold(progress, |errors| errors.er_l2 <= error),
-            Target::MaxRelativeError(error) => {
-                self.largest_threshold(progress, |errors| errors.max_relative_error <= error)
-            }
-            Target::Ratio(ratio) => self.least_threshold(progress, |t| self.kept(t) as f64 <= n / ratio),
-            Target::Bytes(bytes) => self.least_threshold(progress, |t| self.file_size(t) as u64 <= bytes),
-            Target::Lossless => Err(CompressError::Setting("the conventional policy is not lossless".to_owned())),
+        match (self.settings.target, self.bound()) {
+            (Target::Ratio(ratio), _) => self.least_threshold(progress, |t| self.kept(t) as f64 <= n / ratio),
+            (Target::Bytes(bytes), _) => self.least_threshold(progress, |t| self.file_size(t) as u64 <= bytes),
+            (_, Some(bound)) => self.largest_threshold(progress, |errors| bound.keeps(errors)),
+            (_, None) => Err(CompressError::Setting("the conventional policy does not know this target".to_owned())),
         }
     }
 
@@ -199,15 +202,10 @@ impl<'a> Work<'a> {
             ErrorReport::measure(original, &masked, f64::from(self.floor))
         };
         let er_l2 = |decoded: &[f32]| if progress.is_cancelled() { f64::INFINITY } else { errors(decoded).er_l2 };
-        let largest = |decoded: &[f32]| {
-            if progress.is_cancelled() { f64::INFINITY } else { errors(decoded).max_relative_error }
-        };
         // A little is left for what is not coded below dead nodes.
         let slack = 1.0 - 1e-6;
         let count = samples.len();
         let search = match self.settings.target {
-            Target::ErL2(error) => transform.search_error(error * slack, rule, &er_l2),
-            Target::MaxRelativeError(error) => transform.search_error(error * slack, rule, &largest),
             Target::Ratio(ratio) => Some(transform.search_count((count as f64 / ratio) as usize, rule, &er_l2)),
             Target::Bytes(bytes) => {
                 // The largest count whose file fits.
@@ -228,7 +226,12 @@ impl<'a> Work<'a> {
                 }
                 best
             }
-            Target::Lossless => None,
+            _ => self.bound().and_then(|bound| {
+                let figure = |decoded: &[f32]| {
+                    if progress.is_cancelled() { f64::INFINITY } else { (bound.figure)(&errors(decoded)) }
+                };
+                transform.search_error(bound.at_most * slack, rule, &figure)
+            }),
         };
         if progress.is_cancelled() {
             return Err(Cancelled.into());

@@ -1,4 +1,4 @@
-//! What a measurement is: directions, wavelengths, triangles, axes, quantities, tensors, and the errors between two of them.
+//! What a measurement is: directions, wavelengths, triangles, axes, quantities, tensors, colours, and the errors between two.
 //!
 //! # Conventions (the one place)
 //! * **Surface frame**: right handed, `+z` the outward normal, `+x` the sample's reference direction. `wi` points to the
@@ -13,6 +13,7 @@
 //!   same input gives the same bytes on every machine.
 
 mod axis;
+pub mod colour;
 mod direction;
 mod errors;
 mod lattice;

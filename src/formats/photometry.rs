@@ -3,8 +3,8 @@
 use super::acquisition::{Acquisition, NoteKind, Samples, SpectralFactor};
 use super::error::{FormatError, FormatErrorKind};
 use super::text::Brief;
+use crate::domain::colour::Observer;
 use crate::domain::{Axis, Quantity, Unit, WavelengthGrid};
-use std::sync::OnceLock;
 
 /// Luminous efficacy of monochromatic radiation at the maximum of V(λ), lm/W (CIE 018:2019, 683 lm/W at 540 THz).
 const LUMENS_PER_WATT: f64 = 683.002;
@@ -171,21 +171,9 @@ fn polyline(xs: &[f64], ys: &[f64], x: f64) -> f64 {
 }
 
 /// V(λ): the second colour-matching function of the CIE 1931 observer, wavelengths in nm and values.
-///
-/// The table is the CIE's, CC BY-SA 4.0, kept as data beside the program (`data/SOURCES.md`).
 fn luminous_efficiency() -> (&'static [f64], &'static [f64]) {
-    const TABLE: &str = include_str!("../../data/cmfs_CIE_1931_2_Degree_Standard_Observer.csv");
-    static PARSED: OnceLock<(Vec<f64>, Vec<f64>)> = OnceLock::new();
-    let (lambda, v) = PARSED.get_or_init(|| {
-        let row = |line: &'static str| -> Option<(f64, f64)> {
-            let mut cells = line.split(',');
-            let lambda = cells.next()?.parse().ok()?;
-            let v = cells.nth(1)?.parse().ok()?;
-            Some((lambda, v))
-        };
-        TABLE.lines().skip(1).filter_map(row).unzip()
-    });
-    (lambda, v)
+    let v = &Observer::cie_1931().y;
+    (v.lambdas(), v.values())
 }
 
 #[cfg(test)]

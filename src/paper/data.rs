@@ -1,17 +1,11 @@
 //! The bundled data that the tables are made on: spectra, colour-matching functions, luminaires, virtual materials.
 
 use super::PaperError;
-use crate::domain::Axis;
+use crate::domain::colour::{Curve, Illuminant, Observer};
+use crate::domain::{Axis, UnknownName};
 use crate::formats::{Acquisition, Interpretation, Samples, read};
 
 const COLORCHECKER: &[u8] = include_bytes!("../../data/colorchecker_n_ohta.csv");
-const CMFS: &[u8] = include_bytes!("../../data/cmfs_CIE_1931_2_Degree_Standard_Observer.csv");
-const ILLUMINANTS: [(&str, &[u8]); 4] = [
-    ("A", include_bytes!("../../data/illuminant_A.csv")),
-    ("B", include_bytes!("../../data/illuminant_B.csv")),
-    ("C", include_bytes!("../../data/illuminant_C.csv")),
-    ("D65", include_bytes!("../../data/illuminant_D65.csv")),
-];
 
 /// Three real luminaires and the illuminant that the paper would light each with.
 pub(super) const LUMINAIRES: [(&str, &str, &[u8]); 3] = [
@@ -44,15 +38,19 @@ pub(super) fn patch(name: &str, lambdas: &[f64]) -> Result<Vec<f64>, PaperError>
 
 /// A CIE illuminant; beyond its table its last value holds (B is given to 780 nm).
 pub(super) fn illuminant(name: &str, lambdas: &[f64]) -> Result<Vec<f64>, PaperError> {
-    let found = ILLUMINANTS.iter().find(|(known, _)| *known == name);
-    let (_, bytes) = found.ok_or_else(|| PaperError::Data(format!("no illuminant {name}")))?;
-    column(bytes, None, lambdas)
+    let illuminant: Illuminant = name.parse().map_err(|e: UnknownName| PaperError::Data(e.to_string()))?;
+    Ok(sampled(illuminant.power(), lambdas))
 }
 
 /// The CIE 1931 2° colour-matching functions.
-pub(super) fn colour_matching(lambdas: &[f64]) -> Result<[Vec<f64>; 3], PaperError> {
-    let one = |name| column(CMFS, Some(name), lambdas);
-    Ok([one("xbar")?, one("ybar")?, one("zbar")?])
+pub(super) fn colour_matching(lambdas: &[f64]) -> [Vec<f64>; 3] {
+    let observer = Observer::cie_1931();
+    [&observer.x, &observer.y, &observer.z].map(|curve| sampled(curve, lambdas))
+}
+
+/// In f32, as samples of a measurement are.
+fn sampled(curve: &Curve, lambdas: &[f64]) -> Vec<f64> {
+    lambdas.iter().map(|&lambda| f64::from(curve.at(lambda) as f32)).collect()
 }
 
 /// A column of a spectral table, linear between its wavelengths.
@@ -90,10 +88,10 @@ mod tests {
         assert_eq!((lambdas[0], lambdas[79]), (380.0, 775.0));
         let a = illuminant("A", &lambdas).unwrap();
         assert!((a[36] - 100.0).abs() < 1e-4, "illuminant A is 100 at 560 nm");
-        let [_, y, _] = colour_matching(&lambdas).unwrap();
+        let [_, y, _] = colour_matching(&lambdas);
         assert!((y[35] - 1.0).abs() < 1e-3, "V(555) is 1");
         assert!((patch("light skin", &lambdas).unwrap()[0] - 0.103).abs() < 1e-6);
-        assert!(illuminant("E", &lambdas).is_err());
+        assert!(illuminant("Z", &lambdas).is_err());
         let long = illuminant("B", &wavelengths(91)).unwrap();
         assert_eq!(long[90], long[80]);
     }

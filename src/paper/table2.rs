@@ -13,7 +13,7 @@ const PRINTED: [f64; 3] = [3.0, 0.5, 0.019];
 pub(super) fn make(progress: &dyn Progress) -> Result<Table, PaperError> {
     let lambdas = data::wavelengths(SPECTRUM_LENGTH);
     let samples = data::patch("light skin", &lambdas)?;
-    let matching = data::colour_matching(&lambdas)?;
+    let matching = data::colour_matching(&lambdas);
     let constraints = matching.clone().map(|weights| Constraint { weights });
     let dictionaries = line_dictionaries(SPECTRUM_LENGTH);
     let by_error = |ranked: Vec<Ranked>| ranked.into_iter().next();

@@ -1,6 +1,7 @@
 //! What a user asks for, whole: bytes of a measurement and a request in, a compressed material with its report out.
 
 use crate::compress::{self, CompressError, Noise, Policy, Ranked, Settings, Target};
+use crate::domain::colour::ColourReport;
 use crate::domain::{Axis, ErrorReport, Progress, Quantity, Unit, WavelengthError, WavelengthGrid};
 use crate::formats::{self, Acquisition, FormatError, Interpretation, Note, NoteKind};
 use crate::projection::{self, AxesRequest, Coverage, Projected, ProjectionError};
@@ -141,6 +142,8 @@ pub struct Report {
     /// Errors of the decoded file against the tensor that was compressed.
     #[serde(flatten)]
     pub errors: ErrorReport,
+    /// Colour differences of the decoded file against the tensor, where they were promised.
+    pub delta_e: Option<ColourReport>,
     /// Errors of the decoded file at the original samples, where projection changed them.
     pub errors_at_samples: Option<ErrorReport>,
     /// The noise of the tensor that was compressed; `None` where none can be told.
@@ -250,6 +253,7 @@ fn report(
         ratio_coefficients: summary.kept_coefficients.map(|kept| samples / kept.max(1) as f64),
         ratio_bytes: 4.0 * samples / compressed.bytes.len() as f64,
         errors: summary.errors,
+        delta_e: compressed.colour,
         errors_at_samples: decoded.and_then(|d| projection::error_at_samples(acquisition, &d.measurement)),
         noise: compressed.noise,
         coverage,

@@ -7,6 +7,7 @@
 pub(crate) mod adaptive;
 mod chart;
 mod layer;
+mod metric;
 pub(crate) mod predictive;
 mod pyramid;
 mod spectrum;
@@ -18,12 +19,13 @@ use super::fill::fill;
 use super::header::Header;
 use super::rows::lanes;
 use super::search::largest;
-use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target};
+use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target, estimate_noise};
 use crate::codec::{ChunkKind, Class, Encoder, code_corrections};
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress};
 use adaptive::AdaptiveLayer;
 use chart::ChartKind;
 use layer::{Fineness, FirstLayer, FixedLayer};
+use metric::Trial;
 use predictive::{Folded, PredictiveLayer, Shape};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -34,6 +36,8 @@ const MOST_INDICES: usize = 64;
 const ALL_SYMMETRIES: usize = 8;
 /// Bisections of the step: 2^(1/64) at the end, 1 % of the step.
 const REFINEMENTS: u32 = 6;
+/// How much more than one coefficient's noise a coefficient kept for its size takes over.
+const SELECTED: f64 = 3.0;
 /// A positive sample below the floor keeps at least this fraction of it, so that its error stays below the floor.
 const FLOORED: f64 = 0.7;
 
@@ -50,7 +54,11 @@ pub(crate) fn compress(
     let classes_coded = classes_chunk(axes, &mut classes);
     // The counts do not depend on what is decoded, so that a header has its final size before anything is.
     let counts = ErrorReport::measure(measurement.tensor.samples(), measurement.tensor.samples(), f64::from(floor));
-    let plane = Plane { classes: &classes, coded: classes_coded.as_ref(), counts };
+    let noise = match settings.target {
+        Target::Auto => estimate_noise(measurement, floor).map(|noise| noise.relative),
+        _ => None,
+    };
+    let plane = Plane { classes: &classes, coded: classes_coded.as_ref(), counts, noise };
     let work = |scheme: &Scheme| Work::new(measurement, plane, scheme, settings, floor);
     let schemes = schemes(measurement, plane, bases, settings, floor)?;
     progress.step(0.05)?;
@@ -118,7 +126,9 @@ fn schemes(
             Some(shape) if schemes.is_empty() && (own || !named && short(axes)) => {
                 let logs = logarithms(measurement, plane.classes, floor);
                 let classes = plane.coded.map(|_| plane.classes);
-                schemes.extend(predicted(&shape, classes, &logs, settings.target).map_err(CompressError::Setting)?);
+                schemes.extend(
+                    predicted(&shape, classes, &logs, settings.target, plane.noise).map_err(CompressError::Setting)?,
+                );
             }
             None if own => schemes.push(Scheme::Adaptive),
             _ => {}
@@ -140,17 +150,25 @@ fn short(axes: &[Axis]) -> bool {
 }
 
 /// The predicted schemes worth a trial: the symmetries that hold decide.
-fn predicted(shape: &Shape, classes: Option<&[Class]>, logs: &[f32], target: Target) -> Result<Vec<Scheme>, String> {
+fn predicted(
+    shape: &Shape,
+    classes: Option<&[Class]>,
+    logs: &[f32],
+    target: Target,
+    noise: Option<f64>,
+) -> Result<Vec<Scheme>, String> {
     let tolerance = match target {
-        Target::ErL2(error) => error,
+        Target::ErL1(error) | Target::ErL2(error) | Target::RelativeRmse(error) => error,
         Target::MaxRelativeError(error) => 0.5 * error,
-        Target::Ratio(_) | Target::Bytes(_) | Target::Lossless => 0.05,
+        // Where a symmetry holds, entries differ from each other by √2 times their noise, which is what is compared.
+        Target::Auto => noise.map_or(0.05, |noise| 1.05 * noise),
+        _ => 0.05,
     };
     let found = predictive::symmetries(shape, logs, classes, tolerance);
     let mut schemes = Vec::new();
     let mut groups = vec![found.generators.as_slice()];
     // Well within the error that is allowed, a symmetry is always worth its while.
-    if !found.generators.is_empty() && found.deviation > 0.5 * tolerance {
+    if !found.generators.is_empty() && found.deviation > 0.5 * tolerance && target != Target::Auto {
         groups.push(&[]);
     }
     for (i, generators) in groups.into_iter().enumerate() {
@@ -178,7 +196,7 @@ fn best_of<'a>(
     target: Target,
     progress: &dyn Progress,
 ) -> Result<(Work<'a>, Steps, Vec<Ranked>), CompressError> {
-    let by_error = matches!(target, Target::Ratio(_) | Target::Bytes(_));
+    let by_error = matches!(target, Target::Ratio(_) | Target::Bytes(_) | Target::Auto);
     let mut ranking: Vec<Ranked> = Vec::new();
     let mut best: Option<(f64, &Scheme, Option<Steps>)> = None;
     let mut shared = None;
@@ -199,14 +217,22 @@ fn best_of<'a>(
         }
         let Some(steps) = own.or(shared) else { continue };
         let bytes = chunk_bytes(&candidate.layer.chunks(steps.first));
-        let er_l2 = if by_error {
+        let errors = if by_error {
             decoded.resize(candidate.original().len(), 0.0);
-            Some(candidate.relative_error(steps.first, &mut decoded, progress)?)
+            let error = candidate.relative_error(steps.first, &mut decoded, progress)?;
+            // What is nearest to the truth is not what is nearest to the measurement.
+            let risk =
+                if target == Target::Auto { candidate.risk(steps, &mut decoded, progress)?.sqrt() } else { error };
+            Some((error, risk))
         } else {
             None
         };
-        ranking.push(Ranked { basis: scheme.name().to_owned(), bytes: bytes as u64, er_l2 });
-        let score = er_l2.unwrap_or(bytes as f64);
+        ranking.push(Ranked {
+            basis: scheme.name().to_owned(),
+            bytes: bytes as u64,
+            er_l2: errors.map(|(error, _)| error),
+        });
+        let score = errors.map_or(bytes as f64, |(_, score)| score);
         if best.is_none_or(|(least, _, _)| score < least) {
             best = Some((score, scheme, own));
         }
@@ -279,6 +305,8 @@ struct Plane<'a> {
     /// The classes chunk, where there is one.
     coded: Option<&'a (ChunkKind, Vec<u8>)>,
     counts: ErrorReport,
+    /// The standard deviation of the relative noise, where it is asked for and can be told.
+    noise: Option<f64>,
 }
 
 /// A first layer in one basis, ready to be tried at any step.
@@ -333,6 +361,17 @@ impl<'a> Work<'a> {
                 let step = largest(4.0 * error, REFINEMENTS, keeps)?;
                 plain(step, "er_l2 is below what float32 logarithms hold: ask for a larger error or lossless")
             }
+            Target::ErL1(_) | Target::MaxAbsoluteError(_) | Target::RelativeRmse(_) | Target::DeltaE(_) => {
+                let magnitudes = |step: f32, decoded: &mut [f32]| {
+                    self.layer.approximate(Fineness::of(step), decoded);
+                    exponentiate(decoded);
+                };
+                let classes = self.plane.coded.map(|_| self.plane.classes);
+                let trial = Trial { measurement: self.measurement, classes, floor: self.floor, magnitudes };
+                let step = trial.largest_step(self.settings.target, progress)?;
+                plain(step, "the target is below what float32 logarithms hold: ask for a larger error or lossless")
+            }
+            Target::Auto => self.find_truth(progress),
             Target::Ratio(ratio) => {
                 let most = self.original().len() as f64 / ratio;
                 smallest_step(progress, |step| self.layer.kept(Fineness::of(step)) as f64 <= most)
@@ -400,6 +439,36 @@ impl<'a> Work<'a> {
             return Ok(ErrorReport::measure(self.original(), decoded, f64::from(self.floor)).er_l2);
         }
         Ok(magnitude_error(self.original(), decoded, self.plane.classes, self.floor))
+    }
+
+    /// The step for which the file is nearest to the truth behind the noise, as far as the noise lets one tell.
+    fn find_truth(&self, progress: &dyn Progress) -> Result<Steps, CompressError> {
+        let mut decoded = vec![0.0; self.original().len()];
+        let mut best: Option<(f64, Steps)> = None;
+        for quarter in -12..=20_i32 {
+            let steps = Steps::of(self.noise()? * libm::exp2(f64::from(quarter) / 4.0));
+            let risk = self.risk(steps, &mut decoded, progress)?;
+            if best.is_none_or(|(least, _)| risk < least) {
+                best = Some((risk, steps));
+            }
+        }
+        best.map(|(_, steps)| steps).ok_or_else(|| CompressError::Unreachable("no step to try".to_owned()))
+    }
+
+    /// An estimate of the mean square distance from the truth, but for a constant: that from the measurement, and what
+    /// each coefficient takes over from its noise (Mallows 1973, *Some comments on Cp*). Coefficients that are kept because
+    /// they are large take over more than those named beforehand.
+    fn risk(&self, steps: Steps, decoded: &mut [f32], progress: &dyn Progress) -> Result<f64, CompressError> {
+        let error = self.relative_error(steps.first, decoded, progress)?;
+        let noise = self.noise()?;
+        let share = self.layer.kept(steps.first) as f64 / self.original().len() as f64;
+        Ok(error * error + SELECTED * 2.0 * noise * noise * share)
+    }
+
+    /// The noise of the measurement.
+    fn noise(&self) -> Result<f64, CompressError> {
+        let none = "er_l2 auto: the noise of this measurement cannot be told from its samples; name an error instead";
+        self.plane.noise.ok_or_else(|| CompressError::Setting(none.to_owned()))
     }
 
     /// The first layer's step for which both layers together are smallest.

@@ -1,0 +1,69 @@
+//! Promises: which can be made of a measurement, and the last gate that a file passes before it is handed out.
+
+use super::{CompressError, Compressed, DeltaE, Policy, Settings, Target, decode};
+use crate::domain::Measurement;
+use crate::domain::colour::{ColourReport, SpectraColours};
+
+/// Refuses a promise that cannot be made of `measurement` in this way.
+pub(crate) fn check(measurement: &Measurement, settings: &Settings) -> Result<(), CompressError> {
+    if settings.target == Target::Auto && settings.policy != Policy::Rd {
+        let text = format!("er_l2 auto: the {} policy does not weigh noise, expected policy rd", settings.policy);
+        return Err(CompressError::Setting(text));
+    }
+    let Target::DeltaE(wanted) = settings.target else { return Ok(()) };
+    if settings.policy != Policy::Rd {
+        let text = format!("delta_e: the {} policy knows errors of samples only, expected policy rd", settings.policy);
+        return Err(CompressError::Setting(text));
+    }
+    colours_of(measurement, wanted).map(|_| ())
+}
+
+/// The colours that `target` promises to keep.
+pub(crate) fn colours_of(measurement: &Measurement, target: DeltaE) -> Result<SpectraColours, CompressError> {
+    SpectraColours::of(measurement, target.illuminant).map_err(|e| CompressError::Setting(format!("delta_e: {e}")))
+}
+
+/// The colours of the decoded file, where they are promised.
+pub(crate) fn colour(
+    measurement: &Measurement,
+    target: Target,
+    bytes: &[u8],
+) -> Result<Option<ColourReport>, CompressError> {
+    let Target::DeltaE(wanted) = target else { return Ok(None) };
+    let decoded =
+        decode(bytes).map_err(|e| CompressError::Unreachable(format!("the file just written does not decode: {e}")))?;
+    Ok(Some(colours_of(measurement, wanted)?.differences(decoded.measurement.tensor.samples())))
+}
+
+/// The last gate: a file that misses its target is never handed out.
+pub(crate) fn keep(settings: &Settings, floor: f32, compressed: &Compressed) -> Result<(), CompressError> {
+    let errors = &compressed.summary.errors;
+    let missed = |what: &str, found: f64, wanted: f64| {
+        Err(CompressError::Unreachable(format!("{what} {wanted} was not reached: the closest file has {found}")))
+    };
+    if errors.mask_mismatches > 0 {
+        return missed("an exact mask: mismatches", errors.mask_mismatches as f64, 0.0);
+    }
+    if let Some(bound) = settings.target.bound()
+        && !bound.keeps(errors)
+    {
+        return missed(bound.name, (bound.figure)(errors), bound.at_most);
+    }
+    match settings.target {
+        Target::Bytes(wanted) if compressed.bytes.len() as u64 > wanted => {
+            return missed("bytes", compressed.bytes.len() as f64, wanted as f64);
+        }
+        Target::DeltaE(wanted) => {
+            let found = compressed.colour.map_or(f64::INFINITY, |colour| colour.largest);
+            if found.is_nan() || found > wanted.at_most {
+                return missed("delta_e", found, wanted.at_most);
+            }
+        }
+        _ => {}
+    }
+    let floored = errors.below_floor_samples > 0 && settings.policy == Policy::Rd;
+    if floored && errors.max_absolute_error_unscored > f64::from(floor) {
+        return missed("floor: largest error", errors.max_absolute_error_unscored, f64::from(floor));
+    }
+    Ok(())
+}

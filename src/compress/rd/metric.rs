@@ -1,0 +1,98 @@
+//! Errors at a step as a decoder would have them, for targets that bound one; and the largest step that keeps it.
+
+use super::super::decode::apply_classes;
+use super::super::promise::colours_of;
+use super::super::search::largest;
+use super::super::target::Bound;
+use super::super::{CompressError, Target};
+use super::REFINEMENTS;
+use crate::codec::Class;
+use crate::domain::colour::SpectraColours;
+use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
+use std::borrow::Cow;
+
+/// What the decoded samples are measured by.
+enum Metric {
+    /// A figure of the error report.
+    Samples(Bound),
+    /// The colours of spectra, and how far they may be off.
+    Colours(Box<SpectraColours>, f64),
+}
+
+/// What a search tries its steps on.
+pub(super) struct Trial<'a, F> {
+    /// The original.
+    pub(super) measurement: &'a Measurement,
+    /// Its classes, where some samples are not positive.
+    pub(super) classes: Option<&'a [Class]>,
+    /// The absolute floor.
+    pub(super) floor: f32,
+    /// Decoded magnitudes at a step.
+    pub(super) magnitudes: F,
+}
+
+impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
+    /// The largest step that keeps `target`, which bounds an error; `None` if no step does.
+    pub(super) fn largest_step(&self, target: Target, progress: &dyn Progress) -> Result<Option<f64>, CompressError> {
+        let metric = match (target, target.bound()) {
+            (Target::DeltaE(wanted), _) => {
+                Metric::Colours(Box::new(colours_of(self.measurement, wanted)?), wanted.at_most)
+            }
+            (_, Some(bound)) => Metric::Samples(bound),
+            (_, None) => return Err(CompressError::Setting("this target bounds no error".to_owned())),
+        };
+        // Relative errors are those of positive samples. Where all are negative, theirs are found instead, or any step would do.
+        let samples = self.measurement.tensor.samples();
+        let negated = matches!(target, Target::ErL1(_)) && !samples.iter().any(|&s| s > 0.0 && s >= self.floor);
+        let original = if negated { Cow::Owned(samples.iter().map(|s| -s).collect()) } else { Cow::Borrowed(samples) };
+        let mut decoded = vec![0.0; original.len()];
+        let keeps = |step: f64| {
+            if progress.is_cancelled() {
+                return Err(CompressError::from(Cancelled));
+            }
+            (self.magnitudes)(step as f32, &mut decoded);
+            if let Some(classes) = self.classes {
+                apply_classes(classes, &mut decoded);
+            }
+            if negated {
+                for sample in &mut decoded {
+                    *sample = -*sample;
+                }
+            }
+            let errors = || ErrorReport::measure(&original, &decoded, f64::from(self.floor));
+            Ok(match &metric {
+                Metric::Colours(colours, at_most) => {
+                    colours.differences(&decoded).largest <= *at_most
+                        && (self.floor == 0.0 || self.keeps_floor(&errors()))
+                }
+                Metric::Samples(bound) => {
+                    let errors = errors();
+                    bound.keeps(&errors) && self.keeps_floor(&errors)
+                }
+            })
+        };
+        largest(self.first_step(target), REFINEMENTS, keeps)
+    }
+
+    /// Whether what lies below the floor is kept within it, as `promise::keep` asks.
+    fn keeps_floor(&self, errors: &ErrorReport) -> bool {
+        errors.below_floor_samples == 0 || errors.max_absolute_error_unscored <= f64::from(self.floor)
+    }
+
+    /// A step near the one that is looked for: a uniform quantiser's errors, and that most coefficients are 0.
+    fn first_step(&self, target: Target) -> f64 {
+        match target {
+            Target::ErL1(error) => 5.0 * error,
+            Target::MaxAbsoluteError(error) => {
+                let (low, high) = self.measurement.tensor.range().unwrap_or_default();
+                let size = f64::from(low.abs().max(high.abs()));
+                // Relative to the largest sample, whose error it most likely is.
+                (2.0 * error / size.max(f64::MIN_POSITIVE)).clamp(1e-6, 4.0)
+            }
+            // A step of 1 % changes lightness by some 0.1.
+            Target::DeltaE(wanted) => (0.1 * wanted.at_most).min(4.0),
+            Target::RelativeRmse(error) | Target::ErL2(error) => 4.0 * error,
+            _ => 0.01,
+        }
+    }
+}

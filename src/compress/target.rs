@@ -1,0 +1,185 @@
+//! What a file can be promised to be, and which figure of an error report each promise bounds.
+
+use crate::domain::ErrorReport;
+use crate::domain::colour::Illuminant;
+use serde::de::{Deserialize, Deserializer, Error, MapAccess, Visitor, value::MapAccessDeserializer};
+use serde::{Deserialize as DeriveDeserialize, Serialize};
+
+/// What the user is promised.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, DeriveDeserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Target {
+    /// er(L1) at most this (0.01 = 1 %): the mean relative error of the samples > 0.
+    ErL1(f64),
+    /// er(L2) at most this (0.01 = 1 %): the root mean square of the relative error of the samples > 0.
+    ErL2(f64),
+    /// The relative error of every sample > 0 at most this.
+    MaxRelativeError(f64),
+    /// The absolute error of every sample that is not masked at most this, in the unit of the samples.
+    MaxAbsoluteError(f64),
+    /// `√(Σ(s'−s)² / Σs²)` over every sample that is not masked at most this.
+    RelativeRmse(f64),
+    /// The colour of every spectrum kept.
+    DeltaE(DeltaE),
+    /// At least this many samples per kept coefficient.
+    Ratio(f64),
+    /// At most this many bytes, metadata included.
+    Bytes(u64),
+    /// As near to the truth as the noise of the measurement lets one tell: er(L2) stops where what is left is noise.
+    Auto,
+    /// Every bit.
+    Lossless,
+}
+
+/// CIEDE2000 of every scored spectrum at most this, as `domain::colour::SpectraColours` defines it.
+///
+/// In JSON a number (the illuminant is then D65), or an object with both.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct DeltaE {
+    /// The largest difference allowed; about 1 is just seen.
+    pub at_most: f64,
+    /// Under which light, or of which chromaticity the white of an emission is.
+    pub illuminant: Illuminant,
+}
+
+/// A figure of an error report that is to be at most so much.
+#[derive(Clone, Copy)]
+pub(crate) struct Bound {
+    /// Its name in requests and reports.
+    pub(crate) name: &'static str,
+    pub(crate) at_most: f64,
+    pub(crate) figure: fn(&ErrorReport) -> f64,
+}
+
+impl Bound {
+    /// Whether `errors` are within it.
+    pub(crate) fn keeps(&self, errors: &ErrorReport) -> bool {
+        (self.figure)(errors) <= self.at_most
+    }
+}
+
+/// Relative errors above this say nothing.
+const MOST_RELATIVE: f64 = 10.0;
+/// From black to white.
+const MOST_DELTA_E: f64 = 100.0;
+
+impl Target {
+    /// The figure it bounds; `None` where it bounds none of an error report.
+    pub(crate) fn bound(self) -> Option<Bound> {
+        let (name, at_most, figure): (_, _, fn(&ErrorReport) -> f64) = match self {
+            Self::ErL1(most) => ("er_l1", most, |e| e.er_l1),
+            Self::ErL2(most) => ("er_l2", most, |e| e.er_l2),
+            Self::MaxRelativeError(most) => ("max_relative_error", most, |e| e.max_relative_error),
+            Self::MaxAbsoluteError(most) => ("max_absolute_error", most, |e| e.max_absolute_error),
+            Self::RelativeRmse(most) => ("relative_rmse", most, |e| e.relative_rmse),
+            Self::Lossless => ("lossless: largest error", 0.0, |e| e.max_absolute_error),
+            Self::DeltaE(_) | Self::Ratio(_) | Self::Bytes(_) | Self::Auto => return None,
+        };
+        Some(Bound { name, at_most, figure })
+    }
+
+    /// What is wrong with its number.
+    pub(crate) fn check(self) -> Result<(), String> {
+        match self {
+            Self::ErL1(error) | Self::ErL2(error) | Self::MaxRelativeError(error) | Self::RelativeRmse(error)
+                if !(error > 0.0 && error <= MOST_RELATIVE) =>
+            {
+                let name = self.bound().map_or("", |bound| bound.name);
+                Err(format!("{name} is {error}, expected more than 0 and at most {MOST_RELATIVE} (0.01 is 1 %)"))
+            }
+            Self::MaxAbsoluteError(error) if !(error > 0.0 && error.is_finite()) => {
+                Err(format!("max_absolute_error is {error}, expected more than 0, in the unit of the samples"))
+            }
+            Self::DeltaE(DeltaE { at_most, .. }) if !(at_most > 0.0 && at_most <= MOST_DELTA_E) => {
+                Err(format!("delta_e is {at_most}, expected more than 0 and at most {MOST_DELTA_E}"))
+            }
+            Self::Ratio(ratio) if !(ratio >= 1.0 && ratio.is_finite()) => {
+                Err(format!("ratio is {ratio}, expected at least 1 sample per coefficient"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for DeltaE {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(DeriveDeserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Whole {
+            at_most: f64,
+            #[serde(default)]
+            illuminant: Illuminant,
+        }
+
+        struct Either;
+
+        impl<'de> Visitor<'de> for Either {
+            type Value = DeltaE;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("a number, or an object with at_most and illuminant")
+            }
+
+            fn visit_f64<E: Error>(self, at_most: f64) -> Result<DeltaE, E> {
+                Ok(DeltaE { at_most, illuminant: Illuminant::default() })
+            }
+
+            fn visit_u64<E: Error>(self, at_most: u64) -> Result<DeltaE, E> {
+                self.visit_f64(at_most as f64)
+            }
+
+            fn visit_i64<E: Error>(self, at_most: i64) -> Result<DeltaE, E> {
+                self.visit_f64(at_most as f64)
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<DeltaE, A::Error> {
+                let Whole { at_most, illuminant } = Whole::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(DeltaE { at_most, illuminant })
+            }
+        }
+
+        deserializer.deserialize_any(Either)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Target, String> {
+        serde_json::from_str(text).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn targets_are_read_as_they_are_written() {
+        let delta_e = |at_most, illuminant| Target::DeltaE(DeltaE { at_most, illuminant });
+        for (text, target) in [
+            (r#"{"er_l1":0.01}"#, Target::ErL1(0.01)),
+            (r#"{"max_absolute_error":0.5}"#, Target::MaxAbsoluteError(0.5)),
+            (r#"{"relative_rmse":0.02}"#, Target::RelativeRmse(0.02)),
+            (r#"{"delta_e":1}"#, delta_e(1.0, Illuminant::D65)),
+            (r#"{"delta_e":0.5}"#, delta_e(0.5, Illuminant::D65)),
+            (r#"{"delta_e":{"at_most":0.5}}"#, delta_e(0.5, Illuminant::D65)),
+            (r#"{"delta_e":{"at_most":2,"illuminant":"A"}}"#, delta_e(2.0, Illuminant::A)),
+            (r#""lossless""#, Target::Lossless),
+            (r#""auto""#, Target::Auto),
+        ] {
+            assert_eq!(read(text), Ok(target));
+            assert_eq!(read(&serde_json::to_string(&target).unwrap()), Ok(target));
+        }
+    }
+
+    #[test]
+    fn what_is_no_target_says_why() {
+        for (text, reason) in [
+            (r#"{"delta_e":"1"}"#, "expected a number, or an object with at_most and illuminant"),
+            (r#"{"delta_e":{"illuminant":"A"}}"#, "missing field `at_most`"),
+            (r#"{"delta_e":{"at_most":1,"observer":10}}"#, "unknown field `observer`"),
+            (r#"{"delta_e":{"at_most":1,"illuminant":"D93"}}"#, "expected one of A, B, C, D50, D65, F11, E"),
+            (r#"{"er_l3":1}"#, "unknown variant `er_l3`"),
+        ] {
+            let error = read(text).unwrap_err();
+            assert!(error.contains(reason), "{error}");
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! CIE 1976 L*a*b*, relative to a given white (CIE 015:2018, section 8.2.1).
+
+use super::Xyz;
+
+/// A colour in CIE 1976 L*a*b*. L* is 100 for the white, and may be more for radiance factors above 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lab {
+    /// L*.
+    pub l: f64,
+    /// a*.
+    pub a: f64,
+    /// b*.
+    pub b: f64,
+}
+
+/// Where cube root and straight line meet is at (6/29)³; both branches and their slopes agree there.
+const DELTA: f64 = 6.0 / 29.0;
+
+impl Lab {
+    /// Of tristimulus values; `white` is in their scale and positive.
+    pub fn of(xyz: Xyz, white: Xyz) -> Self {
+        let (x, y, z) = (curve(xyz.x / white.x), curve(xyz.y / white.y), curve(xyz.z / white.z));
+        Self { l: 116.0 * y - 16.0, a: 500.0 * (x - y), b: 200.0 * (y - z) }
+    }
+
+    /// The tristimulus values, in the scale of `white`.
+    pub fn xyz(self, white: Xyz) -> Xyz {
+        let y = (self.l + 16.0) / 116.0;
+        let (x, z) = (y + self.a / 500.0, y - self.b / 200.0);
+        Xyz { x: white.x * inverse(x), y: white.y * inverse(y), z: white.z * inverse(z) }
+    }
+}
+
+fn curve(t: f64) -> f64 {
+    if t > DELTA * DELTA * DELTA { libm::cbrt(t) } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 }
+}
+
+fn inverse(f: f64) -> f64 {
+    if f > DELTA { f * f * f } else { 3.0 * DELTA * DELTA * (f - 4.0 / 29.0) }
+}
