@@ -9,13 +9,18 @@
 //!   4 index       varint count
 //!   5 rgb         nothing
 //! number   u8 d ≤ 9 and a zigzag varint k: k / 10^d;  or u8 255 and an f64
-//! list     varint count, u8 form, varint length, range-coded second differences (zigzag, Exp-Golomb) of integers:
-//!          form 0..=9: k / 10^form;  form 254: f32 bit patterns;  form 255: no differences, `count` f64
+//! list     varint count, u8 form; then
+//!          form 255: `count` f64
+//!          else varint length, range-coded second differences (zigzag, Exp-Golomb) of integers:
+//!               form 0..=9: k / 10^form;  form 254: f32 bit patterns
+//!          form + 100 (0..=9) and form 253 (254): before the length u8 degree d ≤ 12 and d + 1 f64, Chebyshev coefficients of
+//!               a polynomial p on −1 … 1; the integers, as they are, are then those of the values less those of p at 2i / (count − 1) − 1
 //! ```
 
 use super::bytes::{Reader, Writer};
 use super::error::CodecError;
 use super::model::Model;
+use super::polynomial::{MAX_DEGREE, Polynomial};
 use super::range::{BitCoder, Decoder, Encoder};
 use super::symbols::{GOLOMB_SLOTS, code_golomb};
 use crate::domain::limits::{MAX_AXES, MAX_ENTRIES, MAX_WAVELENGTHS};
@@ -24,6 +29,10 @@ use crate::domain::{Axis, Domain, TriangleMesh, WavelengthGrid};
 const MAX_DECIMALS: u8 = 9;
 const FORM_F32: u8 = 254;
 const FORM_F64: u8 = 255;
+const FORM_F32_CURVE: u8 = 253;
+const DECIMAL_CURVE: u8 = 100;
+/// Shorter lists have no polynomial worth its coefficients.
+const CURVED: usize = 64;
 /// Integers of a list stay below this, so that second differences fit in 32 bits with room.
 const LIST_LIMIT: f64 = 268_435_456.0;
 
@@ -147,12 +156,47 @@ fn write_list(w: &mut Writer, values: &[f64]) {
         }
         return;
     };
-    w.u8(form);
-    let mut encoder = Encoder::default();
-    code_differences(&mut encoder, &mut integers.clone());
-    let coded = encoder.finish();
-    w.varint(coded.len() as u64);
-    w.raw(&coded);
+    let coded = |curved: bool, integers: &mut [i64]| {
+        let mut encoder = Encoder::default();
+        code_differences(&mut encoder, curved, integers);
+        encoder.finish()
+    };
+    let mut best = (coded(false, &mut integers.clone()), None);
+    if values.len() >= CURVED {
+        for degree in 2..=MAX_DEGREE {
+            let curve = Polynomial::fit(values, degree);
+            let mut residuals: Vec<i64> =
+                integers.iter().enumerate().map(|(i, k)| k - on_curve(form, &curve, i, values.len())).collect();
+            let bytes = coded(true, &mut residuals);
+            let cost = |curve: Option<&Polynomial>| curve.map_or(0, |curve| 1 + 8 * curve.coefficients.len());
+            if bytes.len() + cost(Some(&curve)) < best.0.len() + cost(best.1.as_ref()) {
+                best = (bytes, Some(curve));
+            }
+        }
+    }
+    match &best.1 {
+        None => w.u8(form),
+        Some(curve) => {
+            w.u8(if form == FORM_F32 { FORM_F32_CURVE } else { form + DECIMAL_CURVE });
+            w.u8(curve.coefficients.len() as u8 - 1);
+            for &c in &curve.coefficients {
+                w.f64(c);
+            }
+        }
+    }
+    w.varint(best.0.len() as u64);
+    w.raw(&best.0);
+}
+
+/// The integer of a polynomial's value.
+fn on_curve(form: u8, curve: &Polynomial, i: usize, count: usize) -> i64 {
+    let value = curve.at(i, count);
+    if form == FORM_F32 {
+        i64::from((value as f32).to_bits())
+    } else {
+        // The same rounding everywhere, and no overflow for any coefficients.
+        libm::round(value * power_of_ten(form)).clamp(-LIST_LIMIT, LIST_LIMIT) as i64
+    }
 }
 
 fn read_list(r: &mut Reader<'_>, limit: usize, what: &'static str) -> Result<Vec<f64>, CodecError> {
@@ -162,13 +206,22 @@ fn read_list(r: &mut Reader<'_>, limit: usize, what: &'static str) -> Result<Vec
         // Each value takes 8 bytes, so the bytes themselves bound the allocation.
         return (0..count).map(|_| r.f64(what)).collect();
     }
-    if form > MAX_DECIMALS && form != FORM_F32 {
-        return Err(r.malformed(format!("{what} in form {form}, expected 0 to 9, 254 or 255")));
-    }
+    let (form, curved) = match form {
+        FORM_F32 | 0..=MAX_DECIMALS => (form, false),
+        FORM_F32_CURVE => (FORM_F32, true),
+        curve if curve >= DECIMAL_CURVE && curve - DECIMAL_CURVE <= MAX_DECIMALS => (curve - DECIMAL_CURVE, true),
+        _ => return Err(r.malformed(format!("{what} in form {form}, expected 0 to 9, 100 to 109 or 253 to 255"))),
+    };
+    let curve = if curved { Some(read_curve(r, what)?) } else { None };
     let length = r.size(usize::MAX >> 1, what)?;
     let coded = r.take(length, what)?;
     let mut integers = vec![0_i64; count];
-    code_differences(&mut Decoder::new(coded), &mut integers);
+    code_differences(&mut Decoder::new(coded), curved, &mut integers);
+    if let Some(curve) = curve {
+        for (i, k) in integers.iter_mut().enumerate() {
+            *k = k.wrapping_add(on_curve(form, &curve, i, count));
+        }
+    }
     let scale = power_of_ten(form.min(MAX_DECIMALS));
     let value = |k: i64| match form {
         FORM_F32 => u32::try_from(k).ok().map(|bits| f64::from(f32::from_bits(bits))),
@@ -178,12 +231,20 @@ fn read_list(r: &mut Reader<'_>, limit: usize, what: &'static str) -> Result<Vec
     values.collect::<Option<Vec<_>>>().ok_or_else(|| r.malformed(format!("{what} out of range")))
 }
 
-/// Codes integers below 2^32 as differences of differences.
-fn code_differences<C: BitCoder>(coder: &mut C, integers: &mut [i64]) {
+fn read_curve(r: &mut Reader<'_>, what: &'static str) -> Result<Polynomial, CodecError> {
+    let degree = usize::from(r.u8(what)?);
+    if degree > MAX_DEGREE {
+        return Err(r.malformed(format!("{what} on a polynomial of degree {degree}, expected at most {MAX_DEGREE}")));
+    }
+    Ok(Polynomial { coefficients: (0..=degree).map(|_| r.f64(what)).collect::<Result<_, _>>()? })
+}
+
+/// Codes integers below 2^32 as differences of differences, or as they are beside a curve.
+fn code_differences<C: BitCoder>(coder: &mut C, curved: bool, integers: &mut [i64]) {
     let mut model = Model::new(3 * GOLOMB_SLOTS, 1);
     let (mut last, mut difference) = (0_i64, 0_i64);
     for (i, integer) in integers.iter_mut().enumerate() {
-        let guess = last.wrapping_add(difference);
+        let guess = if curved { 0 } else { last.wrapping_add(difference) };
         let residual = zigzag(integer.wrapping_sub(guess));
         let first = i.min(2) * GOLOMB_SLOTS;
         // High and low halves, because a code word holds 31 bits.
@@ -230,7 +291,7 @@ mod tests {
         round_trip(&[wavelengths(vec![0.1 + 0.2, 1.0, std::f64::consts::PI])]);
         // A spectrometer's polynomial in f32.
         let pixels = (0..1360).map(|i| f64::from((199.998 + 0.1697 * f64::from(i) - 1e-6 * f64::from(i * i)) as f32));
-        assert!(round_trip(&[wavelengths(pixels.collect())]) < 900);
+        assert!(round_trip(&[wavelengths(pixels.collect())]) < 150);
     }
 
     proptest! {
@@ -239,6 +300,8 @@ mod tests {
             let values: Vec<f64> = steps.iter().scan(100.0, |at, step| { *at += step; Some(*at) }).collect();
             round_trip(&[wavelengths(values.clone())]);
             round_trip(&[wavelengths(values.iter().map(|&v| f64::from(v as f32)).collect())]);
+            let many: Vec<f64> = (0..200).map(|i| values[0] + 0.7 * f64::from(i) + 1e-3 * steps[i as usize % steps.len()]).collect();
+            round_trip(&[Axis::Elevation(many.iter().map(|v| (v * 100.0).round() / 100.0).collect())]);
         }
 
         #[test]

@@ -12,6 +12,7 @@ mod details;
 mod error;
 mod exact;
 mod model;
+mod polynomial;
 mod range;
 mod symbols;
 

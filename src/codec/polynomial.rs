@@ -1,0 +1,77 @@
+//! A polynomial through a list of numbers: what a spectrometer's wavelengths are, but for rounding.
+
+/// The highest degree.
+pub(super) const MAX_DEGREE: usize = 12;
+
+/// A polynomial of the index, as Chebyshev coefficients on −1 … 1.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Polynomial {
+    pub(super) coefficients: Vec<f64>,
+}
+
+/// Where entry `i` of `count` lies on −1 … 1.
+fn place(i: usize, count: usize) -> f64 {
+    if count < 2 { 0.0 } else { 2.0 * i as f64 / (count - 1) as f64 - 1.0 }
+}
+
+impl Polynomial {
+    /// The best of `degree`, in the mean square.
+    pub(super) fn fit(values: &[f64], degree: usize) -> Self {
+        let n = degree + 1;
+        let mut matrix = vec![vec![0.0; n + 1]; n];
+        let mut terms = vec![1.0; n];
+        for (i, &value) in values.iter().enumerate() {
+            let t = place(i, values.len());
+            for k in 1..n {
+                terms[k] = if k == 1 { t } else { 2.0 * t * terms[k - 1] - terms[k - 2] };
+            }
+            for (p, row) in matrix.iter_mut().enumerate() {
+                for (entry, term) in row.iter_mut().zip(&terms) {
+                    *entry += terms[p] * term;
+                }
+                row[n] += terms[p] * value;
+            }
+        }
+        // Gauss's elimination; the matrix is far from singular.
+        for p in 0..n {
+            for q in p + 1..n {
+                let (above, below) = matrix.split_at_mut(q);
+                let factor = below[0][p] / above[p][p];
+                below[0].iter_mut().zip(&above[p]).for_each(|(x, a)| *x -= factor * a);
+            }
+        }
+        let mut coefficients = vec![0.0; n];
+        for p in (0..n).rev() {
+            let known: f64 = (p + 1..n).map(|q| matrix[p][q] * coefficients[q]).sum();
+            coefficients[p] = (matrix[p][n] - known) / matrix[p][p];
+        }
+        Self { coefficients }
+    }
+
+    /// Its value at entry `i` of `count` (Clenshaw's sum: additions and products only).
+    pub(super) fn at(&self, i: usize, count: usize) -> f64 {
+        let t = place(i, count);
+        let (mut next, mut after) = (0.0, 0.0);
+        for &c in self.coefficients.iter().skip(1).rev() {
+            (next, after) = (c + 2.0 * t * next - after, next);
+        }
+        self.coefficients.first().map_or(0.0, |c| c + t * next - after)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn polynomials_are_found_again() {
+        let f = |i: usize| 200.0 + 0.17 * i as f64 - 1e-5 * (i * i) as f64 + 1e-9 * (i * i * i) as f64;
+        let values: Vec<f64> = (0..500).map(f).collect();
+        for degree in 3..=MAX_DEGREE {
+            let polynomial = Polynomial::fit(&values, degree);
+            for (i, value) in values.iter().enumerate() {
+                assert!((polynomial.at(i, 500) - value).abs() < 1e-9);
+            }
+        }
+    }
+}
