@@ -36,6 +36,8 @@ const MOST_INDICES: usize = 64;
 const ALL_SYMMETRIES: usize = 8;
 /// Bisections of the step: 2^(1/64) at the end, 1 % of the step.
 const REFINEMENTS: u32 = 6;
+/// With fewer bytes than samples by this factor, nothing of a file is noise.
+const FEW: f64 = 128.0;
 /// How much more than one coefficient's noise a coefficient kept for its size takes over.
 const SELECTED: f64 = 3.0;
 /// A positive sample below the floor keeps at least this fraction of it, so that its error stays below the floor.
@@ -69,7 +71,8 @@ pub(crate) fn compress(
             (work, steps, None)
         }
         several => {
-            let (work, steps, ranking) = best_of(&work, several, settings.target, progress)?;
+            let (work, steps, ranking) =
+                best_of(&work, several, (settings.target, measurement.tensor.len()), progress)?;
             (work, steps, Some(ranking))
         }
     };
@@ -189,11 +192,11 @@ fn predicted(
 /// The best scheme with its steps, and the ranking: the fewest bytes at a wanted error, the least error at a wanted size.
 ///
 /// At a wanted error wavelets of the same measurement need nearly the same step, so the search of the first serves the
-/// others for the comparison.
+/// others for the comparison; and they compete only where the data's own basis follows noise, which costs bits a sample.
 fn best_of<'a>(
     work: &impl Fn(&Scheme) -> Result<Work<'a>, CompressError>,
     schemes: &[Scheme],
-    target: Target,
+    (target, samples): (Target, usize),
     progress: &dyn Progress,
 ) -> Result<(Work<'a>, Steps, Vec<Ranked>), CompressError> {
     let by_error = matches!(target, Target::Ratio(_) | Target::Bytes(_) | Target::Auto);
@@ -203,6 +206,9 @@ fn best_of<'a>(
     let mut decoded = Vec::new();
     for (i, scheme) in schemes.iter().enumerate() {
         let fixed = matches!(scheme, Scheme::Fixed(_));
+        if fixed && !by_error && best.is_some_and(|(bytes, _, _)| bytes * FEW <= samples as f64) {
+            continue;
+        }
         let candidate = work(scheme)?;
         let own = match shared {
             Some(_) if fixed && !by_error => None,

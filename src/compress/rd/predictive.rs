@@ -21,6 +21,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Set in the first byte of the chunk if there is no pyramid.
 const ALONE: u8 = 128;
+/// Samples of the spectra whose principal components are found, at most.
+const ANALYSED: usize = 1 << 23;
 /// Rows compared with their images when symmetries are looked for.
 const MOST_COMPARED: usize = 1 << 15;
 
@@ -375,8 +377,8 @@ fn unfold_rows(
     }
 }
 
-/// The rows whose principal components are wanted: each as often as it stands for, and none without a sample of its own,
-/// because what fills it is no spectrum.
+/// The rows whose principal components are wanted: each as often as it stands for, none without a sample of its own,
+/// because what fills it is no spectrum, and every so many of very many.
 fn spectra(
     shape: &Shape,
     group: &Group,
@@ -385,10 +387,12 @@ fn spectra(
     live: Option<&[bool]>,
 ) -> Vec<f32> {
     let (n, leaves) = (shape.length, shape.mesh.len());
+    // Odd, so that all places among siblings have their turn.
+    let stride = (shape.rows() * n).div_ceil(ANALYSED) | 1;
     let mut spectra = Vec::new();
     for (k, representative) in representatives.iter().enumerate() {
         let times = group.members().len() / representative.stabiliser.len();
-        for leaf in (0..leaves).map(|leaf| k * leaves + leaf) {
+        for leaf in (k * leaves..(k + 1) * leaves).step_by(stride) {
             if live.is_none_or(|live| live[leaf]) {
                 for _ in 0..times {
                     spectra.extend_from_slice(&rows[leaf * n..][..n]);
@@ -396,7 +400,7 @@ fn spectra(
             }
         }
     }
-    if spectra.is_empty() { rows.to_vec() } else { spectra }
+    if spectra.is_empty() { rows[..n].to_vec() } else { spectra }
 }
 
 /// By representative and leaf: whether any sample that it stands for has a logarithm; `None` if all have.
