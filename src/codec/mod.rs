@@ -14,6 +14,7 @@ mod exact;
 mod model;
 mod range;
 mod symbols;
+mod text;
 
 pub use axes::{read_axes, write_axes};
 pub use bytes::{Reader, Writer};
@@ -24,3 +25,4 @@ pub use details::{DetailCoder, Surroundings};
 pub use error::CodecError;
 pub use exact::code_exact;
 pub use range::{BitCoder, Decoder, Encoder};
+pub use text::{read_text, write_text};

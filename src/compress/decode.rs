@@ -10,13 +10,13 @@ use super::rows::{coding_order, lanes};
 use super::scales::Scales;
 use super::{Policy, Summary};
 use crate::codec::{
-    ChunkKind, Class, CodecError, Container, Decoder, Payload, code_classes, code_coefficients, code_corrections,
-    code_exact,
+    ChunkKind, Class, CodecError, Container, Decoder, Payload, Reader, code_classes, code_coefficients,
+    code_corrections, code_exact, read_text,
 };
 use crate::domain::{Axis, Measurement, Tensor};
 use crate::transform::Plan;
 
-/// The metadata chunk's largest size.
+/// The largest metadata text, in bytes.
 const MAX_METADATA: usize = 1 << 24;
 
 /// A decoded material.
@@ -49,29 +49,18 @@ pub fn decode(bytes: &[u8]) -> Result<Decoded, CodecError> {
 
 /// The BLAKE3 digest of the file without its metadata chunk.
 pub fn payload_digest(bytes: &[u8]) -> Result<blake3::Hash, CodecError> {
-    Ok(Container::read(bytes)?.payload_digest())
+    Ok(open(bytes)?.1.payload_digest())
 }
 
 fn open(bytes: &[u8]) -> Result<(Header, Container<'_>), CodecError> {
-    let container = Container::read(bytes)?;
-    let header = Header::read(&mut container.require(ChunkKind::Header)?.reader())?;
-    let expected = [
-        (ChunkKind::Classes, header.has_classes),
-        (ChunkKind::Basis, header.klt),
-        (ChunkKind::Pyramid, header.predicted),
-        (ChunkKind::Coefficients, header.policy != Policy::Lossless && !header.predicted),
-        (ChunkKind::Corrections, header.correction_step != 0.0),
-        (ChunkKind::Exact, header.policy == Policy::Lossless),
-    ];
-    for (kind, needed) in expected {
-        if needed {
-            container.require(kind)?;
-        } else if let Some(chunk) = container.get(kind) {
-            let reason = format!("a {kind:?} chunk that the header does not announce");
-            return Err(CodecError::Malformed { at: chunk.offset, reason });
-        }
-    }
-    Ok((header, container))
+    Container::read(bytes, announced)
+}
+
+/// The header and the chunks that follow it.
+fn announced(r: &mut Reader<'_>) -> Result<(Header, Vec<ChunkKind>), CodecError> {
+    let header = Header::read(r)?;
+    let chunks = header.announced();
+    Ok((header, chunks))
 }
 
 /// The metadata chunk's text, and the axes with the labels it holds.
@@ -79,18 +68,15 @@ fn metadata_of(header: &Header, container: &Container<'_>) -> Result<(Option<Str
     let mut axes = header.axes.clone();
     let Some(chunk) = container.get(ChunkKind::Metadata) else { return Ok((None, axes)) };
     let malformed = |reason: &str| CodecError::Malformed { at: chunk.offset, reason: reason.to_owned() };
-    if chunk.payload.len() > MAX_METADATA {
-        return Err(malformed("metadata is larger than 16 MiB"));
-    }
-    let text = std::str::from_utf8(chunk.payload).map_err(|_| malformed("metadata is no UTF-8 text"))?;
-    let json: serde_json::Value = serde_json::from_str(text).map_err(|_| malformed("metadata is no JSON"))?;
+    let text = read_text(&mut chunk.reader(), MAX_METADATA)?;
+    let json: serde_json::Value = serde_json::from_str(&text).map_err(|_| malformed("metadata is no JSON"))?;
     for (i, axis) in axes.iter_mut().enumerate() {
         if let Axis::Index { count, labels } = axis {
             let stored = json["labels"][i.to_string()].as_array().filter(|stored| stored.len() == *count);
             *labels = stored.into_iter().flatten().map(|label| label.as_str().unwrap_or("").to_owned()).collect();
         }
     }
-    Ok((Some(text.to_owned()), axes))
+    Ok((Some(text), axes))
 }
 
 /// The samples that `header` and its chunks stand for; NaN = masked.

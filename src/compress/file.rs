@@ -4,7 +4,7 @@ use super::decode::samples_of;
 use super::header::Header;
 use super::rows::lanes;
 use super::{CompressError, Compressed, Ranked};
-use crate::codec::{ChunkKind, Class, Encoder, code_classes, write_container};
+use crate::codec::{ChunkKind, Class, Encoder, code_classes, write_container, write_text};
 use crate::domain::{Axis, ErrorReport, Measurement};
 
 /// The chunks between header and metadata, and what the header says about them.
@@ -28,7 +28,7 @@ pub(crate) fn assemble(parts: &Parts, metadata: Option<&str>) -> Vec<u8> {
     let mut chunks = vec![(ChunkKind::Header, parts.header.write())];
     chunks.extend(parts.chunks.iter().cloned());
     if let Some(text) = metadata {
-        chunks.push((ChunkKind::Metadata, text.as_bytes().to_vec()));
+        chunks.push((ChunkKind::Metadata, write_text(text)));
     }
     write_container(&chunks)
 }

@@ -118,7 +118,7 @@ pub struct Summary {
     pub kept_coefficients: Option<u64>,
     /// Absolute floor, 0 if none was declared.
     pub floor: f64,
-    /// The errors of the decoded file against its input tensor (each rounded up to f32 when read from a file).
+    /// The errors of the decoded file against its input tensor (each rounded up by at most 0.007 % when read from a file).
     pub errors: ErrorReport,
     /// The metadata chunk's text, if there is one.
     pub metadata: Option<String>,
@@ -150,6 +150,7 @@ pub fn compress(
     progress: &dyn Progress,
 ) -> Result<Compressed, CompressError> {
     check(settings)?;
+    let settings = &Settings { target: stateable(settings.target)?, ..settings.clone() };
     let policy = if settings.target == Target::Lossless { Policy::Lossless } else { settings.policy };
     let floor = absolute_floor(measurement, settings);
     let bases = match policy {
@@ -204,6 +205,19 @@ fn check(settings: &Settings) -> Result<(), CompressError> {
         return refuse("metadata is no JSON object".to_owned());
     }
     Ok(())
+}
+
+/// The target that the errors themselves must keep for the errors that a header states, rounded up, to keep `target`.
+fn stateable(target: Target) -> Result<Target, CompressError> {
+    let kept = |error: f64| match header::rounded_down(error) {
+        kept if kept > 0.0 => Ok(kept),
+        _ => Err(CompressError::Unreachable(format!("an error of {error} is below what a file can state"))),
+    };
+    Ok(match target {
+        Target::ErL2(error) => Target::ErL2(kept(error)?),
+        Target::MaxRelativeError(error) => Target::MaxRelativeError(kept(error)?),
+        Target::Ratio(_) | Target::Bytes(_) | Target::Lossless => target,
+    })
 }
 
 /// The floor in the unit of a sample, as it is stored; 0 without a floor.

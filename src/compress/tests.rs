@@ -93,7 +93,13 @@ fn check_file(m: &Measurement, settings: &Settings) -> Compressed {
     assert_eq!(errors.mask_mismatches, 0);
     let inspected = inspect(&compressed.bytes).unwrap();
     assert_eq!(inspected.kept_coefficients, compressed.summary.kept_coefficients);
-    assert!(inspected.errors.er_l2 >= errors.er_l2 && inspected.errors.er_l2 <= errors.er_l2 * 1.000_001 + 1e-30);
+    assert!(inspected.errors.er_l2 >= errors.er_l2 && inspected.errors.er_l2 <= errors.er_l2 * 1.000_07 + 1e-30);
+    if let Target::ErL2(wanted) = settings.target {
+        assert!(inspected.errors.er_l2 <= wanted, "what the file states is within the promise");
+    }
+    if let Target::MaxRelativeError(wanted) = settings.target {
+        assert!(inspected.errors.max_relative_error <= wanted);
+    }
     compressed
 }
 
@@ -304,12 +310,22 @@ fn work_stops_when_asked() {
 }
 
 #[test]
-fn every_truncation_and_every_flipped_byte_is_an_error() {
+fn every_truncation_but_in_front_of_metadata_and_every_flipped_byte_is_an_error() {
     let m = hurt(measurement(Quantity::Edf, vec![mesh(Domain::Sphere, 1), wavelengths(9)], 0.01));
-    for target in [Target::ErL2(0.01), Target::MaxRelativeError(0.01), Target::Lossless] {
-        let bytes = compress(&m, &settings(target, Policy::Rd), &Silent).unwrap().bytes;
+    for (target, policy) in [
+        (Target::ErL2(0.01), Policy::Rd),
+        (Target::MaxRelativeError(0.01), Policy::Rd),
+        (Target::Lossless, Policy::Rd),
+        (Target::ErL2(0.05), Policy::Generic),
+    ] {
+        let bytes = compress(&m, &settings(target, policy), &Silent).unwrap().bytes;
+        let in_front_of_metadata = compress(&m, &Settings { metadata: None, ..settings(target, policy) }, &Silent);
+        let in_front_of_metadata = in_front_of_metadata.unwrap().bytes.len();
         for end in 0..bytes.len() {
-            assert!(decode(&bytes[..end]).is_err());
+            let cut = &bytes[..end];
+            assert_eq!(decode(cut).is_ok(), end == in_front_of_metadata, "cut at {end}");
+            assert_eq!(inspect(cut).is_ok(), end == in_front_of_metadata);
+            assert_eq!(payload_digest(cut).is_ok(), end == in_front_of_metadata);
         }
         for i in 0..bytes.len() {
             let mut flipped = bytes.clone();

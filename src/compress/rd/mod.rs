@@ -334,7 +334,7 @@ impl<'a> Work<'a> {
             for quarter in -4..=4_i32 {
                 // Steps in quarters of a semitone around the best; the error is not monotone there.
                 let factor = libm::exp2(f64::from(quarter) / 24.0) as f32;
-                let fineness = Fineness { step: from.step * factor, ..from };
+                let fineness = from.at(from.step * factor);
                 let bytes = chunk_bytes(&self.layer.chunks(fineness));
                 if bytes < best.0 && self.relative_error(fineness, &mut decoded, progress)? <= error {
                     best = (bytes, fineness);

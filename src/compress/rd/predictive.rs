@@ -2,8 +2,10 @@
 //! pyramid of triangles predicted in closed loop.
 //!
 //! ```text
-//! pyramid chunk   u8 number of generators, then u8 each: the number of a symmetry of the last triangle axis' domain;
-//!                 then the range-coded pyramid
+//! pyramid chunk   varint generators, then the range-coded pyramid
+//!
+//! generators      digits to base n + 1, the first lowest: 1 + the number of a symmetry, of the n of the last triangle
+//!                 axis' domain
 //! ```
 
 use super::super::SpectralBasis;
@@ -89,7 +91,8 @@ fn closure(generators: &[Symmetry]) -> Vec<Symmetry> {
 pub(crate) struct PredictiveLayer {
     shape: Shape,
     transforms: Vec<AxisTransform>,
-    generators: Vec<u8>,
+    /// As they are written.
+    generators: u64,
     group: Group,
     representatives: Vec<Representative>,
     live: Option<Vec<bool>>,
@@ -106,8 +109,6 @@ impl PredictiveLayer {
         logs: &[f32],
         generators: &[Symmetry],
     ) -> Result<Self, String> {
-        let known = Symmetry::of(shape.mesh.domain());
-        let numbers = generators.iter().filter_map(|g| known.iter().position(|k| k == g)).map(|n| n as u8).collect();
         let group = shape.group(generators).ok_or("a symmetry of another domain")?;
         let representatives = group.representatives();
         let rows = fold_rows(&shape, &group, &representatives, logs);
@@ -127,7 +128,8 @@ impl PredictiveLayer {
         };
         let transforms = vec![AxisTransform::Identity; shape.axes.len()];
         let live = live_leaves(&shape, &group, &representatives, classes);
-        Ok(Self { shape, transforms, generators: numbers, group, representatives, live, klt, rows })
+        let generators = number_of(&shape, generators);
+        Ok(Self { shape, transforms, generators, group, representatives, live, klt, rows })
     }
 
     /// The basis at `fineness`, and its chunk if rows are longer than one sample.
@@ -164,8 +166,7 @@ impl FirstLayer for PredictiveLayer {
         let (basis, chunk) = self.basis_at(fineness);
         let mut chunks: Vec<_> = chunk.into_iter().map(|chunk| (ChunkKind::Basis, chunk)).collect();
         let mut w = Writer::default();
-        w.u8(self.generators.len() as u8);
-        w.raw(&self.generators);
+        w.varint(self.generators);
         w.raw(&self.code(fineness.step, basis.as_ref()).0);
         chunks.push((ChunkKind::Pyramid, w.into_bytes()));
         chunks
@@ -205,13 +206,7 @@ pub(crate) fn decode(
         _ => return Err(malformed("a basis chunk without a spectral axis, or none with one")),
     };
     let mut r = Reader::new(coded, 0);
-    let known = Symmetry::of(shape.mesh.domain());
-    let mut generators = Vec::new();
-    for _ in 0..r.u8("number of generators")?.min(8) {
-        let number = r.u8("symmetry")?;
-        generators.push(*known.get(usize::from(number)).ok_or_else(|| malformed("a symmetry that is unknown"))?);
-    }
-    let group = shape.group(&generators).ok_or_else(|| malformed("a symmetry of another domain"))?;
+    let group = read_group(&shape, &mut r)?;
     let representatives = group.representatives();
     let live = live_leaves(&shape, &group, &representatives, classes);
     let vectors = basis.as_ref().map_or(1, Basis::rank);
@@ -221,6 +216,27 @@ pub(crate) fn decode(
     let mut logs = vec![0.0; axes.iter().map(Axis::len).product()];
     synthesise(&shape, &group, &representatives, basis.as_ref(), &decoded, &mut logs);
     Ok(logs)
+}
+
+/// Generators as one number; none is 0.
+fn number_of(shape: &Shape, generators: &[Symmetry]) -> u64 {
+    let known = Symmetry::of(shape.mesh.domain());
+    let digits = generators.iter().rev().filter_map(|g| known.iter().position(|k| k == g));
+    digits.fold(0, |number, digit| number * (known.len() as u64 + 1) + digit as u64 + 1)
+}
+
+/// The group of the generators that a pyramid chunk starts with.
+fn read_group(shape: &Shape, r: &mut Reader<'_>) -> Result<Group, CodecError> {
+    let known = Symmetry::of(shape.mesh.domain());
+    let base = known.len() as u64 + 1;
+    let mut number = r.varint("symmetries")?;
+    let mut generators = Vec::new();
+    while number > 0 {
+        let digit = (number % base).checked_sub(1).map(|digit| known[digit as usize]);
+        generators.push(digit.ok_or_else(|| r.malformed("symmetries with a digit 0"))?);
+        number /= base;
+    }
+    shape.group(&generators).ok_or_else(|| r.malformed("a symmetry of another domain"))
 }
 
 /// Planes `[representatives, vectors, leaves]` to logarithms.
