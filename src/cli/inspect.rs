@@ -180,6 +180,8 @@ struct Material {
     floor: f64,
     #[serde(flatten)]
     errors: ErrorReport,
+    /// Coarse first, the last one the whole material.
+    levels: Vec<LevelInfo>,
     /// The metadata chunk; `null` if the file has none.
     provenance: Option<serde_json::Value>,
 }
@@ -206,6 +208,7 @@ impl Material {
             ratio_bytes: 4.0 * samples / bytes.len() as f64,
             floor: summary.floor,
             errors: summary.errors,
+            levels: compress::levels(bytes)?,
             // A metadata chunk that is no JSON is still text worth showing.
             provenance: summary
                 .metadata
@@ -228,6 +231,7 @@ impl Material {
             sheet.line("floor", self.floor);
         }
         error_lines(&mut sheet, "error", &self.errors);
+        level_lines(&mut sheet, &self.levels);
         self.source_lines(&mut sheet);
         sheet.line("digest", &self.digest);
         sheet.line("payload digest", &self.payload_digest);

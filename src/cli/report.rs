@@ -1,6 +1,7 @@
 //! Reports for people: the same facts as `--json`, in labelled lines.
 
 use super::output::{Sheet, count, per_cent, three_digits};
+use crate::compress::LevelInfo;
 use crate::domain::ErrorReport;
 use crate::formats::{Note, NoteKind};
 use crate::pipeline::Report;
@@ -62,6 +63,17 @@ pub(crate) fn sample_lines(sheet: &mut Sheet, errors: &ErrorReport) {
     ];
     let special = special.iter().filter(|(_, n)| *n > 0).map(|(what, n)| format!(", {} {what}", count(*n)));
     sheet.line("samples", format!("{}{}", count(errors.samples), special.collect::<String>()));
+}
+
+/// The levels that the first bytes of a file hold, where there are several.
+pub(crate) fn level_lines(sheet: &mut Sheet, levels: &[LevelInfo]) {
+    for (i, level) in levels.iter().enumerate().filter(|_| levels.len() > 1) {
+        let LevelInfo { level, bytes, er_l2 } = level;
+        sheet.line(
+            if i == 0 { "levels" } else { "" },
+            format!("level {level}: the first {} bytes, er(L2) {}", count(*bytes), per_cent(*er_l2)),
+        );
+    }
 }
 
 /// The errors, relative ones in per cent.

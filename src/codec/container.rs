@@ -97,7 +97,7 @@ impl<'a> Chunk<'a> {
         Reader::new(self.payload, self.offset)
     }
 
-    /// The offset in the file of what follows the chunk.
+    /// The offset in the file of what follows the chunk, beyond the bytes where it is cut.
     pub fn end(&self) -> usize {
         self.span.1
     }
@@ -189,14 +189,15 @@ impl<'a> Container<'a> {
         self.get(kind).ok_or(CodecError::Truncated { at: self.bytes.len(), expected: kind.name() })
     }
 
-    /// Where the metadata chunk starts or would start.
+    /// Where the metadata chunk starts or would start; of a prefix, at least where its last chunk ends.
     pub fn payload_end(&self) -> usize {
-        self.get(ChunkKind::Metadata).map_or(self.bytes.len(), |chunk| chunk.span.0)
+        let before = self.chunks.iter().rfind(|chunk| chunk.kind != ChunkKind::Metadata);
+        before.map_or(0, Chunk::end)
     }
 
     /// The BLAKE3 digest of the file without its metadata chunk.
     pub fn payload_digest(&self) -> blake3::Hash {
-        blake3::hash(&self.bytes[..self.payload_end()])
+        blake3::hash(&self.bytes[..self.payload_end().min(self.bytes.len())])
     }
 }
 

@@ -13,6 +13,7 @@ mod error;
 mod exact;
 mod model;
 mod range;
+mod steps;
 mod symbols;
 mod text;
 
@@ -25,4 +26,5 @@ pub use details::{DetailCoder, Surroundings};
 pub use error::CodecError;
 pub use exact::code_exact;
 pub use range::{BitCoder, Decoder, Encoder};
+pub use steps::code_steps;
 pub use text::{read_text, write_text};

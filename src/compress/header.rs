@@ -243,6 +243,12 @@ impl Header {
         Ok(header)
     }
 
+    /// The level of the last triangle axis, 0 without one.
+    pub(crate) fn finest_level(&self) -> u8 {
+        let level = |axis: &Axis| if let Axis::Triangles(mesh) = axis { Some(mesh.level()) } else { None };
+        self.axes.iter().rev().find_map(level).unwrap_or(0)
+    }
+
     /// The chunks that follow, without metadata, in the order of a file.
     pub(crate) fn announced(&self) -> Vec<ChunkKind> {
         let lossless = self.policy == Policy::Lossless;

@@ -21,7 +21,7 @@ pub mod selection;
 mod thresholded;
 
 pub use crate::codec::CodecError as DecodeError;
-pub use decode::{Decoded, decode, inspect, payload_digest};
+pub use decode::{Decoded, LevelInfo, decode, decode_level, inspect, levels, payload_digest};
 
 use crate::codec::MAGIC;
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress, Quantity, Sampling, Unit};
@@ -310,5 +310,7 @@ fn basis_of(axes: &[Axis], transforms: &[AxisTransform], klt: bool) -> String {
     }
 }
 
+#[cfg(test)]
+mod level_tests;
 #[cfg(test)]
 mod tests;

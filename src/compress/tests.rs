@@ -5,20 +5,20 @@ use crate::domain::{Domain, Silent, Tensor, TriangleMesh, WavelengthGrid};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-fn mesh(domain: Domain, level: u8) -> Axis {
+pub(super) fn mesh(domain: Domain, level: u8) -> Axis {
     Axis::Triangles(TriangleMesh::new(domain, level).unwrap())
 }
 
-fn wavelengths(count: usize) -> Axis {
+pub(super) fn wavelengths(count: usize) -> Axis {
     Axis::Wavelength(WavelengthGrid::even(380.0, 5.0, count).unwrap())
 }
 
-fn index(count: usize) -> Axis {
+pub(super) fn index(count: usize) -> Axis {
     Axis::Index { count, labels: (0..count).map(|i| format!("patch {i}")).collect() }
 }
 
 /// A smooth positive function of every axis with a little noise, seeded.
-fn measurement(quantity: Quantity, axes: Vec<Axis>, noise: f64) -> Measurement {
+pub(super) fn measurement(quantity: Quantity, axes: Vec<Axis>, noise: f64) -> Measurement {
     let mut rng = Pcg64::seed_from_u64(7);
     let shape: Vec<usize> = axes.iter().map(Axis::len).collect();
     let count: usize = shape.iter().product();
@@ -41,7 +41,7 @@ fn measurement(quantity: Quantity, axes: Vec<Axis>, noise: f64) -> Measurement {
     Measurement::new(quantity, quantity.default_unit(), Sampling::Average, tensor).unwrap()
 }
 
-fn shapes() -> Vec<Measurement> {
+pub(super) fn shapes() -> Vec<Measurement> {
     let elevations = Axis::Elevation((0..9).map(|i| f64::from(i) * 10.0).collect());
     vec![
         measurement(Quantity::Spectrum, vec![wavelengths(1)], 0.0),
@@ -62,7 +62,7 @@ fn shapes() -> Vec<Measurement> {
 }
 
 /// Puts negative, zero and masked samples into a measurement.
-fn hurt(mut m: Measurement) -> Measurement {
+pub(super) fn hurt(mut m: Measurement) -> Measurement {
     let axes = m.tensor.axes().to_vec();
     let mut samples = m.tensor.clone().into_samples();
     for (i, s) in samples.iter_mut().enumerate() {
@@ -77,7 +77,7 @@ fn hurt(mut m: Measurement) -> Measurement {
     m
 }
 
-fn settings(target: Target, policy: Policy) -> Settings {
+pub(super) fn settings(target: Target, policy: Policy) -> Settings {
     Settings { target, policy, basis: "auto".to_owned(), floor: None, metadata: Some("{}".to_owned()) }
 }
 

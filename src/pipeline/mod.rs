@@ -1,6 +1,6 @@
 //! What a user asks for, whole: bytes of a measurement and a request in, a compressed material with its report out.
 
-use crate::compress::{self, CompressError, Policy, Ranked, Settings, Target};
+use crate::compress::{self, CompressError, LevelInfo, Policy, Ranked, Settings, Target};
 use crate::domain::{Axis, ErrorReport, Progress, Quantity, Unit, WavelengthError, WavelengthGrid};
 use crate::formats::{self, Acquisition, FormatError, Interpretation, Note};
 use crate::projection::{self, AxesRequest, Coverage, Projected, ProjectionError};
@@ -147,6 +147,8 @@ pub struct Report {
     pub coverage: Coverage,
     /// Everything a parser assumed, filled or skipped.
     pub notes: Vec<Note>,
+    /// The levels of the last triangle axis that the first bytes of the file hold, coarse first; at least the finest.
+    pub levels: Vec<LevelInfo>,
 }
 
 /// A measurement that was read, with its own bytes no longer needed.
@@ -243,5 +245,6 @@ fn report(acquisition: &Acquisition, samples: usize, coverage: Coverage, compres
         errors_at_samples: decoded.and_then(|d| projection::error_at_samples(acquisition, &d.measurement)),
         coverage,
         notes: acquisition.report.notes.clone(),
+        levels: compress::levels(&compressed.bytes).unwrap_or_default(),
     }
 }

@@ -6,6 +6,7 @@
 
 pub(crate) mod adaptive;
 mod layer;
+pub(crate) mod levels;
 pub(crate) mod predictive;
 mod pyramid;
 mod spectrum;
@@ -159,7 +160,8 @@ fn best_of<'a>(
             shared = shared.or(own);
         }
         let Some(steps) = own.or(shared) else { continue };
-        let bytes = chunk_bytes(&candidate.layer.chunks(steps.first));
+        let levels = if candidate.layer.is_predicted() { levels::usual_bytes(candidate.measurement) } else { 0 };
+        let bytes = chunk_bytes(&candidate.layer.chunks(steps.first)) + levels;
         let er_l2 = if by_error {
             decoded.resize(candidate.original().len(), 0.0);
             Some(candidate.relative_error(steps.first, &mut decoded, progress)?)
@@ -385,7 +387,11 @@ impl<'a> Work<'a> {
 
     fn file_size(&self, step: f32) -> usize {
         let metadata = metadata_with_labels(self.measurement.tensor.axes(), self.settings.metadata.as_deref());
-        assemble(&self.encode(Steps { first: Fineness::of(step), correction: 0.0 }), metadata.as_deref()).len()
+        let mut parts = self.encode(Steps { first: Fineness::of(step), correction: 0.0 });
+        if levels::insert(&mut parts, self.measurement).is_err() {
+            return usize::MAX;
+        }
+        assemble(&parts, metadata.as_deref()).len()
     }
 
     fn corrections_chunk(&self, steps: Steps) -> (ChunkKind, Vec<u8>) {

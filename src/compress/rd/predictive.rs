@@ -2,7 +2,7 @@
 //! pyramid of triangles predicted in closed loop.
 //!
 //! ```text
-//! pyramid chunk   varint generators, then the range-coded pyramid
+//! pyramid chunk   levels, as in `levels`; varint generators; then the range-coded pyramid
 //!
 //! generators      digits to base n + 1, the first lowest: 1 + the number of a symmetry, of the n of the last triangle
 //!                 axis' domain
@@ -150,7 +150,7 @@ impl PredictiveLayer {
         let planes = transposed(&coefficients, self.shape.mesh.len(), vectors);
         let pyramid = Pyramid::new(self.shape.mesh, vectors, &self.group, &self.representatives, self.live.as_deref());
         let mut encoder = Encoder::default();
-        let (decoded, kept) = pyramid.code(&mut encoder, step, Some(planes));
+        let (decoded, kept) = pyramid.code(&mut encoder, step, Some(planes), usize::MAX);
         (encoder.finish(), decoded, kept)
     }
 }
@@ -191,13 +191,15 @@ impl FirstLayer for PredictiveLayer {
     }
 }
 
-/// The logarithms that a basis chunk and a pyramid chunk stand for.
+/// The logarithms that a basis chunk and a pyramid chunk behind its levels stand for, without details below level `finest`;
+/// and how many bytes of the latter they depend on.
 pub(crate) fn decode(
     axes: &[Axis],
     classes: Option<&[Class]>,
     step: f32,
     (basis, coded): (Option<&[u8]>, &[u8]),
-) -> Result<Vec<f32>, CodecError> {
+    finest: usize,
+) -> Result<(Vec<f32>, usize), CodecError> {
     let malformed = |reason: &str| CodecError::Malformed { at: 0, reason: reason.to_owned() };
     let shape = Shape::of(axes).ok_or_else(|| malformed("a pyramid without a triangle axis"))?;
     let basis = match basis {
@@ -211,11 +213,26 @@ pub(crate) fn decode(
     let live = live_leaves(&shape, &group, &representatives, classes);
     let vectors = basis.as_ref().map_or(1, Basis::rank);
     let pyramid = Pyramid::new(shape.mesh, vectors, &group, &representatives, live.as_deref());
-    let rest = r.take(r.remaining(), "pyramid")?;
-    let (decoded, _) = pyramid.code(&mut Decoder::new(rest), step, None);
+    let start = r.offset();
+    let mut decoder = Decoder::new(r.take(r.remaining(), "pyramid")?);
+    let (decoded, _) = pyramid.code(&mut decoder, step, None, finest);
     let mut logs = vec![0.0; axes.iter().map(Axis::len).product()];
     synthesise(&shape, &group, &representatives, basis.as_ref(), &decoded, &mut logs);
-    Ok(logs)
+    Ok((logs, start + decoder.position()))
+}
+
+/// By block: the number of the representative that stands for it.
+pub(crate) fn orbits(axes: &[Axis], coded: &[u8]) -> Result<Vec<u32>, CodecError> {
+    let no_triangles = || CodecError::Malformed { at: 0, reason: "a pyramid without a triangle axis".to_owned() };
+    let shape = Shape::of(axes).ok_or_else(no_triangles)?;
+    let group = read_group(&shape, &mut Reader::new(coded, 0))?;
+    let mut orbits = vec![0; shape.blocks()];
+    for (i, representative) in group.representatives().iter().enumerate() {
+        for member in group.members() {
+            orbits[member.blocks[representative.block] as usize] = i as u32;
+        }
+    }
+    Ok(orbits)
 }
 
 /// Generators as one number; none is 0.
