@@ -112,7 +112,7 @@ struct Manifest {
     notes: Vec<Value>,
     /// What the first bytes of the file hold, coarse first, the whole last: a coarser material is one range request away.
     #[serde(default)]
-    levels: Vec<Level>,
+    levels: Vec<MaterialLevel>,
     /// The measurement, its options, the request and the program.
     #[schema(value_type = Object)]
     provenance: Value,
@@ -120,8 +120,7 @@ struct Manifest {
 
 /// A level of the last triangle axis that a material can be decoded to.
 #[derive(Debug, Serialize, Deserialize, ToSchema)]
-#[schema(as = MaterialLevel)]
-struct Level {
+struct MaterialLevel {
     /// The level.
     level: u8,
     /// How many of the file's first bytes it needs.

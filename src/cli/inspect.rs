@@ -3,10 +3,12 @@
 use super::failure::Failure;
 use super::input::{Loaded, MeasurementArgs};
 use super::output::{Sheet, count, print, print_json, three_digits};
-use super::report::{axes_lines, coefficient_line, coverage_lines, error_lines, labelled, note_lines, sample_lines};
+use super::report::{
+    axes_lines, coefficient_line, coverage_lines, error_lines, labelled, level_lines, note_lines, sample_lines,
+};
 use super::request::AxesArgs;
 use crate::codec;
-use crate::compress::{self, Summary};
+use crate::compress::{self, LevelInfo, Summary};
 use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
 use crate::formats::{Angles, AzimuthExtent, Note, Samples};
 use crate::pipeline::{self, Request};

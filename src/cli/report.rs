@@ -67,12 +67,9 @@ pub(crate) fn sample_lines(sheet: &mut Sheet, errors: &ErrorReport) {
 
 /// The levels that the first bytes of a file hold, where there are several.
 pub(crate) fn level_lines(sheet: &mut Sheet, levels: &[LevelInfo]) {
-    for (i, level) in levels.iter().enumerate().filter(|_| levels.len() > 1) {
-        let LevelInfo { level, bytes, er_l2 } = level;
-        sheet.line(
-            if i == 0 { "levels" } else { "" },
-            format!("level {level}: the first {} bytes, er(L2) {}", count(*bytes), per_cent(*er_l2)),
-        );
+    for LevelInfo { level, bytes, er_l2 } in levels.iter().filter(|_| levels.len() > 1) {
+        let text = format!("{level} in the first {} bytes, er(L2) {}", count(*bytes), per_cent(*er_l2));
+        sheet.line("levels", text);
     }
 }
 

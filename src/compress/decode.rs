@@ -18,7 +18,7 @@ use crate::domain::{Axis, Measurement, Tensor};
 use crate::transform::Plan;
 
 /// The largest metadata text, in bytes.
-const MAX_METADATA: usize = 1 << 24;
+pub(crate) const MAX_METADATA: usize = 1 << 24;
 
 /// A decoded material.
 #[derive(Clone, Debug)]

@@ -150,6 +150,11 @@ pub fn compress(
     progress: &dyn Progress,
 ) -> Result<Compressed, CompressError> {
     check(settings)?;
+    let text = file::metadata_with_labels(measurement.tensor.axes(), settings.metadata.as_deref());
+    if let Some(text) = text.filter(|text| text.len() > decode::MAX_METADATA) {
+        let found = text.len();
+        return Err(CompressError::Setting(format!("metadata has {found} bytes, expected at most 16 MiB")));
+    }
     let settings = &Settings { target: stateable(settings.target)?, ..settings.clone() };
     let policy = if settings.target == Target::Lossless { Policy::Lossless } else { settings.policy };
     let floor = absolute_floor(measurement, settings);

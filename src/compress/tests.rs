@@ -277,6 +277,7 @@ fn settings_out_of_range_are_refused() {
         Settings { basis: "db99".to_owned(), ..good.clone() },
         Settings { floor: Some(1.0), ..good.clone() },
         Settings { metadata: Some("[]".to_owned()), ..good.clone() },
+        Settings { metadata: Some(format!("{{\"long\":\"{}\"}}", "x".repeat(1 << 24))), ..good.clone() },
         Settings { policy: Policy::Lossless, ..good.clone() },
     ] {
         assert!(matches!(compress(m, &bad, &Silent), Err(CompressError::Setting(_))), "{bad:?}");
@@ -286,7 +287,8 @@ fn settings_out_of_range_are_refused() {
 #[test]
 fn unreachable_targets_say_so() {
     let m = &shapes()[4];
-    for target in [Target::Bytes(10), Target::ErL2(1e-12), Target::MaxRelativeError(1e-9)] {
+    let unstateable = Target::ErL2(f64::MIN_POSITIVE);
+    for target in [Target::Bytes(10), Target::ErL2(1e-12), Target::MaxRelativeError(1e-9), unstateable] {
         let result = compress(m, &settings(target, Policy::Rd), &Silent);
         assert!(matches!(result, Err(CompressError::Unreachable(_))), "{target:?}: {result:?}");
     }

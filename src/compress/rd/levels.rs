@@ -262,7 +262,9 @@ impl Grid {
         for (row, samples) in samples.chunks_exact_mut(self.length).enumerate() {
             let representative = orbits[self.block(row)] as usize;
             if steps[representative] != 0 {
-                samples.iter_mut().for_each(|s| *s *= factors[representative]);
+                for s in samples {
+                    *s *= factors[representative];
+                }
             }
         }
     }

@@ -155,7 +155,7 @@ impl Pyramid {
 
     /// The plane whose magnitudes tell most about those of `plane`.
     fn plane_before(&self, plane: usize) -> Option<usize> {
-        if plane % self.vectors > 0 { Some(plane - 1) } else { plane.checked_sub(self.vectors) }
+        if plane.is_multiple_of(self.vectors) { plane.checked_sub(self.vectors) } else { Some(plane - 1) }
     }
 
     fn code_roots<C: BitCoder>(
