@@ -117,6 +117,28 @@ fn er_l2(original: &[f32], decoded: &[f32]) -> f64 {
 }
 
 #[test]
+fn the_first_bytes_of_a_material_decode_to_a_coarser_level() {
+    let dir = workshop();
+    let (made, cut, array) = (at(&dir, "brdf.wlm"), at(&dir, "cut.wlm"), at(&dir, "coarse.npy"));
+    done(&["compress", &at(&dir, "brdf.npy"), "-o", &made, "--basis", "klt"]);
+    let levels = json(&["inspect", &made, "--json"])["levels"].clone();
+    let levels = levels.as_array().unwrap();
+    assert!(levels.len() > 1 && done(&["inspect", &made]).contains("levels"), "{levels:?}");
+    let bytes = fs::read(&made).unwrap();
+    for level in levels {
+        fs::write(&cut, &bytes[..level["bytes"].as_u64().unwrap() as usize]).unwrap();
+        let number = level["level"].to_string();
+        let report = json(&["decode", &cut, "--level", &number, "-o", &array, "--json"]);
+        let cells = 4_usize << (2 * level["level"].as_u64().unwrap());
+        assert_eq!(report["shape"], serde_json::json!([INCOMING, cells, LAMBDAS]));
+        assert!(level["er_l2"].as_f64().unwrap() < 1.0);
+    }
+    refused(1, &["decode", &made, "--level", "9", "-o", &array]);
+    fs::write(&cut, &bytes[..levels[0]["bytes"].as_u64().unwrap() as usize - 1]).unwrap();
+    assert!(refused(1, &["decode", &cut, "--level", "0", "-o", &array]).contains("the file ends"));
+}
+
+#[test]
 fn compress_reports_every_field_of_the_contract() {
     let dir = workshop();
     let out = at(&dir, "m.wlm");
@@ -144,6 +166,7 @@ fn compress_reports_every_field_of_the_contract() {
         "noise",
         "coverage",
         "notes",
+        "levels",
     ] {
         assert!(report.get(field).is_some(), "no {field} in {report}");
     }

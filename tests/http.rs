@@ -400,6 +400,9 @@ async fn events_tell_progress_and_end_with_the_job() {
     let done = service.material().await;
     let material: Value = service.get(&format!("/v1/materials/{done}")).send().await.unwrap().json().await.unwrap();
     assert_eq!(material["quantity"], "spectrum", "the worker goes on after a cancel");
+    let levels = material["levels"].as_array().unwrap();
+    assert_eq!((levels.len(), levels[0]["level"].as_u64()), (1, Some(0)), "a spectrum has no triangles");
+    assert!(levels[0]["bytes"].as_u64() < material["bytes"].as_u64(), "metadata are behind the last level");
     service.stop().await;
 }
 

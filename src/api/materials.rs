@@ -119,9 +119,23 @@ struct Manifest {
     /// Everything the parser assumed, filled or skipped, and a warning where the target lies below the noise.
     #[schema(value_type = Vec<Object>)]
     notes: Vec<Value>,
+    /// What the first bytes of the file hold, coarse first, the whole last: a coarser material is one range request away.
+    #[serde(default)]
+    levels: Vec<MaterialLevel>,
     /// The measurement, its options, the request and the program.
     #[schema(value_type = Object)]
     provenance: Value,
+}
+
+/// A level of the last triangle axis that a material can be decoded to.
+#[derive(Debug, Serialize, Deserialize, ToSchema)]
+struct MaterialLevel {
+    /// The level.
+    level: u8,
+    /// How many of the file's first bytes it needs.
+    bytes: u64,
+    /// er(L2) against the averages of the original samples over the level's triangles, rounded up.
+    er_l2: f64,
 }
 
 /// Where to go from a material.

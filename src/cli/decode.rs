@@ -20,6 +20,9 @@ pub(crate) struct Args {
     /// The array to write (.npy, float32, NaN = masked), with NAME.axes.json beside it
     #[arg(short, long, value_name = "T.npy")]
     output: PathBuf,
+    /// A coarser level of the outgoing triangles, as `inspect` lists them; the first bytes of the file are then enough
+    #[arg(long, value_name = "N")]
+    level: Option<u8>,
     #[command(flatten)]
     threads: ThreadsArgs,
     /// Print what was written as one line of JSON
@@ -28,14 +31,15 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let measurement = decode(&args.material, &args.threads)?;
+    let measurement = decode(&args.material, args.level, &args.threads)?;
     write_array(&args.output, measurement, None, args.json)
 }
 
-/// The samples of the material in `path`.
-pub(crate) fn decode(path: &Path, threads: &ThreadsArgs) -> Result<Measurement, Failure> {
+/// The samples of the material in `path`, at its finest level if none is named.
+pub(crate) fn decode(path: &Path, level: Option<u8>, threads: &ThreadsArgs) -> Result<Measurement, Failure> {
     let bytes = read_file(path)?;
-    let decoded = threads.run(|| compress::decode(&bytes))?.map_err(|error| Failure::from(error).about(path))?;
+    let decode = || level.map_or_else(|| compress::decode(&bytes), |level| compress::decode_level(&bytes, level));
+    let decoded = threads.run(decode)?.map_err(|error| Failure::from(error).about(path))?;
     Ok(decoded.measurement)
 }
 

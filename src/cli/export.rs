@@ -31,7 +31,7 @@ enum Format {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let measurement = decode(&args.material, &args.threads)?;
+    let measurement = decode(&args.material, None, &args.threads)?;
     match args.format {
         Format::Npy => write_array(&args.output, measurement, None, args.json),
     }

@@ -3,10 +3,12 @@
 use super::failure::Failure;
 use super::input::{Loaded, MeasurementArgs};
 use super::output::{Sheet, count, print, print_json, three_digits};
-use super::report::{axes_lines, coefficient_line, coverage_lines, error_lines, labelled, note_lines, sample_lines};
+use super::report::{
+    axes_lines, coefficient_line, coverage_lines, error_lines, labelled, level_lines, note_lines, sample_lines,
+};
 use super::request::AxesArgs;
 use crate::codec;
-use crate::compress::{self, Summary};
+use crate::compress::{self, LevelInfo, Summary};
 use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
 use crate::formats::{Angles, AzimuthExtent, Note, Samples};
 use crate::pipeline::{self, Request};
@@ -180,6 +182,8 @@ struct Material {
     floor: f64,
     #[serde(flatten)]
     errors: ErrorReport,
+    /// Coarse first, the last one the whole material.
+    levels: Vec<LevelInfo>,
     /// The metadata chunk; `null` if the file has none.
     provenance: Option<serde_json::Value>,
 }
@@ -206,6 +210,7 @@ impl Material {
             ratio_bytes: 4.0 * samples / bytes.len() as f64,
             floor: summary.floor,
             errors: summary.errors,
+            levels: compress::levels(bytes)?,
             // A metadata chunk that is no JSON is still text worth showing.
             provenance: summary
                 .metadata
@@ -228,6 +233,7 @@ impl Material {
             sheet.line("floor", self.floor);
         }
         error_lines(&mut sheet, "error", &self.errors);
+        level_lines(&mut sheet, &self.levels);
         self.source_lines(&mut sheet);
         sheet.line("digest", &self.digest);
         sheet.line("payload digest", &self.payload_digest);

@@ -1,7 +1,7 @@
 //! Reports for people: the same facts as `--json`, in labelled lines.
 
 use super::output::{Sheet, count, per_cent, three_digits};
-use crate::compress::Noise;
+use crate::compress::{LevelInfo, Noise};
 use crate::domain::ErrorReport;
 use crate::domain::colour::ColourReport;
 use crate::formats::{Note, NoteKind};
@@ -68,6 +68,14 @@ pub(crate) fn sample_lines(sheet: &mut Sheet, errors: &ErrorReport) {
     ];
     let special = special.iter().filter(|(_, n)| *n > 0).map(|(what, n)| format!(", {} {what}", count(*n)));
     sheet.line("samples", format!("{}{}", count(errors.samples), special.collect::<String>()));
+}
+
+/// The levels that the first bytes of a file hold, where there are several.
+pub(crate) fn level_lines(sheet: &mut Sheet, levels: &[LevelInfo]) {
+    for LevelInfo { level, bytes, er_l2 } in levels.iter().filter(|_| levels.len() > 1) {
+        let text = format!("{level} in the first {} bytes, er(L2) {}", count(*bytes), per_cent(*er_l2));
+        sheet.line("levels", text);
+    }
 }
 
 /// The errors, relative ones in per cent.

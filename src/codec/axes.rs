@@ -1,20 +1,18 @@
-//! Axes as bytes: triangles in two, even grids in a few, uneven ones as differences of differences.
+//! Axes as bytes: triangles in one, even grids in a few, uneven ones as differences of differences.
 //!
 //! ```text
-//! axes     varint count, then each: u8 kind and
-//!   0 triangles   u8 domain, u8 level
-//!   1 even grid   number start, number step, varint count (wavelengths, nm)
-//!   2 uneven grid list (wavelengths, nm)
-//!   3 elevation   list (degrees)
-//!   4 index       varint count
-//!   5 rgb         nothing
-//! number   u8 d ≤ 9 and a zigzag varint k: k / 10^d;  or u8 255 and an f64
-//! list     varint count, u8 form; then
-//!          form 255: `count` f64
-//!          else varint length, range-coded second differences (zigzag, Exp-Golomb) of integers:
-//!               form 0..=9: k / 10^form;  form 254: f32 bit patterns
-//!          form + 100 (0..=9) and form 253 (254): before the length u8 degree d ≤ 12 and d + 1 f64, Chebyshev coefficients of
-//!               a polynomial p on −1 … 1; the integers, as they are, are then those of the values less those of p at 2i / (count − 1) − 1
+//! axis     u8 128 + 32 · domain + level: triangles;  or u8 kind + 8 · form, form 0 where none is named, and
+//!   0 even grid   number start, number step, varint count (wavelengths, nm)
+//!   1 uneven grid list (wavelengths, nm)
+//!   2 elevation   list (degrees)
+//!   3 index       varint count
+//!   4 rgb         nothing
+//! number   form d ≤ 9: a varint k, which stands for k / 10^d;  form 15: an f64
+//! list     varint count; then
+//!          form 15: `count` f64
+//!          form d ≤ 9, k for k / 10^d, or form 14, k for f32 bit patterns: u8 c, and if c > 0 that many f64, Chebyshev
+//!          coefficients of a polynomial on −1 … 1; then varint length and range-coded (zigzag, Exp-Golomb), if c = 0 the
+//!          second differences of k, else the differences of k from those of the polynomial at 2i / (count − 1) − 1
 //! ```
 
 use super::bytes::{Reader, Writer};
@@ -23,80 +21,83 @@ use super::model::Model;
 use super::polynomial::{MAX_DEGREE, Polynomial};
 use super::range::{BitCoder, Decoder, Encoder};
 use super::symbols::{GOLOMB_SLOTS, code_golomb};
-use crate::domain::limits::{MAX_AXES, MAX_ENTRIES, MAX_WAVELENGTHS};
+use crate::domain::limits::{MAX_ENTRIES, MAX_WAVELENGTHS};
 use crate::domain::{Axis, Domain, TriangleMesh, WavelengthGrid};
 
 const MAX_DECIMALS: u8 = 9;
-const FORM_F32: u8 = 254;
-const FORM_F64: u8 = 255;
-const FORM_F32_CURVE: u8 = 253;
-const DECIMAL_CURVE: u8 = 100;
+const FORM_F32: u8 = 14;
+const FORM_F64: u8 = 15;
+const TRIANGLES: u8 = 0x80;
 /// Shorter lists have no polynomial worth its coefficients.
 const CURVED: usize = 64;
 /// Integers of a list stay below this, so that second differences fit in 32 bits with room.
 const LIST_LIMIT: f64 = 268_435_456.0;
 
-/// Writes axes without their labels.
+/// Writes axes without their number and labels.
 pub fn write_axes(w: &mut Writer, axes: &[Axis]) {
-    w.varint(axes.len() as u64);
     for axis in axes {
         match axis {
-            Axis::Triangles(mesh) => {
-                w.u8(0);
-                w.u8(mesh.domain().code());
-                w.u8(mesh.level());
-            }
+            Axis::Triangles(mesh) => w.u8(TRIANGLES | mesh.domain().code() << 5 | mesh.level()),
             Axis::Wavelength(WavelengthGrid::Even { start, step, count }) => {
-                w.u8(1);
-                write_number(w, *start);
-                write_number(w, *step);
+                let numbers = [*start, *step];
+                let form = decimals_of(&numbers).unwrap_or(FORM_F64);
+                w.u8(form << 3);
+                for number in numbers {
+                    match as_decimal(number, form.min(MAX_DECIMALS)) {
+                        Some(integer) if form != FORM_F64 => w.varint(integer.unsigned_abs()),
+                        _ => w.f64(number),
+                    }
+                }
                 w.varint(*count as u64);
             }
-            Axis::Wavelength(WavelengthGrid::Uneven(values)) => {
-                w.u8(2);
-                write_list(w, values);
-            }
-            Axis::Elevation(values) => {
-                w.u8(3);
-                write_list(w, values);
-            }
+            Axis::Wavelength(WavelengthGrid::Uneven(values)) => write_list(w, 1, values),
+            Axis::Elevation(values) => write_list(w, 2, values),
             Axis::Index { count, .. } => {
-                w.u8(4);
+                w.u8(3);
                 w.varint(*count as u64);
             }
-            Axis::Rgb => w.u8(5),
+            Axis::Rgb => w.u8(4),
         }
     }
 }
 
-/// Reads axes; their own limits are checked, the product of their lengths is not.
-pub fn read_axes(r: &mut Reader<'_>) -> Result<Vec<Axis>, CodecError> {
-    let count = r.size(MAX_AXES, "number of axes")?;
+/// Reads `count` axes; their own limits are checked, the product of their lengths is not.
+pub fn read_axes(r: &mut Reader<'_>, count: usize) -> Result<Vec<Axis>, CodecError> {
     (0..count).map(|_| read_axis(r)).collect()
 }
 
 fn read_axis(r: &mut Reader<'_>) -> Result<Axis, CodecError> {
-    match r.u8("axis kind")? {
-        0 => {
-            let domain = r.u8("triangle domain")?;
-            let level = r.u8("triangle level")?;
-            let mesh = Domain::from_code(domain).and_then(|domain| TriangleMesh::new(domain, level));
-            mesh.map(Axis::Triangles).ok_or_else(|| r.malformed(format!("triangle domain {domain} at level {level}")))
+    let first = r.u8("axis")?;
+    if first >= TRIANGLES {
+        let (domain, level) = (first >> 5 & 3, first & 31);
+        let mesh = Domain::from_code(domain).and_then(|domain| TriangleMesh::new(domain, level));
+        return mesh
+            .map(Axis::Triangles)
+            .ok_or_else(|| r.malformed(format!("triangle domain {domain} at level {level}")));
+    }
+    let (kind, form) = (first & 7, first >> 3);
+    match (kind, form) {
+        (0..=2, 0..=MAX_DECIMALS | FORM_F64) | (1..=2, FORM_F32) | (3..=4, 0) => {}
+        _ => {
+            return Err(
+                r.malformed(format!("axis kind {kind} in form {form}, expected kind 0 to 4 in a form of its own"))
+            );
         }
-        1 => {
-            let (start, step) = (read_number(r, "first wavelength")?, read_number(r, "wavelength step")?);
+    }
+    match kind {
+        0 => {
+            let (start, step) = (read_number(r, form, "first wavelength")?, read_number(r, form, "wavelength step")?);
             let count = r.size(MAX_WAVELENGTHS, "number of wavelengths")?;
             let grid = WavelengthGrid::even(start, step, count).map_err(|e| r.malformed(e.to_string()))?;
             Ok(Axis::Wavelength(grid))
         }
-        2 => {
-            let values = read_list(r, MAX_WAVELENGTHS, "wavelengths")?;
+        1 => {
+            let values = read_list(r, form, MAX_WAVELENGTHS, "wavelengths")?;
             Ok(Axis::Wavelength(WavelengthGrid::listed(values).map_err(|e| r.malformed(e.to_string()))?))
         }
-        3 => Ok(Axis::Elevation(read_list(r, MAX_ENTRIES, "elevations")?)),
-        4 => Ok(Axis::Index { count: r.size(MAX_ENTRIES, "index axis length")?, labels: Vec::new() }),
-        5 => Ok(Axis::Rgb),
-        kind => Err(r.malformed(format!("axis kind {kind}, expected 0 to 5"))),
+        2 => Ok(Axis::Elevation(read_list(r, form, MAX_ENTRIES, "elevations")?)),
+        3 => Ok(Axis::Index { count: r.size(MAX_ENTRIES, "index axis length")?, labels: Vec::new() }),
+        _ => Ok(Axis::Rgb),
     }
 }
 
@@ -119,26 +120,19 @@ fn unzigzag(value: u64) -> i64 {
     (value >> 1) as i64 ^ -((value & 1) as i64)
 }
 
-fn write_number(w: &mut Writer, value: f64) {
-    if let Some((decimals, integer)) = (0..=MAX_DECIMALS).find_map(|d| Some((d, as_decimal(value, d)?))) {
-        w.u8(decimals);
-        w.varint(zigzag(integer));
-    } else {
-        w.u8(FORM_F64);
-        w.f64(value);
-    }
+/// The least number of decimals with which all values come back exactly from integers.
+fn decimals_of(values: &[f64]) -> Option<u8> {
+    (0..=MAX_DECIMALS).find(|&d| values.iter().all(|&v| as_decimal(v, d).is_some()))
 }
 
-fn read_number(r: &mut Reader<'_>, what: &'static str) -> Result<f64, CodecError> {
-    match r.u8(what)? {
-        FORM_F64 => r.f64(what),
-        decimals if decimals <= MAX_DECIMALS => Ok(unzigzag(r.varint(what)?) as f64 / power_of_ten(decimals)),
-        form => Err(r.malformed(format!("{what} in form {form}, expected 0 to 9 or 255"))),
+fn read_number(r: &mut Reader<'_>, form: u8, what: &'static str) -> Result<f64, CodecError> {
+    if form == FORM_F64 {
+        return r.f64(what);
     }
+    Ok(r.varint(what)? as f64 / power_of_ten(form))
 }
 
-fn write_list(w: &mut Writer, values: &[f64]) {
-    w.varint(values.len() as u64);
+fn write_list(w: &mut Writer, kind: u8, values: &[f64]) {
     let decimals = (0..=MAX_DECIMALS).find_map(|d| {
         let integers: Option<Vec<i64>> =
             values.iter().map(|&v| as_decimal(v, d).filter(|&k| (k as f64).abs() < LIST_LIMIT)).collect();
@@ -150,7 +144,8 @@ fn write_list(w: &mut Writer, values: &[f64]) {
         exact.then(|| (FORM_F32, values.iter().map(|&v| i64::from((v as f32).to_bits())).collect::<Vec<_>>()))
     };
     let Some((form, integers)) = decimals.or_else(single) else {
-        w.u8(FORM_F64);
+        w.u8(kind | FORM_F64 << 3);
+        w.varint(values.len() as u64);
         for &value in values {
             w.f64(value);
         }
@@ -168,21 +163,18 @@ fn write_list(w: &mut Writer, values: &[f64]) {
             let mut residuals: Vec<i64> =
                 integers.iter().enumerate().map(|(i, k)| k - on_curve(form, &curve, i, values.len())).collect();
             let bytes = coded(true, &mut residuals);
-            let cost = |curve: Option<&Polynomial>| curve.map_or(0, |curve| 1 + 8 * curve.coefficients.len());
+            let cost = |curve: Option<&Polynomial>| curve.map_or(0, |curve| 8 * curve.coefficients.len());
             if bytes.len() + cost(Some(&curve)) < best.0.len() + cost(best.1.as_ref()) {
                 best = (bytes, Some(curve));
             }
         }
     }
-    match &best.1 {
-        None => w.u8(form),
-        Some(curve) => {
-            w.u8(if form == FORM_F32 { FORM_F32_CURVE } else { form + DECIMAL_CURVE });
-            w.u8(curve.coefficients.len() as u8 - 1);
-            for &c in &curve.coefficients {
-                w.f64(c);
-            }
-        }
+    let coefficients = best.1.map_or_else(Vec::new, |curve| curve.coefficients);
+    w.u8(kind | form << 3);
+    w.varint(values.len() as u64);
+    w.u8(coefficients.len() as u8);
+    for c in coefficients {
+        w.f64(c);
     }
     w.varint(best.0.len() as u64);
     w.raw(&best.0);
@@ -199,24 +191,25 @@ fn on_curve(form: u8, curve: &Polynomial, i: usize, count: usize) -> i64 {
     }
 }
 
-fn read_list(r: &mut Reader<'_>, limit: usize, what: &'static str) -> Result<Vec<f64>, CodecError> {
+fn read_list(r: &mut Reader<'_>, form: u8, limit: usize, what: &'static str) -> Result<Vec<f64>, CodecError> {
     let count = r.size(limit, what)?;
-    let form = r.u8(what)?;
     if form == FORM_F64 {
         // Each value takes 8 bytes, so the bytes themselves bound the allocation.
         return (0..count).map(|_| r.f64(what)).collect();
     }
-    let (form, curved) = match form {
-        FORM_F32 | 0..=MAX_DECIMALS => (form, false),
-        FORM_F32_CURVE => (FORM_F32, true),
-        curve if curve >= DECIMAL_CURVE && curve - DECIMAL_CURVE <= MAX_DECIMALS => (curve - DECIMAL_CURVE, true),
-        _ => return Err(r.malformed(format!("{what} in form {form}, expected 0 to 9, 100 to 109 or 253 to 255"))),
-    };
-    let curve = if curved { Some(read_curve(r, what)?) } else { None };
+    let coefficients = usize::from(r.u8(what)?);
+    if coefficients > MAX_DEGREE + 1 {
+        let most = MAX_DEGREE + 1;
+        return Err(
+            r.malformed(format!("{what} on a polynomial of {coefficients} coefficients, expected at most {most}"))
+        );
+    }
+    let coefficients = (0..coefficients).map(|_| r.f64(what)).collect::<Result<Vec<_>, _>>()?;
+    let curve = (!coefficients.is_empty()).then_some(Polynomial { coefficients });
     let length = r.size(usize::MAX >> 1, what)?;
     let coded = r.take(length, what)?;
     let mut integers = vec![0_i64; count];
-    code_differences(&mut Decoder::new(coded), curved, &mut integers);
+    code_differences(&mut Decoder::new(coded), curve.is_some(), &mut integers);
     if let Some(curve) = curve {
         for (i, k) in integers.iter_mut().enumerate() {
             *k = k.wrapping_add(on_curve(form, &curve, i, count));
@@ -229,14 +222,6 @@ fn read_list(r: &mut Reader<'_>, limit: usize, what: &'static str) -> Result<Vec
     };
     let values = integers.into_iter().map(|k| value(k).filter(|v| v.is_finite()));
     values.collect::<Option<Vec<_>>>().ok_or_else(|| r.malformed(format!("{what} out of range")))
-}
-
-fn read_curve(r: &mut Reader<'_>, what: &'static str) -> Result<Polynomial, CodecError> {
-    let degree = usize::from(r.u8(what)?);
-    if degree > MAX_DEGREE {
-        return Err(r.malformed(format!("{what} on a polynomial of degree {degree}, expected at most {MAX_DEGREE}")));
-    }
-    Ok(Polynomial { coefficients: (0..=degree).map(|_| r.f64(what)).collect::<Result<_, _>>()? })
 }
 
 /// Codes integers below 2^32 as differences of differences, or as they are beside a curve.
@@ -272,7 +257,7 @@ mod tests {
         write_axes(&mut w, axes);
         let bytes = w.into_bytes();
         let mut r = Reader::new(&bytes, 0);
-        assert_eq!(read_axes(&mut r).unwrap(), axes);
+        assert_eq!(read_axes(&mut r, axes.len()).unwrap(), axes);
         r.end("axes").unwrap();
         bytes.len()
     }
@@ -285,8 +270,8 @@ mod tests {
     fn axes_round_trip_in_few_bytes() {
         let mesh = |domain, level| Axis::Triangles(TriangleMesh::new(domain, level).unwrap());
         let even = Axis::Wavelength(WavelengthGrid::even(380.0, 5.0, 75).unwrap());
-        assert!(round_trip(&[mesh(Domain::Hemisphere, 1), mesh(Domain::Lower, 4), even]) <= 16);
-        assert!(round_trip(&[Axis::Elevation((0..45).map(|i| f64::from(i) * 2.0).collect()), Axis::Rgb]) <= 16);
+        assert!(round_trip(&[mesh(Domain::Hemisphere, 1), mesh(Domain::Lower, 4), even]) <= 7);
+        assert!(round_trip(&[Axis::Elevation((0..45).map(|i| f64::from(i) * 2.0).collect()), Axis::Rgb]) <= 10);
         round_trip(&[Axis::Index { count: 24, labels: vec![] }, wavelengths(vec![403.1, 405.5, 407.0, 436.0])]);
         round_trip(&[wavelengths(vec![0.1 + 0.2, 1.0, std::f64::consts::PI])]);
         // A spectrometer's polynomial in f32.
@@ -306,7 +291,7 @@ mod tests {
 
         #[test]
         fn any_bytes_are_axes_or_an_error(bytes in prop::collection::vec(any::<u8>(), 0..60)) {
-            let _ = read_axes(&mut Reader::new(&bytes, 0));
+            let _ = read_axes(&mut Reader::new(&bytes, 0), 3);
         }
     }
 }

@@ -33,6 +33,11 @@ impl Writer {
         self.bytes.push(value as u8);
     }
 
+    /// The `count` low bytes of `value`.
+    pub fn low_bytes(&mut self, value: u32, count: usize) {
+        self.bytes.extend(value.to_le_bytes().into_iter().take(count));
+    }
+
     /// IEEE 754 single precision.
     pub fn f32(&mut self, value: f32) {
         self.raw(&value.to_le_bytes());
@@ -98,6 +103,12 @@ impl<'a> Reader<'a> {
         Ok(self.array::<1>(expected)?[0])
     }
 
+    /// An integer of `count` bytes, at most 4.
+    pub fn low_bytes(&mut self, count: usize, expected: &'static str) -> Result<u32, CodecError> {
+        let bytes = self.take(count.min(4), expected)?;
+        Ok(bytes.iter().rev().fold(0, |value, &byte| value << 8 | u32::from(byte)))
+    }
+
     /// IEEE 754 single precision, finite.
     pub fn f32(&mut self, expected: &'static str) -> Result<f32, CodecError> {
         let value = f32::from_le_bytes(self.array(expected)?);
@@ -156,6 +167,7 @@ mod tests {
         for value in values {
             w.varint(value);
         }
+        w.low_bytes(0x0056_3412, 3);
         w.f32(-1.5);
         w.f64(1e300);
         let bytes = w.into_bytes();
@@ -163,6 +175,7 @@ mod tests {
         for value in values {
             assert_eq!(r.varint("value"), Ok(value));
         }
+        assert_eq!(r.low_bytes(3, "low"), Ok(0x0056_3412));
         assert_eq!((r.f32("f"), r.f64("d")), (Ok(-1.5), Ok(1e300)));
         assert_eq!(r.end("test"), Ok(()));
         assert_eq!(r.u8("more"), Err(CodecError::Truncated { at: 10 + bytes.len(), expected: "more" }));

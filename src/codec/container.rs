@@ -4,16 +4,18 @@
 //! offset  size    field
 //! 0       4       magic 89 57 4C 4D ("\x89WLM")
 //! 4       1       version, 1
-//! 5       …       chunks, in this order, each at most once; H and E always:
-//!                   H header, C classes, B basis, P pyramid, Q coefficients, R corrections, X exact samples, M metadata, E end
+//! 5       …       the header chunk H; then the chunks that it announces, of C classes, B basis, P pyramid, Q coefficients,
+//!                 R corrections and X exact samples, in this order; then the metadata chunk M, unless the file ends before
 //!
-//! chunk:  1       kind, the letter above
-//!         varint  length of the payload in bytes (LEB128, shortest form; 0 for E)
+//! chunk:  varint  length of the payload in bytes (LEB128, shortest form)
 //!         length  payload
-//!         4       checksum: the first 4 bytes of the BLAKE3 hash of kind, length and payload as they stand
+//!         4       checksum: the first 4 bytes of the BLAKE3 hash of the letter above, the length and the payload
 //! ```
-//! E is the last byte sequence of the file: nothing may follow it. Which of C, B, P, Q, R and X are there follows from the header.
-//! The file's BLAKE3 digest is its name; the *payload digest* is that of the file without its M chunk.
+//! Nothing follows the last chunk. A file cut anywhere is an error, but for a cut exactly in front of M: what is left is
+//! the same material without its metadata. The file's BLAKE3 digest is its name; the *payload digest* is that of the
+//! file without its M chunk.
+//!
+//! A *prefix* is the beginning of a file: chunks that are whole are verified, the one that is cut cannot be.
 
 use super::bytes::{Reader, Writer};
 use super::error::CodecError;
@@ -22,6 +24,8 @@ use super::error::CodecError;
 pub const MAGIC: [u8; 4] = [0x89, b'W', b'L', b'M'];
 /// The version written and read.
 pub const VERSION: u8 = 1;
+/// Bytes of a checksum.
+const CHECKSUM: usize = 4;
 
 /// The kinds of chunk, in the order of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -42,23 +46,9 @@ pub enum ChunkKind {
     Exact,
     /// A JSON object of provenance and other free text.
     Metadata,
-    /// The end of the file.
-    End,
 }
 
 impl ChunkKind {
-    const ALL: [Self; 9] = [
-        Self::Header,
-        Self::Classes,
-        Self::Basis,
-        Self::Pyramid,
-        Self::Coefficients,
-        Self::Corrections,
-        Self::Exact,
-        Self::Metadata,
-        Self::End,
-    ];
-
     fn letter(self) -> u8 {
         match self {
             Self::Header => b'H',
@@ -69,21 +59,19 @@ impl ChunkKind {
             Self::Corrections => b'R',
             Self::Exact => b'X',
             Self::Metadata => b'M',
-            Self::End => b'E',
         }
     }
 
     fn name(self) -> &'static str {
         match self {
-            Self::Header => "header",
-            Self::Classes => "classes",
-            Self::Basis => "basis",
-            Self::Pyramid => "pyramid",
-            Self::Coefficients => "coefficients",
-            Self::Corrections => "corrections",
-            Self::Exact => "exact",
-            Self::Metadata => "metadata",
-            Self::End => "end",
+            Self::Header => "header chunk",
+            Self::Classes => "classes chunk",
+            Self::Basis => "basis chunk",
+            Self::Pyramid => "pyramid chunk",
+            Self::Coefficients => "coefficients chunk",
+            Self::Corrections => "corrections chunk",
+            Self::Exact => "exact chunk",
+            Self::Metadata => "metadata chunk",
         }
     }
 }
@@ -93,8 +81,10 @@ impl ChunkKind {
 pub struct Chunk<'a> {
     /// Its kind.
     pub kind: ChunkKind,
-    /// Its payload.
+    /// Its payload; of a prefix, what is there of it.
     pub payload: &'a [u8],
+    /// How long the whole payload is.
+    pub length: usize,
     /// The offset of the payload in the file.
     pub offset: usize,
     /// The offsets of the whole chunk in the file.
@@ -106,72 +96,87 @@ impl<'a> Chunk<'a> {
     pub fn reader(&self) -> Reader<'a> {
         Reader::new(self.payload, self.offset)
     }
+
+    /// The offset in the file of what follows the chunk, beyond the bytes where it is cut.
+    pub fn end(&self) -> usize {
+        self.span.1
+    }
 }
 
-/// A file taken apart, every checksum verified.
+/// A file taken apart, every checksum verified; or a prefix of one, every checksum of a whole chunk verified.
 #[derive(Clone, Debug)]
 pub struct Container<'a> {
     bytes: &'a [u8],
     chunks: Vec<Chunk<'a>>,
 }
 
-/// Puts a file together; `chunks` in the order of their kinds, without the end.
+/// Puts a file together; `chunks` in the order of a file, the header and those that it announces, then metadata.
 pub fn write_container(chunks: &[(ChunkKind, Vec<u8>)]) -> Vec<u8> {
     let mut w = Writer::default();
     w.raw(&MAGIC);
     w.u8(VERSION);
     for (kind, payload) in chunks {
-        write_chunk(&mut w, *kind, payload);
+        let mut chunk = Writer::default();
+        chunk.varint(payload.len() as u64);
+        chunk.raw(payload);
+        let chunk = chunk.into_bytes();
+        w.raw(&chunk);
+        w.raw(&checksum(*kind, &chunk));
     }
-    write_chunk(&mut w, ChunkKind::End, &[]);
     w.into_bytes()
 }
 
-fn write_chunk(w: &mut Writer, kind: ChunkKind, payload: &[u8]) {
-    let mut chunk = Writer::default();
-    chunk.u8(kind.letter());
-    chunk.varint(payload.len() as u64);
-    chunk.raw(payload);
-    let chunk = chunk.into_bytes();
-    w.raw(&chunk);
-    w.raw(&checksum(&chunk));
-}
-
-fn checksum(chunk: &[u8]) -> [u8; 4] {
-    let hash = blake3::hash(chunk);
-    let [a, b, c, d, ..] = *hash.as_bytes();
+fn checksum(kind: ChunkKind, covered: &[u8]) -> [u8; CHECKSUM] {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&[kind.letter()]);
+    hasher.update(covered);
+    let [a, b, c, d, ..] = *hasher.finalize().as_bytes();
     [a, b, c, d]
 }
 
 impl<'a> Container<'a> {
-    /// Takes `bytes` apart and verifies every checksum.
-    pub fn read(bytes: &'a [u8]) -> Result<Self, CodecError> {
-        let mut r = Reader::new(bytes, 0);
-        if r.take(MAGIC.len(), "magic").ok() != Some(&MAGIC) {
-            return Err(CodecError::Magic);
+    /// Takes `bytes` apart and verifies every checksum; `header` reads the header and says which chunks it announces.
+    pub fn read<H>(
+        bytes: &'a [u8],
+        header: impl FnOnce(&mut Reader<'a>) -> Result<(H, Vec<ChunkKind>), CodecError>,
+    ) -> Result<(H, Self), CodecError> {
+        let mut r = start(bytes)?;
+        let first = read_chunk(&mut r, ChunkKind::Header)?;
+        let (header, announced) = header(&mut first.reader())?;
+        let mut chunks = vec![first];
+        for kind in announced {
+            chunks.push(read_chunk(&mut r, kind)?);
         }
-        let found = r.u8("version")?;
-        if found != VERSION {
-            return Err(CodecError::Version { found, expected: VERSION });
-        }
-        let mut chunks: Vec<Chunk<'a>> = Vec::new();
-        loop {
-            let chunk = read_chunk(&mut r)?;
-            let in_order = match chunks.last() {
-                None => chunk.kind == ChunkKind::Header,
-                Some(last) => chunk.kind > last.kind,
-            };
-            if !in_order {
-                let reason = format!("the {} chunk is out of order", chunk.kind.name());
-                return Err(CodecError::Malformed { at: chunk.span.0, reason });
-            }
-            chunks.push(chunk);
-            if chunk.kind == ChunkKind::End {
-                break;
-            }
+        if r.remaining() > 0 {
+            chunks.push(read_chunk(&mut r, ChunkKind::Metadata)?);
         }
         r.end("file")?;
-        Ok(Self { bytes, chunks })
+        Ok((header, Self { bytes, chunks }))
+    }
+
+    /// The same for the first bytes of a file: the header must be whole, the last chunk may be cut.
+    pub fn prefix<H>(
+        bytes: &'a [u8],
+        header: impl FnOnce(&mut Reader<'a>) -> Result<(H, Vec<ChunkKind>), CodecError>,
+    ) -> Result<(H, Self), CodecError> {
+        let mut r = start(bytes)?;
+        let first = read_chunk(&mut r, ChunkKind::Header)?;
+        let (header, mut announced) = header(&mut first.reader())?;
+        announced.push(ChunkKind::Metadata);
+        let mut chunks = vec![first];
+        for kind in announced {
+            let Some(cut) = cut_chunk(&r, kind) else {
+                chunks.push(read_chunk(&mut r, kind)?);
+                if r.remaining() == 0 {
+                    break;
+                }
+                continue;
+            };
+            chunks.extend(cut);
+            return Ok((header, Self { bytes, chunks }));
+        }
+        r.end("file")?;
+        Ok((header, Self { bytes, chunks }))
     }
 
     /// The chunk of this kind, if there is one.
@@ -181,40 +186,68 @@ impl<'a> Container<'a> {
 
     /// The chunk of this kind, or an error that names it.
     pub fn require(&self, kind: ChunkKind) -> Result<Chunk<'a>, CodecError> {
-        self.get(kind).ok_or_else(|| CodecError::Malformed {
-            at: self.bytes.len(),
-            reason: format!("there is no {} chunk", kind.name()),
-        })
+        self.get(kind).ok_or(CodecError::Truncated { at: self.bytes.len(), expected: kind.name() })
+    }
+
+    /// Where the metadata chunk starts or would start; of a prefix, at least where its last chunk ends.
+    pub fn payload_end(&self) -> usize {
+        let before = self.chunks.iter().rfind(|chunk| chunk.kind != ChunkKind::Metadata);
+        before.map_or(0, Chunk::end)
     }
 
     /// The BLAKE3 digest of the file without its metadata chunk.
     pub fn payload_digest(&self) -> blake3::Hash {
-        let (start, end) = self.get(ChunkKind::Metadata).map_or((0, 0), |chunk| chunk.span);
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(&self.bytes[..start]);
-        hasher.update(&self.bytes[end..]);
-        hasher.finalize()
+        blake3::hash(&self.bytes[..self.payload_end().min(self.bytes.len())])
     }
 }
 
-fn read_chunk<'a>(r: &mut Reader<'a>) -> Result<Chunk<'a>, CodecError> {
-    let start = r.offset();
-    let letter = r.u8("chunk kind")?;
-    let kind = ChunkKind::ALL.into_iter().find(|kind| kind.letter() == letter).ok_or_else(|| {
-        CodecError::Malformed { at: start, reason: format!("chunk kind {letter:#04x}, expected one of HCBQRXME") }
-    })?;
-    let length = r.size(usize::MAX >> 1, "chunk length")?;
-    if kind == ChunkKind::End && length != 0 {
-        return Err(r.malformed(format!("the end chunk is {length} bytes long, expected 0")));
+/// Reads magic and version.
+fn start(bytes: &[u8]) -> Result<Reader<'_>, CodecError> {
+    let mut r = Reader::new(bytes, 0);
+    if r.take(MAGIC.len(), "magic").ok() != Some(&MAGIC) {
+        return Err(CodecError::Magic);
     }
+    let found = r.u8("version")?;
+    if found != VERSION {
+        return Err(CodecError::Version { found, expected: VERSION });
+    }
+    Ok(r)
+}
+
+fn read_chunk<'a>(r: &mut Reader<'a>, kind: ChunkKind) -> Result<Chunk<'a>, CodecError> {
+    let start = r.offset();
+    if r.remaining() == 0 {
+        return Err(CodecError::Truncated { at: start, expected: kind.name() });
+    }
+    let length = r.size(usize::MAX >> 1, "chunk length")?;
     let offset = r.offset();
     let payload = r.take(length, "chunk payload")?;
     let covered = r.since(start);
-    let stored = r.take(4, "chunk checksum")?;
-    if stored != checksum(covered) {
+    let stored = r.take(CHECKSUM, "chunk checksum")?;
+    if stored != checksum(kind, covered) {
         return Err(CodecError::Checksum { at: start, chunk: kind.name() });
     }
-    Ok(Chunk { kind, payload, offset, span: (start, r.offset()) })
+    Ok(Chunk { kind, payload, length, offset, span: (start, r.offset()) })
+}
+
+/// What is there of the next chunk if the bytes end before it does; `Some(None)` if not even its length is there.
+#[allow(clippy::option_option, reason = "whether it is cut, and what is left of it")]
+fn cut_chunk<'a>(r: &Reader<'a>, kind: ChunkKind) -> Option<Option<Chunk<'a>>> {
+    let mut r = r.clone();
+    let start = r.offset();
+    let length = match r.size(usize::MAX >> 1, "chunk length") {
+        Ok(length) => length,
+        Err(CodecError::Truncated { .. }) => return Some(None),
+        Err(_) => return None,
+    };
+    let offset = r.offset();
+    let there = r.remaining();
+    if there >= length.saturating_add(CHECKSUM) {
+        return None;
+    }
+    let payload = r.take(length.min(there), "chunk payload").ok()?;
+    let end = offset.saturating_add(length).saturating_add(CHECKSUM);
+    Some(Some(Chunk { kind, payload, length, offset, span: (start, end) }))
 }
 
 #[cfg(test)]
@@ -229,45 +262,83 @@ mod tests {
         write_container(&chunks)
     }
 
+    fn header(r: &mut Reader<'_>) -> Result<(u8, Vec<ChunkKind>), CodecError> {
+        Ok((r.u8("first")?, vec![ChunkKind::Coefficients]))
+    }
+
+    fn read(bytes: &[u8]) -> Result<Container<'_>, CodecError> {
+        Container::read(bytes, header).map(|(_, container)| container)
+    }
+
     #[test]
     fn chunks_round_trip() {
         let bytes = sample(true);
-        let container = Container::read(&bytes).unwrap();
+        let (first, container) = Container::read(&bytes, header).unwrap();
+        assert_eq!(first, 1);
         assert_eq!(container.require(ChunkKind::Coefficients).unwrap().payload, &[7; 200]);
         assert!(container.get(ChunkKind::Exact).is_none());
-        assert!(matches!(container.require(ChunkKind::Exact), Err(CodecError::Malformed { .. })));
+        let truncated = CodecError::Truncated { at: bytes.len(), expected: "exact chunk" };
+        assert_eq!(container.require(ChunkKind::Exact).unwrap_err(), truncated);
+        assert_eq!(bytes.len(), 5 + (1 + 3 + 4) + (2 + 200 + 4) + (1 + 2 + 4));
     }
 
     #[test]
     fn the_payload_digest_ignores_metadata() {
         let (with, without) = (sample(true), sample(false));
-        assert_eq!(Container::read(&with).unwrap().payload_digest(), blake3::hash(&without));
-        assert_eq!(Container::read(&without).unwrap().payload_digest(), blake3::hash(&without));
+        assert_eq!(read(&with).unwrap().payload_digest(), blake3::hash(&without));
+        assert_eq!(read(&without).unwrap().payload_digest(), blake3::hash(&without));
     }
 
     #[test]
-    fn every_truncation_and_every_flipped_bit_is_an_error() {
+    fn every_truncation_but_in_front_of_metadata_and_every_flipped_bit_is_an_error() {
         let bytes = sample(true);
+        let bare = sample(false);
         for end in 0..bytes.len() {
-            assert!(Container::read(&bytes[..end]).is_err(), "truncated at {end}");
+            assert_eq!(read(&bytes[..end]).is_ok(), end == bare.len(), "truncated at {end}");
         }
         for i in 0..bytes.len() {
             for bit in 0..8 {
                 let mut flipped = bytes.clone();
                 flipped[i] ^= 1 << bit;
-                assert!(Container::read(&flipped).is_err(), "byte {i} bit {bit}");
+                assert!(read(&flipped).is_err(), "byte {i} bit {bit}");
             }
         }
+        for longer in [bytes, bare] {
+            for extra in [&[0][..], &[0; 5], &[7; 300]] {
+                let mut longer = longer.clone();
+                longer.extend_from_slice(extra);
+                assert!(read(&longer).is_err());
+            }
+        }
+    }
+
+    #[test]
+    fn a_prefix_has_what_is_there() {
+        let bytes = sample(true);
+        for end in 0..=bytes.len() {
+            let prefix = Container::prefix(&bytes[..end], header);
+            let Ok((_, prefix)) = prefix else {
+                assert!(end < 13, "{end}");
+                continue;
+            };
+            let there = prefix.get(ChunkKind::Coefficients).map_or(0, |chunk| chunk.payload.len());
+            assert_eq!(there, end.saturating_sub(15).min(200));
+        }
+        // A whole chunk is verified, one that is cut cannot be.
+        let mut flipped = bytes.clone();
+        flipped[20] ^= 1;
+        assert!(Container::prefix(&flipped[..219], header).is_err());
+        assert!(Container::prefix(&flipped[..218], header).is_ok());
         let mut longer = bytes;
         longer.push(0);
-        assert!(matches!(Container::read(&longer), Err(CodecError::Malformed { .. })));
+        assert!(matches!(Container::prefix(&longer, header), Err(CodecError::Malformed { .. })));
     }
 
     #[test]
     fn later_versions_are_refused_by_number() {
         let mut bytes = sample(false);
         bytes[4] = 2;
-        assert_eq!(Container::read(&bytes).unwrap_err(), CodecError::Version { found: 2, expected: 1 });
-        assert_eq!(Container::read(b"PK\x03\x04").unwrap_err(), CodecError::Magic);
+        assert_eq!(read(&bytes).unwrap_err(), CodecError::Version { found: 2, expected: 1 });
+        assert_eq!(read(b"PK\x03\x04").unwrap_err(), CodecError::Magic);
     }
 }

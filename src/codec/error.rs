@@ -24,7 +24,7 @@ pub enum CodecError {
         expected: &'static str,
     },
     /// A chunk does not match its checksum.
-    #[error("byte {at}: the {chunk} chunk does not match its checksum")]
+    #[error("byte {at}: the {chunk} does not match its checksum")]
     Checksum {
         /// Where the chunk starts.
         at: usize,

@@ -14,7 +14,9 @@ mod exact;
 mod model;
 mod polynomial;
 mod range;
+mod steps;
 mod symbols;
+mod text;
 
 pub use axes::{read_axes, write_axes};
 pub use bytes::{Reader, Writer};
@@ -25,3 +27,5 @@ pub use details::{DetailCoder, Surroundings};
 pub use error::CodecError;
 pub use exact::code_exact;
 pub use range::{BitCoder, Decoder, Encoder};
+pub use steps::code_steps;
+pub use text::{read_text, write_text};

@@ -117,6 +117,11 @@ impl<'a> Decoder<'a> {
         u32::from(byte)
     }
 
+    /// How many bytes the decisions so far depend on, zeros past the end among them.
+    pub fn position(&self) -> usize {
+        self.position
+    }
+
     /// Whether all bytes were used and no more than an encoder leaves out were missing.
     pub fn is_exhausted(&self) -> bool {
         self.position >= self.bytes.len()
@@ -167,6 +172,32 @@ mod tests {
         #[test]
         fn decisions_round_trip(decisions in prop::collection::vec((any::<bool>(), 1..65536_u32), 0..2000)) {
             round_trip(&decisions);
+        }
+    }
+
+    #[test]
+    fn decisions_depend_on_the_bytes_up_to_the_position_only() {
+        let decisions: Vec<_> =
+            (0..3000_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 28 == 0, 4096 + i * 7)).collect();
+        let mut encoder = Encoder::default();
+        for &(bit, p1) in &decisions {
+            encoder.bit(bit, p1);
+        }
+        let bytes = encoder.finish();
+        let mut decoder = Decoder::new(&bytes);
+        for count in 0..decisions.len() {
+            if count % 100 == 0 {
+                let end = decoder.position().min(bytes.len());
+                for beyond in [0, 0xFF] {
+                    let mut cut = bytes[..end].to_vec();
+                    cut.extend([beyond; 8]);
+                    let mut again = Decoder::new(&cut);
+                    for &(bit, p1) in &decisions[..count] {
+                        assert_eq!(again.bit(false, p1), bit);
+                    }
+                }
+            }
+            decoder.bit(false, decisions[count].1);
         }
     }
 

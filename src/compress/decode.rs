@@ -5,19 +5,20 @@
 
 use super::exponential::{add_corrections, exponentiate};
 use super::header::Header;
+use super::rd::levels::{LevelIndex, coarsen, level_samples};
 use super::rd::{adaptive, predictive};
 use super::rows::{coding_order, lanes};
 use super::scales::Scales;
 use super::{Policy, Summary};
 use crate::codec::{
-    ChunkKind, Class, CodecError, Container, Decoder, Payload, code_classes, code_coefficients, code_corrections,
-    code_exact,
+    ChunkKind, Class, CodecError, Container, Decoder, Payload, Reader, code_classes, code_coefficients,
+    code_corrections, code_exact, read_text,
 };
 use crate::domain::{Axis, Measurement, Tensor};
 use crate::transform::Plan;
 
-/// The metadata chunk's largest size.
-const MAX_METADATA: usize = 1 << 24;
+/// The largest metadata text, in bytes.
+pub(crate) const MAX_METADATA: usize = 1 << 24;
 
 /// A decoded material.
 #[derive(Clone, Debug)]
@@ -40,38 +41,96 @@ pub fn decode(bytes: &[u8]) -> Result<Decoded, CodecError> {
     let (header, container) = open(bytes)?;
     let (metadata, axes) = metadata_of(&header, &container)?;
     let samples = samples_of(&header, |kind| container.get(kind).map(|chunk| chunk.payload))?;
-    let malformed = |reason: String| CodecError::Malformed { at: bytes.len(), reason };
-    let tensor = Tensor::new(axes.clone(), samples).map_err(|e| malformed(e.to_string()))?;
-    let measurement = Measurement::new(header.quantity, header.unit, header.sampling, tensor)
-        .map_err(|e| malformed(e.to_string()))?;
+    let measurement = measurement_of(&header, axes.clone(), samples, bytes.len())?;
     Ok(Decoded { measurement, summary: Summary { axes, ..header.summary(metadata) } })
+}
+
+/// A level of the last triangle axis that a file can be decoded to.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct LevelInfo {
+    /// The level.
+    pub level: u8,
+    /// How many of the file's first bytes it needs.
+    pub bytes: u64,
+    /// er(L2) against the averages of the original samples over the level's triangles, rounded up (to 9 % below the finest
+    /// level; `f64::MAX` where it is above 20 000).
+    pub er_l2: f64,
+}
+
+/// The levels of a material, coarse first; the finest alone where triangles are not a pyramid.
+pub fn levels(bytes: &[u8]) -> Result<Vec<LevelInfo>, CodecError> {
+    let (header, container) = open(bytes)?;
+    let mut infos = Vec::new();
+    if header.predicted {
+        let chunk = container.require(ChunkKind::Pyramid)?;
+        let mut r = chunk.reader();
+        let index = LevelIndex::read(&mut r, header.finest_level())?;
+        infos.extend((0..).zip(&index.entries).map(|(level, entry)| LevelInfo {
+            level,
+            bytes: (r.offset() + entry.end.min(r.remaining())) as u64,
+            er_l2: entry.er_l2(),
+        }));
+    }
+    let bytes = container.payload_end() as u64;
+    infos.push(LevelInfo { level: header.finest_level(), bytes, er_l2: header.errors.er_l2 });
+    Ok(infos)
+}
+
+/// Decodes a material, or enough of its first bytes, to a level of its last triangle axis: a coarser measurement, whose
+/// samples are averages over larger triangles. The summary is that of the whole file.
+///
+/// Chunks that are whole are verified; the one that the prefix cuts has no checksum. Labels are in the metadata at the end.
+pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
+    let (header, container) = Container::prefix(bytes, announced)?;
+    let finest = header.finest_level();
+    let is_whole = |kind| container.get(kind).is_some_and(|chunk| chunk.end() <= bytes.len());
+    if level == finest {
+        let end = if is_whole(ChunkKind::Metadata) { bytes.len() } else { container.payload_end().min(bytes.len()) };
+        return decode(&bytes[..end]);
+    }
+    if level > finest || !header.predicted {
+        let coarsest = if header.predicted { 0 } else { finest };
+        let reason = format!("there is no level {level} in the material, expected {coarsest} to {finest}");
+        return Err(CodecError::Malformed { at: bytes.len(), reason });
+    }
+    let chunk = container.require(ChunkKind::Pyramid)?;
+    let mut r = chunk.reader();
+    let index = LevelIndex::read(&mut r, finest)?;
+    let whole = chunk.length - (r.offset() - chunk.offset);
+    let coded = r.take(r.remaining(), "pyramid")?;
+    if coded.len() < index.entries[usize::from(level)].end.min(whole) {
+        return Err(CodecError::Truncated { at: bytes.len(), expected: "more of the level" });
+    }
+    let payload = |kind| container.get(kind).map(|chunk| chunk.payload);
+    let classes = classes_of(&header, payload);
+    let samples = level_samples(&header, classes.as_deref(), (payload(ChunkKind::Basis), coded), &index, level)?;
+    let (metadata, mut axes) =
+        if is_whole(ChunkKind::Metadata) { metadata_of(&header, &container)? } else { (None, header.axes.clone()) };
+    coarsen(&mut axes, level);
+    let measurement = measurement_of(&header, axes, samples, bytes.len())?;
+    Ok(Decoded { measurement, summary: header.summary(metadata) })
+}
+
+fn measurement_of(header: &Header, axes: Vec<Axis>, samples: Vec<f32>, at: usize) -> Result<Measurement, CodecError> {
+    let malformed = |reason: String| CodecError::Malformed { at, reason };
+    let tensor = Tensor::new(axes, samples).map_err(|e| malformed(e.to_string()))?;
+    Measurement::new(header.quantity, header.unit, header.sampling, tensor).map_err(|e| malformed(e.to_string()))
 }
 
 /// The BLAKE3 digest of the file without its metadata chunk.
 pub fn payload_digest(bytes: &[u8]) -> Result<blake3::Hash, CodecError> {
-    Ok(Container::read(bytes)?.payload_digest())
+    Ok(open(bytes)?.1.payload_digest())
 }
 
 fn open(bytes: &[u8]) -> Result<(Header, Container<'_>), CodecError> {
-    let container = Container::read(bytes)?;
-    let header = Header::read(&mut container.require(ChunkKind::Header)?.reader())?;
-    let expected = [
-        (ChunkKind::Classes, header.has_classes),
-        (ChunkKind::Basis, header.klt),
-        (ChunkKind::Pyramid, header.predicted),
-        (ChunkKind::Coefficients, header.policy != Policy::Lossless && !header.predicted),
-        (ChunkKind::Corrections, header.correction_step != 0.0),
-        (ChunkKind::Exact, header.policy == Policy::Lossless),
-    ];
-    for (kind, needed) in expected {
-        if needed {
-            container.require(kind)?;
-        } else if let Some(chunk) = container.get(kind) {
-            let reason = format!("a {kind:?} chunk that the header does not announce");
-            return Err(CodecError::Malformed { at: chunk.offset, reason });
-        }
-    }
-    Ok((header, container))
+    Container::read(bytes, announced)
+}
+
+/// The header and the chunks that follow it.
+fn announced(r: &mut Reader<'_>) -> Result<(Header, Vec<ChunkKind>), CodecError> {
+    let header = Header::read(r)?;
+    let chunks = header.announced();
+    Ok((header, chunks))
 }
 
 /// The metadata chunk's text, and the axes with the labels it holds.
@@ -79,18 +138,25 @@ fn metadata_of(header: &Header, container: &Container<'_>) -> Result<(Option<Str
     let mut axes = header.axes.clone();
     let Some(chunk) = container.get(ChunkKind::Metadata) else { return Ok((None, axes)) };
     let malformed = |reason: &str| CodecError::Malformed { at: chunk.offset, reason: reason.to_owned() };
-    if chunk.payload.len() > MAX_METADATA {
-        return Err(malformed("metadata is larger than 16 MiB"));
-    }
-    let text = std::str::from_utf8(chunk.payload).map_err(|_| malformed("metadata is no UTF-8 text"))?;
-    let json: serde_json::Value = serde_json::from_str(text).map_err(|_| malformed("metadata is no JSON"))?;
+    let text = read_text(&mut chunk.reader(), MAX_METADATA)?;
+    let json: serde_json::Value = serde_json::from_str(&text).map_err(|_| malformed("metadata is no JSON"))?;
     for (i, axis) in axes.iter_mut().enumerate() {
         if let Axis::Index { count, labels } = axis {
             let stored = json["labels"][i.to_string()].as_array().filter(|stored| stored.len() == *count);
             *labels = stored.into_iter().flatten().map(|label| label.as_str().unwrap_or("").to_owned()).collect();
         }
     }
-    Ok((Some(text.to_owned()), axes))
+    Ok((Some(text), axes))
+}
+
+/// The classes of all samples, where they are not all positive.
+pub(crate) fn classes_of<'a>(header: &Header, chunk: impl Fn(ChunkKind) -> Option<&'a [u8]>) -> Option<Vec<Class>> {
+    header.has_classes.then(|| {
+        let mut classes = vec![Class::Positive; header.axes.iter().map(Axis::len).product()];
+        let coded = chunk(ChunkKind::Classes).unwrap_or_default();
+        code_classes(&mut Decoder::new(coded), lanes(&header.axes), &mut classes);
+        classes
+    })
 }
 
 /// The samples that `header` and its chunks stand for; NaN = masked.
@@ -100,17 +166,15 @@ pub(crate) fn samples_of<'a>(
 ) -> Result<Vec<f32>, CodecError> {
     let count = header.axes.iter().map(Axis::len).product();
     let payload = |kind| chunk(kind).unwrap_or_default();
-    let classes = header.has_classes.then(|| {
-        let mut classes = vec![Class::Positive; count];
-        code_classes(&mut Decoder::new(payload(ChunkKind::Classes)), lanes(&header.axes), &mut classes);
-        classes
-    });
+    let classes = classes_of(header, &chunk);
     let coefficients = payload(ChunkKind::Coefficients);
     let mut samples = match header.policy {
         Policy::Rd => {
             let mut logs = if header.predicted {
-                let chunks = (chunk(ChunkKind::Basis), payload(ChunkKind::Pyramid));
-                predictive::decode(&header.axes, classes.as_deref(), header.step, chunks)?
+                let mut r = Reader::new(payload(ChunkKind::Pyramid), 0);
+                LevelIndex::read(&mut r, header.finest_level())?;
+                let chunks = (chunk(ChunkKind::Basis), r.take(r.remaining(), "pyramid")?);
+                predictive::decode(&header.axes, classes.as_deref(), header.step, chunks, usize::MAX)?.0
             } else if header.klt {
                 let chunks = (payload(ChunkKind::Basis), coefficients);
                 adaptive::decode(&header.axes, &header.transforms, classes.as_deref(), header.step, chunks)?

@@ -2,9 +2,10 @@
 
 use super::decode::samples_of;
 use super::header::Header;
+use super::rd::levels;
 use super::rows::lanes;
 use super::{CompressError, Compressed, Ranked};
-use crate::codec::{ChunkKind, Class, Encoder, code_classes, write_container};
+use crate::codec::{ChunkKind, Class, Encoder, code_classes, write_container, write_text};
 use crate::domain::{Axis, ErrorReport, Measurement};
 
 /// The chunks between header and metadata, and what the header says about them.
@@ -28,7 +29,7 @@ pub(crate) fn assemble(parts: &Parts, metadata: Option<&str>) -> Vec<u8> {
     let mut chunks = vec![(ChunkKind::Header, parts.header.write())];
     chunks.extend(parts.chunks.iter().cloned());
     if let Some(text) = metadata {
-        chunks.push((ChunkKind::Metadata, text.as_bytes().to_vec()));
+        chunks.push((ChunkKind::Metadata, write_text(text)));
     }
     write_container(&chunks)
 }
@@ -50,14 +51,20 @@ pub(crate) fn metadata_with_labels(axes: &[Axis], metadata: Option<&str>) -> Opt
     Some(serde_json::Value::Object(object).to_string())
 }
 
+impl Parts {
+    pub(crate) fn chunk(&self, kind: ChunkKind) -> Option<&[u8]> {
+        self.chunks.iter().find(|(k, _)| *k == kind).map(|(_, payload)| payload.as_slice())
+    }
+}
+
 /// Decodes `parts`, measures the errors, and writes the file that carries them.
 pub(crate) fn finish(
     mut parts: Parts,
     measurement: &Measurement,
     metadata: Option<&str>,
 ) -> Result<Compressed, CompressError> {
-    let chunk = |kind| parts.chunks.iter().find(|(k, _)| *k == kind).map(|(_, payload)| payload.as_slice());
-    let decoded = samples_of(&parts.header, chunk)
+    let decoded = levels::insert(&mut parts, measurement)
+        .and_then(|()| samples_of(&parts.header, |kind| parts.chunk(kind)))
         .map_err(|e| CompressError::Unreachable(format!("the file just written does not decode: {e}")))?;
     let floor = f64::from(parts.header.floor);
     parts.header.errors = ErrorReport::measure(measurement.tensor.samples(), &decoded, floor);

@@ -1,24 +1,27 @@
 //! The header chunk: what a material is, how it was made, and the errors of its decoded bytes.
 //!
 //! ```text
-//! u8      quantity, unit, sampling (codes in the order of their lists in `domain`)
+//! u8      quantity + 8 · sampling + 16 · number of axes (codes in the order of the lists in `domain`)
+//! u8      unit + 32 · policy: 0 rate–distortion, 1 conventional, 2 lossless, 3 generic, 4 adaptive
+//! u8      flags, the sum of: 1 the last axis is in the data's own basis, in the basis chunk (policy 0);
+//!         2 the last triangles are the pyramid of the pyramid chunk (policy 0; there is no coefficients chunk then);
+//!         4 there is a classes chunk (else every sample is positive or, other than in policy 0, measured);
+//!         8 a floor was declared; 16 there is a corrections chunk (policy 0); 32 unscored samples have errors;
+//!         64 not every sample is scored
 //! axes    as in `codec`'s axes
-//! u8      policy: 0 rate–distortion, 1 conventional, 2 lossless, 3 generic, 4 adaptive
-//! not policy 2: varint a transform for each axis: 0 identity, 1 bio-Haar, 2 orthonormal by area, 3 orthonormal by count,
-//!               4 the data's own basis in the basis chunk (policy 0, last axis only),
-//!               5 the pyramid of the pyramid chunk (policy 0, last triangle axis only; other axes are then identities),
+//! not policy 2, not flag 2: varint a transform for each axis (flag 1: but the last):
+//!               0 identity, 1 bio-Haar, 2 orthonormal by area, 3 orthonormal by count,
 //!               16 + the number of a basis on a line, followed by u8 its boundary rule
-//! policy 0:     f32 step; f32 correction step, 0 if there is no corrections chunk
-//! u8      1 if there is a classes chunk, else 0 (every sample is positive or, other than in policy 0, measured)
-//! f32     absolute floor, 0 if none was declared
-//! varint  coefficients that are not zero (absent in policy 2)
-//! f32     er(L1), er(L2), largest relative error, relative RMSE, largest absolute error, the same of unscored samples;
-//!         each rounded up
-//! varint  scored, zero, negative, below-floor and masked samples
+//! policy 0:     u16 step: the high 16 bits of an f32;  flag 16: f32 correction step
+//! flag 8: f32   absolute floor
+//! not policy 2: varint  coefficients that are not zero
+//! not policy 2: u24 er(L1), er(L2), largest relative error, relative RMSE, largest absolute error, flag 32: the same of
+//!               unscored samples; each the high 24 bits of an f32, rounded up
+//! flag 64: varint  zero, negative, below-floor and masked samples; all others are scored
 //! ```
 
 use super::{Policy, Summary, basis_of};
-use crate::codec::{CodecError, Reader, Writer, read_axes, write_axes};
+use crate::codec::{ChunkKind, CodecError, Reader, Writer, read_axes, write_axes};
 use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
 use crate::transform::{AxisTransform, Boundary, LineBasis, SphereBasis, Weights};
 
@@ -30,7 +33,7 @@ pub(crate) struct Header {
     pub(crate) sampling: Sampling,
     pub(crate) axes: Vec<Axis>,
     pub(crate) policy: Policy,
-    /// One for each axis; empty for lossless.
+    /// One for each axis, identities where triangles are predicted; empty for lossless.
     pub(crate) transforms: Vec<AxisTransform>,
     /// Whether the last axis is in the basis of the basis chunk; its transform is then the identity.
     pub(crate) klt: bool,
@@ -51,10 +54,6 @@ const FIXED: [(u64, AxisTransform); 4] = [
     (3, AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count))),
 ];
 
-/// The code of the data's own basis.
-const KLT: u64 = 4;
-/// The code of a predicted pyramid.
-const PYRAMID: u64 = 5;
 /// The code of basis 0 on a line.
 const FIRST_LINE: u64 = 16;
 
@@ -67,43 +66,61 @@ fn write_transform(w: &mut Writer, transform: AxisTransform) {
     }
 }
 
-/// One transform for each axis.
-#[derive(Default)]
-struct Transforms {
-    all: Vec<AxisTransform>,
-    /// Whether the last is the data's own basis.
-    klt: bool,
-    /// Whether the last triangles are predicted.
-    predicted: bool,
-}
+/// What the header may have beside its fixed fields.
+struct Flags(u8);
 
-fn read_transforms(r: &mut Reader<'_>, axes: &[Axis], policy: Policy) -> Result<Transforms, CodecError> {
-    let mut transforms = Transforms::default();
-    if policy == Policy::Lossless {
-        return Ok(transforms);
+impl Flags {
+    const KLT: u8 = 1;
+    const PREDICTED: u8 = 2;
+    const CLASSES: u8 = 4;
+    const FLOOR: u8 = 8;
+    const CORRECTIONS: u8 = 16;
+    const UNSCORED_ERROR: u8 = 32;
+    const COUNTS: u8 = 64;
+
+    fn of(header: &Header) -> Self {
+        let e = &header.errors;
+        let left_out = e.zero_samples + e.negative_samples + e.below_floor_samples + e.masked_samples;
+        let flags = [
+            (Self::KLT, header.klt),
+            (Self::PREDICTED, header.predicted),
+            (Self::CLASSES, header.has_classes),
+            (Self::FLOOR, header.floor != 0.0),
+            (Self::CORRECTIONS, header.correction_step != 0.0),
+            (Self::UNSCORED_ERROR, header.policy != Policy::Lossless && e.max_absolute_error_unscored != 0.0),
+            (Self::COUNTS, left_out > 0),
+        ];
+        Self(flags.into_iter().filter(|(_, set)| *set).map(|(flag, _)| flag).sum())
     }
-    for axis in 0..axes.len() {
-        let mut ahead = r.clone();
-        let code = ahead.varint("transform")?;
-        let klt = policy == Policy::Rd && axis + 1 == axes.len() && code == KLT;
-        let predicted = policy == Policy::Rd && last_triangles(axes) == Some(axis) && code == PYRAMID;
-        transforms.klt |= klt;
-        transforms.predicted |= predicted;
-        if klt || predicted {
-            *r = ahead;
-            transforms.all.push(AxisTransform::Identity);
-        } else {
-            transforms.all.push(read_transform(r)?);
+
+    fn has(&self, flag: u8) -> bool {
+        self.0 & flag != 0
+    }
+
+    /// Refuses flags that contradict the policy or the axes.
+    fn check(&self, r: &Reader<'_>, policy: Policy, axes: &[Axis]) -> Result<(), CodecError> {
+        let of_rd = Self::KLT | Self::PREDICTED | Self::CORRECTIONS;
+        let allowed = match policy {
+            Policy::Rd => 127,
+            Policy::Lossless => 127 & !(of_rd | Self::UNSCORED_ERROR),
+            _ => 127 & !of_rd,
+        };
+        if self.0 & !allowed != 0 {
+            return Err(r.malformed(format!("flags {:#04x} do not fit policy {policy}", self.0)));
         }
+        if self.has(Self::PREDICTED) && !axes.iter().any(|axis| matches!(axis, Axis::Triangles(_))) {
+            return Err(r.malformed("a predicted pyramid without a triangle axis"));
+        }
+        if self.has(Self::KLT) && axes.is_empty() {
+            return Err(r.malformed("a spectral basis without an axis"));
+        }
+        Ok(())
     }
-    if transforms.predicted && transforms.all.iter().any(|t| *t != AxisTransform::Identity) {
-        return Err(r.malformed("a transform beside a predicted pyramid"));
-    }
-    Ok(transforms)
 }
 
-fn last_triangles(axes: &[Axis]) -> Option<usize> {
-    axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_)))
+/// How many transforms are written: those that do not follow from policy and flags.
+fn transforms_written(policy: Policy, klt: bool, predicted: bool, axes: usize) -> usize {
+    if policy == Policy::Lossless || predicted { 0 } else { axes - usize::from(klt && axes > 0) }
 }
 
 fn read_transform(r: &mut Reader<'_>) -> Result<AxisTransform, CodecError> {
@@ -122,85 +139,78 @@ fn read_transform(r: &mut Reader<'_>) -> Result<AxisTransform, CodecError> {
 
 impl Header {
     pub(crate) fn write(&self) -> Vec<u8> {
+        let flags = Flags::of(self);
         let mut w = Writer::default();
-        w.u8(self.quantity.code());
-        w.u8(self.unit.code());
-        w.u8(self.sampling.code());
+        w.u8(self.quantity.code() | self.sampling.code() << 3 | (self.axes.len() as u8) << 4);
+        w.u8(self.unit.code() | self.policy.code() << 5);
+        w.u8(flags.0);
         write_axes(&mut w, &self.axes);
-        w.u8(self.policy.code());
-        for (axis, &transform) in self.transforms.iter().enumerate() {
-            if self.klt && axis + 1 == self.transforms.len() {
-                w.varint(KLT);
-            } else if self.predicted && last_triangles(&self.axes) == Some(axis) {
-                w.varint(PYRAMID);
-            } else {
-                write_transform(&mut w, transform);
-            }
+        let written = transforms_written(self.policy, self.klt, self.predicted, self.axes.len());
+        for &transform in self.transforms.iter().take(written) {
+            write_transform(&mut w, transform);
         }
         if self.policy == Policy::Rd {
-            w.f32(self.step);
+            w.low_bytes(self.step.to_bits() >> 16, 2);
+        }
+        if flags.has(Flags::CORRECTIONS) {
             w.f32(self.correction_step);
         }
-        w.u8(u8::from(self.has_classes));
-        w.f32(self.floor);
-        if self.policy != Policy::Lossless {
-            w.varint(self.kept);
+        if flags.has(Flags::FLOOR) {
+            w.f32(self.floor);
         }
         let e = &self.errors;
-        for error in [
-            e.er_l1,
-            e.er_l2,
-            e.max_relative_error,
-            e.relative_rmse,
-            e.max_absolute_error,
-            e.max_absolute_error_unscored,
-        ] {
-            w.f32(rounded_up(error));
+        if self.policy != Policy::Lossless {
+            w.varint(self.kept);
+            let stated = [e.er_l1, e.er_l2, e.max_relative_error, e.relative_rmse, e.max_absolute_error];
+            let unscored = flags.has(Flags::UNSCORED_ERROR).then_some(e.max_absolute_error_unscored);
+            for error in stated.into_iter().chain(unscored) {
+                w.low_bytes(rounded_up(error).to_bits() >> STATED_SHIFT, 3);
+            }
         }
-        for count in [e.scored_samples, e.zero_samples, e.negative_samples, e.below_floor_samples, e.masked_samples] {
-            w.varint(count);
+        if flags.has(Flags::COUNTS) {
+            for count in [e.zero_samples, e.negative_samples, e.below_floor_samples, e.masked_samples] {
+                w.varint(count);
+            }
         }
         w.into_bytes()
     }
 
     pub(crate) fn read(r: &mut Reader<'_>) -> Result<Self, CodecError> {
-        fn coded<T>(r: &mut Reader<'_>, what: &'static str, known: fn(u8) -> Option<T>) -> Result<T, CodecError> {
-            let code = r.u8(what)?;
+        fn coded<T>(r: &Reader<'_>, what: &str, code: u8, known: fn(u8) -> Option<T>) -> Result<T, CodecError> {
             known(code).ok_or_else(|| r.malformed(format!("{what} {code} is unknown")))
         }
-        let quantity = coded(r, "quantity", Quantity::from_code)?;
-        let unit = coded(r, "unit", Unit::from_code)?;
-        let sampling = coded(r, "sampling", Sampling::from_code)?;
-        let axes = read_axes(r)?;
-        let policy = coded(r, "policy", Policy::from_code)?;
-        let Transforms { all: transforms, klt, predicted } = read_transforms(r, &axes, policy)?;
-        let (step, correction_step) = match policy {
-            Policy::Rd => (r.f32("step")?, r.f32("correction step")?),
-            _ => (0.0, 0.0),
-        };
-        let has_classes = coded(r, "classes flag", |flag| (flag < 2).then_some(flag == 1))?;
-        let floor = r.f32("floor")?;
-        let kept = if policy == Policy::Lossless { 0 } else { r.varint("kept coefficients")? };
-        let mut error = |what| r.f32(what).map(f64::from);
-        let mut errors = ErrorReport {
-            er_l1: error("er(L1)")?,
-            er_l2: error("er(L2)")?,
-            max_relative_error: error("largest relative error")?,
-            relative_rmse: error("relative RMSE")?,
-            max_absolute_error: error("largest absolute error")?,
-            max_absolute_error_unscored: error("largest absolute error of unscored samples")?,
-            ..ErrorReport::default()
-        };
-        errors.scored_samples = r.varint("scored samples")?;
-        errors.zero_samples = r.varint("zero samples")?;
-        errors.negative_samples = r.varint("negative samples")?;
-        errors.below_floor_samples = r.varint("samples below the floor")?;
-        errors.masked_samples = r.varint("masked samples")?;
-        r.end("header")?;
+        let first = r.u8("quantity and number of axes")?;
+        let quantity = coded(r, "quantity", first & 7, Quantity::from_code)?;
+        let sampling = coded(r, "sampling", first >> 3 & 1, Sampling::from_code)?;
+        let second = r.u8("unit and policy")?;
+        let unit = coded(r, "unit", second & 31, Unit::from_code)?;
+        let policy = coded(r, "policy", second >> 5, Policy::from_code)?;
+        let flags = Flags(r.u8("flags")?);
+        let axes = read_axes(r, usize::from(first >> 4))?;
+        flags.check(r, policy, &axes)?;
         // The limit on the product of the axes holds before anything is decoded.
-        errors.samples = crate::domain::check_axes(&axes).map_err(|e| r.malformed(e.to_string()))? as u64;
+        let samples = crate::domain::check_axes(&axes).map_err(|e| r.malformed(e.to_string()))? as u64;
         crate::domain::Layout::of(quantity, &axes).map_err(|e| r.malformed(e.to_string()))?;
-        Ok(Self {
+        let (klt, predicted) = (flags.has(Flags::KLT), flags.has(Flags::PREDICTED));
+        let written = transforms_written(policy, klt, predicted, axes.len());
+        let mut transforms = (0..written).map(|_| read_transform(r)).collect::<Result<Vec<_>, _>>()?;
+        if policy != Policy::Lossless {
+            transforms.resize(axes.len(), AxisTransform::Identity);
+        }
+        let step = if policy == Policy::Rd { f32::from_bits(r.low_bytes(2, "step")? << 16) } else { 1.0 };
+        let correction_step = if flags.has(Flags::CORRECTIONS) { r.f32("correction step")? } else { 0.0 };
+        let floor = if flags.has(Flags::FLOOR) { r.f32("floor")? } else { 0.0 };
+        if !(step > 0.0 && step.is_finite()) {
+            return Err(r.malformed(format!("step is {step}, expected a positive number")));
+        }
+        for (what, flag, value) in
+            [("correction step", Flags::CORRECTIONS, correction_step), ("floor", Flags::FLOOR, floor)]
+        {
+            if flags.has(flag) && value <= 0.0 {
+                return Err(r.malformed(format!("{what} is {value}, expected a positive number")));
+            }
+        }
+        let mut header = Self {
             quantity,
             unit,
             sampling,
@@ -209,13 +219,48 @@ impl Header {
             transforms,
             klt,
             predicted,
-            step,
+            step: if policy == Policy::Rd { step } else { 0.0 },
             correction_step,
-            has_classes,
+            has_classes: flags.has(Flags::CLASSES),
             floor,
-            kept,
-            errors,
-        })
+            kept: 0,
+            errors: ErrorReport { samples, ..ErrorReport::default() },
+        };
+        if policy != Policy::Lossless {
+            header.kept = r.varint("kept coefficients")?;
+            let e = &mut header.errors;
+            e.er_l1 = read_error(r, "er(L1)")?;
+            e.er_l2 = read_error(r, "er(L2)")?;
+            e.max_relative_error = read_error(r, "largest relative error")?;
+            e.relative_rmse = read_error(r, "relative RMSE")?;
+            e.max_absolute_error = read_error(r, "largest absolute error")?;
+            if flags.has(Flags::UNSCORED_ERROR) {
+                e.max_absolute_error_unscored = read_error(r, "largest absolute error of unscored samples")?;
+            }
+        }
+        read_counts(r, flags.has(Flags::COUNTS), &mut header.errors)?;
+        r.end("header")?;
+        Ok(header)
+    }
+
+    /// The level of the last triangle axis, 0 without one.
+    pub(crate) fn finest_level(&self) -> u8 {
+        let level = |axis: &Axis| if let Axis::Triangles(mesh) = axis { Some(mesh.level()) } else { None };
+        self.axes.iter().rev().find_map(level).unwrap_or(0)
+    }
+
+    /// The chunks that follow, without metadata, in the order of a file.
+    pub(crate) fn announced(&self) -> Vec<ChunkKind> {
+        let lossless = self.policy == Policy::Lossless;
+        let all = [
+            (ChunkKind::Classes, self.has_classes),
+            (ChunkKind::Basis, self.klt),
+            (ChunkKind::Pyramid, self.predicted),
+            (ChunkKind::Coefficients, !lossless && !self.predicted),
+            (ChunkKind::Corrections, self.correction_step != 0.0),
+            (ChunkKind::Exact, lossless),
+        ];
+        all.into_iter().filter(|(_, announced)| *announced).map(|(kind, _)| kind).collect()
     }
 
     /// The header as its users see it.
@@ -235,24 +280,170 @@ impl Header {
     }
 }
 
-/// The smallest f32 that is not below `error`.
-fn rounded_up(error: f64) -> f32 {
+/// Bits of an f32 that a stated error leaves out.
+const STATED_SHIFT: u32 = 8;
+/// The largest error that can be stated.
+const LARGEST_STATED: u32 = 0x7F7F_FF00;
+
+/// The smallest number that a header can state and that is not below `error`.
+pub(crate) fn rounded_up(error: f64) -> f32 {
     let nearest = error.min(f64::from(f32::MAX)) as f32;
-    if f64::from(nearest) < error { nearest.next_up().min(f32::MAX) } else { nearest }
+    let above = if f64::from(nearest) < error { nearest.next_up() } else { nearest };
+    let left_out = (1 << STATED_SHIFT) - 1;
+    f32::from_bits(((above.to_bits() + left_out) & !left_out).min(LARGEST_STATED))
+}
+
+/// The largest number that a header can state and that is not above `target`: an error rounded up is at most `target`
+/// exactly if the error is at most this.
+pub(crate) fn rounded_down(target: f64) -> f64 {
+    let nearest = target.min(f64::from(f32::MAX)) as f32;
+    let below = if f64::from(nearest) > target { nearest.next_down() } else { nearest };
+    f64::from(f32::from_bits((below.to_bits() >> STATED_SHIFT << STATED_SHIFT).min(LARGEST_STATED)))
+}
+
+fn read_error(r: &mut Reader<'_>, what: &'static str) -> Result<f64, CodecError> {
+    let value = f32::from_bits(r.low_bytes(3, what)? << STATED_SHIFT);
+    if value >= 0.0 && value.is_finite() {
+        Ok(f64::from(value))
+    } else {
+        Err(r.malformed(format!("{what} is {value}")))
+    }
+}
+
+/// The counts of what is not scored; the rest is.
+fn read_counts(r: &mut Reader<'_>, present: bool, errors: &mut ErrorReport) -> Result<(), CodecError> {
+    if present {
+        errors.zero_samples = r.varint("zero samples")?;
+        errors.negative_samples = r.varint("negative samples")?;
+        errors.below_floor_samples = r.varint("samples below the floor")?;
+        errors.masked_samples = r.varint("masked samples")?;
+    }
+    let left_out = [errors.zero_samples, errors.negative_samples, errors.below_floor_samples, errors.masked_samples];
+    let scored = left_out.into_iter().try_fold(errors.samples, u64::checked_sub);
+    errors.scored_samples = scored.ok_or_else(|| r.malformed("more unscored samples than there are samples"))?;
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::{Domain, TriangleMesh, WavelengthGrid};
     use proptest::prelude::*;
 
     #[test]
-    fn errors_are_never_rounded_down() {
-        for error in [0.0, 1e-3, 0.01, 1.0 / 3.0, 1e-30, 12_345.678_9] {
+    fn errors_are_never_rounded_down_and_targets_never_up() {
+        for error in [0.0, 1e-3, 0.01, 1.0 / 3.0, 1e-30, 12_345.678_9, 0.003_906_25] {
             let up = f64::from(rounded_up(error));
-            assert!(up >= error && up <= error * (1.0 + 2e-7) + 1e-44);
+            assert!(up >= error && up <= error * (1.0 + 6.2e-5) + 1e-40);
+            let down = rounded_down(error);
+            assert!(down <= error && down >= error * (1.0 - 6.2e-5) - 1e-40);
+            assert!(f64::from(rounded_up(down)) <= error, "what is stated of an error kept is within the target");
+            assert!(error == down || f64::from(rounded_up(down * (1.0 + 1e-9))) > error || error == 0.0);
         }
-        assert_eq!(rounded_up(f64::MAX), f32::MAX);
+        assert_eq!(rounded_up(f64::MAX).to_bits(), LARGEST_STATED);
+        assert_eq!(rounded_down(f64::MAX), f64::from(f32::from_bits(LARGEST_STATED)));
+    }
+
+    fn folded() -> Header {
+        let mesh = |level| Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, level).unwrap());
+        let axes = vec![mesh(1), mesh(4), Axis::Wavelength(WavelengthGrid::even(380.0, 5.0, 75).unwrap())];
+        Header {
+            quantity: Quantity::Brdf,
+            unit: Unit::PerSteradian,
+            sampling: Sampling::Average,
+            policy: Policy::Rd,
+            transforms: vec![AxisTransform::Identity; axes.len()],
+            axes,
+            klt: true,
+            predicted: true,
+            step: 0.015_625,
+            correction_step: 0.0,
+            has_classes: false,
+            floor: 0.0,
+            kept: 437,
+            errors: ErrorReport {
+                samples: 1_228_800,
+                scored_samples: 1_228_800,
+                er_l1: 0.0078,
+                er_l2: 0.0099,
+                max_relative_error: 0.05,
+                relative_rmse: 0.008,
+                max_absolute_error: 0.11,
+                ..ErrorReport::default()
+            },
+        }
+    }
+
+    fn read(bytes: &[u8]) -> Result<Header, CodecError> {
+        Header::read(&mut Reader::new(bytes, 0))
+    }
+
+    #[test]
+    fn a_header_is_small_and_is_read_as_it_was_written() {
+        let plain = folded();
+        assert!(plain.write().len() <= 30, "{}", plain.write().len());
+        let mut full =
+            Header { correction_step: 0.02, has_classes: true, floor: 0.25, predicted: false, ..plain.clone() };
+        full.transforms[1] = AxisTransform::Sphere(SphereBasis::BioHaar);
+        full.errors.max_absolute_error_unscored = 0.5;
+        full.errors.zero_samples = 100;
+        full.errors.masked_samples = 800;
+        full.errors.scored_samples -= 900;
+        let exact = Header {
+            policy: Policy::Lossless,
+            transforms: vec![],
+            klt: false,
+            predicted: false,
+            step: 0.0,
+            kept: 0,
+            errors: ErrorReport { samples: 1_228_800, scored_samples: 1_228_800, ..ErrorReport::default() },
+            ..plain.clone()
+        };
+        assert!(exact.write().len() <= 11);
+        for header in [plain, full, exact] {
+            let bytes = header.write();
+            let back = read(&bytes).unwrap();
+            for (stated, error) in [
+                (back.errors.er_l1, header.errors.er_l1),
+                (back.errors.er_l2, header.errors.er_l2),
+                (back.errors.max_absolute_error_unscored, header.errors.max_absolute_error_unscored),
+            ] {
+                assert_eq!(stated, f64::from(rounded_up(error)));
+            }
+            assert_eq!(Header { errors: header.errors, ..back.clone() }, header);
+            assert_eq!(back.write(), bytes);
+            for end in 0..bytes.len() {
+                assert!(read(&bytes[..end]).is_err());
+            }
+        }
+    }
+
+    #[test]
+    fn headers_that_contradict_themselves_are_refused() {
+        let bytes = folded().write();
+        let refused = |change: &dyn Fn(&mut Vec<u8>)| {
+            let mut bytes = bytes.clone();
+            change(&mut bytes);
+            matches!(read(&bytes), Err(CodecError::Malformed { .. }))
+        };
+        assert!(refused(&|b| b[0] |= 7), "quantity 7");
+        assert!(refused(&|b| b[1] |= 31), "unit 31");
+        assert!(refused(&|b| b[1] |= 5 << 5), "policy 5");
+        assert!(refused(&|b| b[1] = b[1] & 31 | 1 << 5), "a pyramid in policy 1");
+        assert!(refused(&|b| b[2] |= 128), "flag 128");
+        assert!(refused(&|b| b[3] |= 31), "level 31");
+        let step = bytes.len() - 15 - 2 - 2;
+        assert!(refused(&|b| b[step..step + 2].fill(0)), "step 0");
+        assert!(refused(&|b| b[step..step + 2].copy_from_slice(&[0x80, 0x7F])), "step infinity");
+        assert!(refused(&|b| b[step + 6] = 0xFF), "a negative error");
+        assert!(refused(&|b| b.push(0)), "a byte more");
+        assert!(
+            refused(&|b| {
+                b[2] |= Flags::COUNTS;
+                b.extend([0xFF, 0xFF, 0xFF, 0x7F, 0, 0, 0]);
+            }),
+            "too many zeros"
+        );
     }
 
     #[test]

@@ -24,7 +24,7 @@ mod target;
 mod thresholded;
 
 pub use crate::codec::CodecError as DecodeError;
-pub use decode::{Decoded, decode, inspect, payload_digest};
+pub use decode::{Decoded, LevelInfo, decode, decode_level, inspect, levels, payload_digest};
 pub use noise::{Noise, estimate as estimate_noise};
 pub use target::{DeltaE, Target};
 
@@ -112,7 +112,7 @@ pub struct Summary {
     pub kept_coefficients: Option<u64>,
     /// Absolute floor, 0 if none was declared.
     pub floor: f64,
-    /// The errors of the decoded file against its input tensor (each rounded up to f32 when read from a file).
+    /// The errors of the decoded file against its input tensor (each rounded up by at most 0.007 % when read from a file).
     pub errors: ErrorReport,
     /// The metadata chunk's text, if there is one.
     pub metadata: Option<String>,
@@ -145,6 +145,12 @@ pub fn compress(
 ) -> Result<Compressed, CompressError> {
     check(settings)?;
     promise::check(measurement, settings)?;
+    let text = file::metadata_with_labels(measurement.tensor.axes(), settings.metadata.as_deref());
+    if let Some(text) = text.filter(|text| text.len() > decode::MAX_METADATA) {
+        let found = text.len();
+        return Err(CompressError::Setting(format!("metadata has {found} bytes, expected at most 16 MiB")));
+    }
+    let settings = &Settings { target: stateable(settings.target)?, ..settings.clone() };
     let policy = if settings.target == Target::Lossless { Policy::Lossless } else { settings.policy };
     let floor = absolute_floor(measurement, settings);
     let bases = match policy {
@@ -190,6 +196,23 @@ fn check(settings: &Settings) -> Result<(), CompressError> {
         return refuse("metadata is no JSON object".to_owned());
     }
     Ok(())
+}
+
+/// The target that the errors themselves must keep for the errors that a header states, rounded up, to keep `target`.
+fn stateable(target: Target) -> Result<Target, CompressError> {
+    let kept = |error: f64| match header::rounded_down(error) {
+        kept if kept > 0.0 => Ok(kept),
+        _ => Err(CompressError::Unreachable(format!("an error of {error} is below what a file can state"))),
+    };
+    Ok(match target {
+        Target::ErL2(error) => Target::ErL2(kept(error)?),
+        Target::ErL1(error) => Target::ErL1(kept(error)?),
+        Target::MaxRelativeError(error) => Target::MaxRelativeError(kept(error)?),
+        Target::MaxAbsoluteError(error) => Target::MaxAbsoluteError(kept(error)?),
+        Target::RelativeRmse(error) => Target::RelativeRmse(kept(error)?),
+        // A header states no colours.
+        Target::DeltaE(_) | Target::Ratio(_) | Target::Bytes(_) | Target::Auto | Target::Lossless => target,
+    })
 }
 
 /// The floor in the unit of a sample, as it is stored; 0 without a floor.
@@ -253,5 +276,7 @@ fn basis_of(axes: &[Axis], transforms: &[AxisTransform], klt: bool) -> String {
     }
 }
 
+#[cfg(test)]
+mod level_tests;
 #[cfg(test)]
 mod tests;

@@ -7,20 +7,20 @@ use rand_pcg::Pcg64;
 
 mod targets;
 
-fn mesh(domain: Domain, level: u8) -> Axis {
+pub(super) fn mesh(domain: Domain, level: u8) -> Axis {
     Axis::Triangles(TriangleMesh::new(domain, level).unwrap())
 }
 
-fn wavelengths(count: usize) -> Axis {
+pub(super) fn wavelengths(count: usize) -> Axis {
     Axis::Wavelength(WavelengthGrid::even(380.0, 5.0, count).unwrap())
 }
 
-fn index(count: usize) -> Axis {
+pub(super) fn index(count: usize) -> Axis {
     Axis::Index { count, labels: (0..count).map(|i| format!("patch {i}")).collect() }
 }
 
 /// A smooth positive function of every axis with a little noise, seeded.
-fn measurement(quantity: Quantity, axes: Vec<Axis>, noise: f64) -> Measurement {
+pub(super) fn measurement(quantity: Quantity, axes: Vec<Axis>, noise: f64) -> Measurement {
     let mut rng = Pcg64::seed_from_u64(7);
     let shape: Vec<usize> = axes.iter().map(Axis::len).collect();
     let count: usize = shape.iter().product();
@@ -43,7 +43,7 @@ fn measurement(quantity: Quantity, axes: Vec<Axis>, noise: f64) -> Measurement {
     Measurement::new(quantity, quantity.default_unit(), Sampling::Average, tensor).unwrap()
 }
 
-fn shapes() -> Vec<Measurement> {
+pub(super) fn shapes() -> Vec<Measurement> {
     let elevations = Axis::Elevation((0..9).map(|i| f64::from(i) * 10.0).collect());
     vec![
         measurement(Quantity::Spectrum, vec![wavelengths(1)], 0.0),
@@ -64,7 +64,7 @@ fn shapes() -> Vec<Measurement> {
 }
 
 /// Puts negative, zero and masked samples into a measurement.
-fn hurt(mut m: Measurement) -> Measurement {
+pub(super) fn hurt(mut m: Measurement) -> Measurement {
     let axes = m.tensor.axes().to_vec();
     let mut samples = m.tensor.clone().into_samples();
     for (i, s) in samples.iter_mut().enumerate() {
@@ -79,7 +79,7 @@ fn hurt(mut m: Measurement) -> Measurement {
     m
 }
 
-fn settings(target: Target, policy: Policy) -> Settings {
+pub(super) fn settings(target: Target, policy: Policy) -> Settings {
     Settings { target, policy, basis: "auto".to_owned(), floor: None, metadata: Some("{}".to_owned()) }
 }
 
@@ -95,7 +95,13 @@ fn check_file(m: &Measurement, settings: &Settings) -> Compressed {
     assert_eq!(errors.mask_mismatches, 0);
     let inspected = inspect(&compressed.bytes).unwrap();
     assert_eq!(inspected.kept_coefficients, compressed.summary.kept_coefficients);
-    assert!(inspected.errors.er_l2 >= errors.er_l2 && inspected.errors.er_l2 <= errors.er_l2 * 1.000_001 + 1e-30);
+    assert!(inspected.errors.er_l2 >= errors.er_l2 && inspected.errors.er_l2 <= errors.er_l2 * 1.000_07 + 1e-30);
+    if let Target::ErL2(wanted) = settings.target {
+        assert!(inspected.errors.er_l2 <= wanted, "what the file states is within the promise");
+    }
+    if let Target::MaxRelativeError(wanted) = settings.target {
+        assert!(inspected.errors.max_relative_error <= wanted);
+    }
     compressed
 }
 
@@ -273,6 +279,7 @@ fn settings_out_of_range_are_refused() {
         Settings { basis: "db99".to_owned(), ..good.clone() },
         Settings { floor: Some(1.0), ..good.clone() },
         Settings { metadata: Some("[]".to_owned()), ..good.clone() },
+        Settings { metadata: Some(format!("{{\"long\":\"{}\"}}", "x".repeat(1 << 24))), ..good.clone() },
         Settings { policy: Policy::Lossless, ..good.clone() },
     ] {
         assert!(matches!(compress(m, &bad, &Silent), Err(CompressError::Setting(_))), "{bad:?}");
@@ -282,7 +289,8 @@ fn settings_out_of_range_are_refused() {
 #[test]
 fn unreachable_targets_say_so() {
     let m = &shapes()[4];
-    for target in [Target::Bytes(10), Target::ErL2(1e-12), Target::MaxRelativeError(1e-9)] {
+    let unstateable = Target::ErL2(f64::MIN_POSITIVE);
+    for target in [Target::Bytes(10), Target::ErL2(1e-12), Target::MaxRelativeError(1e-9), unstateable] {
         let result = compress(m, &settings(target, Policy::Rd), &Silent);
         assert!(matches!(result, Err(CompressError::Unreachable(_))), "{target:?}: {result:?}");
     }
@@ -306,12 +314,22 @@ fn work_stops_when_asked() {
 }
 
 #[test]
-fn every_truncation_and_every_flipped_byte_is_an_error() {
+fn every_truncation_but_in_front_of_metadata_and_every_flipped_byte_is_an_error() {
     let m = hurt(measurement(Quantity::Edf, vec![mesh(Domain::Sphere, 1), wavelengths(9)], 0.01));
-    for target in [Target::ErL2(0.01), Target::MaxRelativeError(0.01), Target::Lossless] {
-        let bytes = compress(&m, &settings(target, Policy::Rd), &Silent).unwrap().bytes;
+    for (target, policy) in [
+        (Target::ErL2(0.01), Policy::Rd),
+        (Target::MaxRelativeError(0.01), Policy::Rd),
+        (Target::Lossless, Policy::Rd),
+        (Target::ErL2(0.05), Policy::Generic),
+    ] {
+        let bytes = compress(&m, &settings(target, policy), &Silent).unwrap().bytes;
+        let in_front_of_metadata = compress(&m, &Settings { metadata: None, ..settings(target, policy) }, &Silent);
+        let in_front_of_metadata = in_front_of_metadata.unwrap().bytes.len();
         for end in 0..bytes.len() {
-            assert!(decode(&bytes[..end]).is_err());
+            let cut = &bytes[..end];
+            assert_eq!(decode(cut).is_ok(), end == in_front_of_metadata, "cut at {end}");
+            assert_eq!(inspect(cut).is_ok(), end == in_front_of_metadata);
+            assert_eq!(payload_digest(cut).is_ok(), end == in_front_of_metadata);
         }
         for i in 0..bytes.len() {
             let mut flipped = bytes.clone();

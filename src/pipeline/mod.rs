@@ -1,6 +1,6 @@
 //! What a user asks for, whole: bytes of a measurement and a request in, a compressed material with its report out.
 
-use crate::compress::{self, CompressError, Noise, Policy, Ranked, Settings, Target};
+use crate::compress::{self, CompressError, LevelInfo, Noise, Policy, Ranked, Settings, Target};
 use crate::domain::colour::ColourReport;
 use crate::domain::{Axis, ErrorReport, Progress, Quantity, Unit, WavelengthError, WavelengthGrid};
 use crate::formats::{self, Acquisition, FormatError, Interpretation, Note, NoteKind};
@@ -152,6 +152,8 @@ pub struct Report {
     pub coverage: Coverage,
     /// Everything a parser assumed, filled or skipped, and a warning where the target lies below the noise.
     pub notes: Vec<Note>,
+    /// The levels of the last triangle axis that the first bytes of the file hold, coarse first; at least the finest.
+    pub levels: Vec<LevelInfo>,
 }
 
 /// A measurement that was read, with its own bytes no longer needed.
@@ -258,5 +260,6 @@ fn report(
         noise: compressed.noise,
         coverage,
         notes: acquisition.report.notes.iter().cloned().chain(warning).collect(),
+        levels: compress::levels(&compressed.bytes).unwrap_or_default(),
     }
 }

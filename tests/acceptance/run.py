@@ -203,7 +203,8 @@ def refusals(binary, scratch):
 
 
 def truncations(binary, scratch, files):
-    """Every file cut at 50 places. A table of text may be whole where it is cut: then it must still be understood."""
+    """Every file cut at 50 places. A table of text may be whole where it is cut: then it must still be understood. So is a
+    material in front of its metadata."""
     cut, accepted = os.path.join(scratch, "cut"), 0
     for path, options in files:
         with open(os.path.join(ROOT, path), "rb") as file:
@@ -212,6 +213,8 @@ def truncations(binary, scratch, files):
         binary_format = extension in (".wlm", ".npy", ".mbsdf")
         # Without its last number, and without the spaces before it, a text file has certainly lost something.
         complete = len(content.rstrip()) - len(content.split()[-1]) if not binary_format else len(content)
+        if extension == ".wlm":
+            complete = json.loads(run(binary, "inspect", path, "--json").out)["levels"][-1]["bytes"]
         may_end_anywhere = extension == ".csv"
         side_car = os.path.splitext(path)[0] + ".axes.json"
         if extension == ".npy" and os.path.exists(os.path.join(ROOT, side_car)):
@@ -222,6 +225,9 @@ def truncations(binary, scratch, files):
                 file.write(content[:size])
             command = ["decode", cut + extension, "-o", cut + ".out"] if extension == ".wlm" else ["inspect", cut + extension]
             done = run(binary, *command, *(options if extension != ".wlm" else []))
+            if extension == ".wlm" and size > complete:
+                refused(done, f"{os.path.basename(path)} cut at {size} of {len(content)}")
+                continue
             if done.code == 0 and (may_end_anywhere or size >= complete):
                 accepted += 1
                 continue

@@ -21,7 +21,12 @@ pub(crate) struct Fineness {
 impl Fineness {
     /// The usual choices at `step`.
     pub(crate) fn of(step: f32) -> Self {
-        Self { step, more_vectors: 0, coarser_vectors: 0 }
+        Self { step: 0.0, more_vectors: 0, coarser_vectors: 0 }.at(step)
+    }
+
+    /// The same choices at `step`, or the largest step below it that a header can hold: 8 significant bits.
+    pub(crate) fn at(self, step: f32) -> Self {
+        Self { step: f32::from_bits(step.max(f32::MIN_POSITIVE).to_bits() >> 16 << 16), ..self }
     }
 }
 

@@ -7,6 +7,7 @@
 pub(crate) mod adaptive;
 mod chart;
 mod layer;
+pub(crate) mod levels;
 mod metric;
 pub(crate) mod predictive;
 mod pyramid;
@@ -222,7 +223,8 @@ fn best_of<'a>(
             shared = shared.or(own);
         }
         let Some(steps) = own.or(shared) else { continue };
-        let bytes = chunk_bytes(&candidate.layer.chunks(steps.first));
+        let levels = if candidate.layer.is_predicted() { levels::usual_bytes(candidate.measurement) } else { 0 };
+        let bytes = chunk_bytes(&candidate.layer.chunks(steps.first)) + levels;
         let errors = if by_error {
             decoded.resize(candidate.original().len(), 0.0);
             let error = candidate.relative_error(steps.first, &mut decoded, progress)?;
@@ -419,7 +421,7 @@ impl<'a> Work<'a> {
             for quarter in -4..=4_i32 {
                 // The error is not monotone in the step: all of its neighbourhood is tried.
                 let factor = libm::exp2(f64::from(quarter) / 24.0) as f32;
-                let fineness = Fineness { step: from.step * factor, ..from };
+                let fineness = from.at(from.step * factor);
                 let bytes = chunk_bytes(&self.layer.chunks(fineness));
                 if bytes < best.0 && self.relative_error(fineness, &mut decoded, progress)? <= error {
                     best = (bytes, fineness);
@@ -500,7 +502,11 @@ impl<'a> Work<'a> {
 
     fn file_size(&self, step: f32) -> usize {
         let metadata = metadata_with_labels(self.measurement.tensor.axes(), self.settings.metadata.as_deref());
-        assemble(&self.encode(Steps { first: Fineness::of(step), correction: 0.0 }), metadata.as_deref()).len()
+        let mut parts = self.encode(Steps { first: Fineness::of(step), correction: 0.0 });
+        if levels::insert(&mut parts, self.measurement).is_err() {
+            return usize::MAX;
+        }
+        assemble(&parts, metadata.as_deref()).len()
     }
 
     fn corrections_chunk(&self, steps: Steps) -> (ChunkKind, Vec<u8>) {

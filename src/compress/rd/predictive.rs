@@ -2,9 +2,13 @@
 //! pyramid of triangles predicted in closed loop.
 //!
 //! ```text
-//! pyramid chunk   u8 kind of the model, 0 if there is none; 128 more if there is no pyramid behind it;
-//!                 u8 number of generators, then u8 each: the number of a symmetry of the last triangle axis' domain;
-//!                 then the range-coded coefficients of the model, and the pyramid
+//! pyramid chunk   levels, as in `levels`; varint m + 4 · a + 8 · g; then the range-coded coefficients of the model, and the
+//!                 pyramid
+//!
+//! m               the kind of the model, 0 if there is none
+//! a               1 if there is no pyramid behind the model: all its details are 0
+//! g               generators: digits to base n + 1, the first lowest: 1 + the number of a symmetry, of the n of the last
+//!                 triangle axis' domain
 //! ```
 
 use super::super::SpectralBasis;
@@ -19,8 +23,6 @@ use crate::transform::{AxisTransform, Klt};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Set in the first byte of the chunk if there is no pyramid.
-const ALONE: u8 = 128;
 /// Samples of the spectra whose principal components are found, at most.
 const ANALYSED: usize = 1 << 23;
 /// Rows compared with their images when symmetries are looked for.
@@ -108,7 +110,8 @@ fn closure(generators: &[Symmetry]) -> Vec<Symmetry> {
 /// Rows folded by a group of symmetries, and their principal components: what every model starts from.
 pub(crate) struct Folded {
     shape: Shape,
-    generators: Vec<u8>,
+    /// As they are written.
+    generators: u64,
     group: Group,
     representatives: Vec<Representative>,
     pyramid: Pyramid,
@@ -125,8 +128,6 @@ impl Folded {
         logs: &[f32],
         generators: &[Symmetry],
     ) -> Result<Self, String> {
-        let known = Symmetry::of(shape.mesh.domain());
-        let numbers = generators.iter().filter_map(|g| known.iter().position(|k| k == g)).map(|n| n as u8).collect();
         let group = shape.group(generators).ok_or("a symmetry of another domain")?;
         let representatives = group.representatives();
         let rows = fold_rows(shape, &group, &representatives, logs);
@@ -137,14 +138,22 @@ impl Folded {
         });
         let pyramid = Pyramid::new(shape.mesh, &group, &representatives, live.as_deref());
         let klt = klt.transpose()?;
-        Ok(Self { shape: shape.clone(), generators: numbers, group, representatives, pyramid, klt, rows })
+        Ok(Self {
+            shape: shape.clone(),
+            generators: number_of(shape, generators),
+            group,
+            representatives,
+            pyramid,
+            klt,
+            rows,
+        })
     }
 }
 
 impl Folded {
     /// Whether nothing is folded.
     pub(crate) fn is_trivial(&self) -> bool {
-        self.generators.is_empty()
+        self.generators == 0
     }
 }
 
@@ -210,11 +219,10 @@ impl PredictiveLayer {
             planes.iter_mut().zip(model).for_each(|(x, m)| *x -= m);
         }
         let model_alone = encoder.clone();
-        let (mut decoded, details) = folded.pyramid.code(&mut encoder, step, vectors, Some(planes));
+        let (mut decoded, details) = folded.pyramid.code(&mut encoder, step, vectors, Some(planes), usize::MAX);
         let mut w = Writer::default();
-        w.u8(self.chart.as_ref().map_or(0, |chart| chart.kind() as u8) | if details == 0 { ALONE } else { 0 });
-        w.u8(folded.generators.len() as u8);
-        w.raw(&folded.generators);
+        let model_code = self.chart.as_ref().map_or(0, |chart| chart.kind() as u64);
+        w.varint(model_code | u64::from(details == 0) << 2 | folded.generators << 3);
         w.raw(&if details == 0 { model_alone } else { encoder }.finish());
         chunks.push((ChunkKind::Pyramid, w.into_bytes()));
         if let Some(model) = &model {
@@ -252,13 +260,15 @@ impl FirstLayer for PredictiveLayer {
     }
 }
 
-/// The logarithms that a basis chunk and a pyramid chunk stand for.
+/// The logarithms that a basis chunk and a pyramid chunk behind its levels stand for, without details below level `finest`;
+/// and how many bytes of the latter they depend on.
 pub(crate) fn decode(
     axes: &[Axis],
     classes: Option<&[Class]>,
     step: f32,
     (basis, coded): (Option<&[u8]>, &[u8]),
-) -> Result<Vec<f32>, CodecError> {
+    finest: usize,
+) -> Result<(Vec<f32>, usize), CodecError> {
     let malformed = |reason: &str| CodecError::Malformed { at: 0, reason: reason.to_owned() };
     let shape = Shape::of(axes).ok_or_else(|| malformed("a pyramid without a triangle axis"))?;
     let basis = match basis {
@@ -267,38 +277,77 @@ pub(crate) fn decode(
         _ => return Err(malformed("a basis chunk without a spectral axis, or none with one")),
     };
     let mut r = Reader::new(coded, 0);
-    let first = r.u8("model")?;
-    let known = Symmetry::of(shape.mesh.domain());
-    let mut generators = Vec::new();
-    for _ in 0..r.u8("number of generators")?.min(8) {
-        let number = r.u8("symmetry")?;
-        generators.push(*known.get(usize::from(number)).ok_or_else(|| malformed("a symmetry that is unknown"))?);
-    }
-    let group = shape.group(&generators).ok_or_else(|| malformed("a symmetry of another domain"))?;
+    let Plan { model, alone, group } = Plan::read(&shape, &mut r)?;
     let representatives = group.representatives();
     let live = live_leaves(&shape, &group, &representatives, classes);
     let vectors = basis.as_ref().map_or(1, Basis::rank);
-    let chart = match first & !ALONE {
-        0 => None,
-        code => {
-            let chart = ChartKind::from_code(code).and_then(|kind| Chart::new(kind, &shape, &representatives));
-            Some(chart.ok_or_else(|| malformed("a model that is unknown or makes no sense here"))?)
+    let chart = match model {
+        None => None,
+        Some(kind) => {
+            let chart = Chart::new(kind, &shape, &representatives);
+            Some(chart.ok_or_else(|| malformed("a model that makes no sense here"))?)
         }
     };
-    let mut coder = Decoder::new(r.take(r.remaining(), "pyramid")?);
-    let model = chart.map(|chart| chart.code(&mut coder, step, vectors, None, &mut 0));
-    let mut decoded = if first & ALONE == 0 {
-        let pyramid = Pyramid::new(shape.mesh, &group, &representatives, live.as_deref());
-        pyramid.code(&mut coder, step, vectors, None).0
-    } else {
+    let start = r.offset();
+    let mut decoder = Decoder::new(r.take(r.remaining(), "pyramid")?);
+    let model = chart.map(|chart| chart.code(&mut decoder, step, vectors, None, &mut 0));
+    let mut decoded = if alone {
         vec![0.0; representatives.len() * vectors * shape.mesh.len()]
+    } else {
+        let pyramid = Pyramid::new(shape.mesh, &group, &representatives, live.as_deref());
+        pyramid.code(&mut decoder, step, vectors, None, finest).0
     };
     if let Some(model) = model {
         decoded.iter_mut().zip(model).for_each(|(x, m)| *x += m);
     }
     let mut logs = vec![0.0; axes.iter().map(Axis::len).product()];
     synthesise(&shape, &group, &representatives, basis.as_ref(), &decoded, &mut logs);
-    Ok(logs)
+    Ok((logs, start + decoder.position()))
+}
+
+/// By block: the number of the representative that stands for it.
+pub(crate) fn orbits(axes: &[Axis], coded: &[u8]) -> Result<Vec<u32>, CodecError> {
+    let no_triangles = || CodecError::Malformed { at: 0, reason: "a pyramid without a triangle axis".to_owned() };
+    let shape = Shape::of(axes).ok_or_else(no_triangles)?;
+    let group = Plan::read(&shape, &mut Reader::new(coded, 0))?.group;
+    let mut orbits = vec![0; shape.blocks()];
+    for (i, representative) in group.representatives().iter().enumerate() {
+        for member in group.members() {
+            orbits[member.blocks[representative.block] as usize] = i as u32;
+        }
+    }
+    Ok(orbits)
+}
+
+/// Generators as one number; none is 0.
+fn number_of(shape: &Shape, generators: &[Symmetry]) -> u64 {
+    let known = Symmetry::of(shape.mesh.domain());
+    let digits = generators.iter().rev().filter_map(|g| known.iter().position(|k| k == g));
+    digits.fold(0, |number, digit| number * (known.len() as u64 + 1) + digit as u64 + 1)
+}
+
+/// What a pyramid's first number says.
+struct Plan {
+    model: Option<ChartKind>,
+    alone: bool,
+    group: Group,
+}
+
+impl Plan {
+    fn read(shape: &Shape, r: &mut Reader<'_>) -> Result<Self, CodecError> {
+        let known = Symmetry::of(shape.mesh.domain());
+        let base = known.len() as u64 + 1;
+        let first = r.varint("model and symmetries")?;
+        let mut number = first >> 3;
+        let mut generators = Vec::new();
+        while number > 0 {
+            let digit = (number % base).checked_sub(1).map(|digit| known[digit as usize]);
+            generators.push(digit.ok_or_else(|| r.malformed("symmetries with a digit 0"))?);
+            number /= base;
+        }
+        let group = shape.group(&generators).ok_or_else(|| r.malformed("a symmetry of another domain"))?;
+        Ok(Self { model: ChartKind::from_code((first & 3) as u8), alone: first >> 2 & 1 == 1, group })
+    }
 }
 
 /// Planes `[representatives, vectors, leaves]` to logarithms.

@@ -107,13 +107,14 @@ impl Pyramid {
     }
 
     /// Codes planes at `step`: an encoder is given them, a decoder nothing; both return what a decoder has. The number of
-    /// details that are not 0 comes along. `each_level` sees the coder at the end of every level.
+    /// details that are not 0 comes along. The details below level `finest` are 0 and take no bits.
     pub(crate) fn code<C: BitCoder>(
         &self,
         coder: &mut C,
         step: f32,
         vectors: usize,
         planes: Option<Vec<f32>>,
+        finest: usize,
     ) -> (Vec<f32>, u64) {
         let count = self.fold_of.len() * vectors;
         let source = planes.map(|planes| self.means(planes, vectors));
@@ -131,6 +132,7 @@ impl Pyramid {
                 let task = Plane {
                     pyramid: self,
                     level,
+                    is_coded: level < finest,
                     representative: plane / vectors,
                     step: step_at(step, self.levels - level - 1),
                     source: source.as_ref().map(|s| &s[level + 1][plane * 4 * n..][..4 * n]),
@@ -193,6 +195,7 @@ fn step_at(step: f32, below: usize) -> f32 {
 struct Plane<'a> {
     pyramid: &'a Pyramid,
     level: usize,
+    is_coded: bool,
     representative: usize,
     step: f32,
     source: Option<&'a [f32]>,
@@ -249,6 +252,8 @@ impl Plane<'_> {
                 let twin = if siblings == 4 { usize::from(same[m]) } else { m };
                 let q = if twin < m {
                     quantised[3 * t + twin]
+                } else if !self.is_coded {
+                    0
                 } else {
                     let around = self.surroundings(t, m, prediction, quantised);
                     let q = details.code(coder, &around, quantise(wanted[m], self.step));

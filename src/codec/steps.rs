@@ -1,0 +1,80 @@
+//! Small signed integers in rows, mostly 0: whether each is 0 in the context of those beside and above it.
+
+use super::model::Model;
+use super::range::BitCoder;
+use super::symbols::{GOLOMB_SLOTS, code_golomb};
+
+const NONZERO: usize = 0;
+const SIGN: usize = NONZERO + 9;
+const MAGNITUDE: usize = SIGN + 3;
+/// Of 65536: every fifth is not 0.
+const USUALLY_NONZERO: u32 = 13_107;
+
+/// Codes rows of `lanes` integers; a decoder fills them.
+///
+/// # Panics
+/// If the number of integers is not a multiple of `lanes`.
+pub fn code_steps<C: BitCoder>(coder: &mut C, lanes: usize, steps: &mut [i32]) {
+    assert_eq!(steps.len() % lanes, 0, "steps come in rows");
+    let mut model = Model::new(MAGNITUDE + GOLOMB_SLOTS, 1);
+    for context in 0..9 {
+        model.prior(NONZERO + context, USUALLY_NONZERO);
+    }
+    // Nothing beside or above is a context of its own.
+    let state = |known: Option<i32>| known.map_or(2, |step| usize::from(step != 0));
+    for at in 0..steps.len() {
+        let beside = (at % lanes > 0).then(|| steps[at - 1]);
+        let above = at.checked_sub(lanes).map(|above| steps[above]);
+        let step = steps[at];
+        let context = 3 * state(beside) + state(above);
+        if !model.code_one(coder, step != 0, NONZERO + context) {
+            steps[at] = 0;
+            continue;
+        }
+        let sign = (beside.unwrap_or(0).signum() + 1) as usize;
+        let negative = model.code_one(coder, step < 0, SIGN + sign);
+        let below = code_golomb(coder, &mut model, MAGNITUDE, step.unsigned_abs().wrapping_sub(1));
+        let magnitude = below.min(i32::MAX as u32 - 1) as i32 + 1;
+        steps[at] = if negative { -magnitude } else { magnitude };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::range::{Decoder, Encoder};
+    use proptest::prelude::*;
+
+    fn round_trip(lanes: usize, steps: &[i32]) -> usize {
+        let mut encoder = Encoder::default();
+        code_steps(&mut encoder, lanes, &mut steps.to_vec());
+        let bytes = encoder.finish();
+        let mut decoded = vec![7; steps.len()];
+        code_steps(&mut Decoder::new(&bytes), lanes, &mut decoded);
+        assert_eq!(decoded, steps);
+        bytes.len()
+    }
+
+    #[test]
+    fn rare_small_steps_are_small() {
+        let mut steps = [0; 4 * 16];
+        steps[0] = 3;
+        steps[1] = -2;
+        assert!(round_trip(16, &steps) <= 6);
+        let busy: Vec<i32> = (0..64).map(|i| i % 5 - 2).collect();
+        assert!(round_trip(16, &busy) <= 40);
+    }
+
+    proptest! {
+        #[test]
+        fn any_steps_round_trip(steps in prop::collection::vec(-2_000_000_000..2_000_000_000_i32, 1..60)) {
+            round_trip(1, &steps);
+            round_trip(steps.len(), &steps);
+        }
+
+        #[test]
+        fn any_bytes_are_steps(bytes in prop::collection::vec(any::<u8>(), 0..60)) {
+            code_steps(&mut Decoder::new(&bytes), 5, &mut [0; 40]);
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! Text as bytes: every bit predicted from the one, two and four bytes before it, by models that know typical metadata.
+//!
+//! ```text
+//! text   varint length in bytes, then the range-coded bytes, high bit first
+//! ```
+//! Metadata is short, and its first bytes would cost most: the models start as if [`TYPICAL`] had been coded before. That
+//! text is part of the format.
+
+use super::bytes::{Reader, Writer};
+use super::error::CodecError;
+use super::model::{INPUTS, Model};
+use super::range::{BitCoder, Decoder, Encoder};
+
+/// What metadata looks like; any change makes other bytes.
+const TYPICAL: &str = concat!(
+    r#"{"generator":"wavelume 0.1.0","labels":{"0":["1","2","3"]},"request":{"basis":"auto","metadata":true,"policy":"r"#,
+    r#"d","target":{"max_relative_error":0.05}},"source":{"content_digest":"b3-6e340b9cffb37a989ca544e6bb780a2c78901d3f"#,
+    r#"b33738768511a30617afa01d","dialect":"LM-63-2002, type C, no symmetry","format":"spectral-table","metadata":{"nam"#,
+    r#"e":"","description":"","manufacturer":"","date":"","notes":""},"notes":["the header names no quantity, taken as "#,
+    r#"spectrum in relative values","no unit stated, taken as 1/sr"],"spectrum_digest":"b3-4bf5122f344554c53bde2ebb8cd2"#,
+    r#"b7e3d1600ad631c385a5d7cce23c7785459a"}}{"generator":"wavelume 0.1.0","request":{"basis":"auto","metadata":true,""#,
+    r#"policy":"rd","target":{"er_l2":0.01}},"source":{"content_digest":"b3-dbc1b4c900ffe48d575b5da5c638040125f65db0fe3"#,
+    r#"e24494b76ea986457d986","dialect":"","format":"npy","metadata":{},"notes":[],"spectrum_digest":null}}"#,
+);
+/// Hashed contexts of each order, a power of two.
+const CONTEXTS: usize = 1 << 16;
+
+/// The models and the bytes before.
+struct TextCoder {
+    model: Model,
+    /// The last four bytes, the last one lowest.
+    before: u32,
+}
+
+impl TextCoder {
+    fn new() -> Self {
+        let mut coder = Self { model: Model::new(INPUTS * CONTEXTS, 8), before: 0 };
+        for byte in TYPICAL.bytes() {
+            coder.code(&mut Listener, byte);
+        }
+        coder
+    }
+
+    fn code<C: BitCoder>(&mut self, coder: &mut C, byte: u8) -> u8 {
+        let orders = [self.before & 0xFF, self.before & 0xFFFF, self.before];
+        let mut node = 1_u32;
+        for shift in (0..8).rev() {
+            let slots = std::array::from_fn(|k| k * CONTEXTS + slot(orders[k].wrapping_add(k as u32), node));
+            node = node << 1 | u32::from(self.model.code(coder, byte >> shift & 1 == 1, slots, shift));
+        }
+        self.before = self.before << 8 | (node & 0xFF);
+        node as u8
+    }
+}
+
+/// The slot of a node of the byte's binary tree in a context.
+fn slot(context: u32, node: u32) -> usize {
+    let mixed = (context.wrapping_mul(0x9E37_79B1) ^ node.wrapping_mul(0x85EB_CA77)).wrapping_mul(0xC2B2_AE3D);
+    (mixed >> 16) as usize % CONTEXTS
+}
+
+/// Hears decisions and writes nothing.
+struct Listener;
+
+impl BitCoder for Listener {
+    const DECODES: bool = false;
+
+    fn bit(&mut self, bit: bool, _p1: u32) -> bool {
+        bit
+    }
+}
+
+/// The coded form of `text`.
+pub fn write_text(text: &str) -> Vec<u8> {
+    let mut w = Writer::default();
+    w.varint(text.len() as u64);
+    let mut models = TextCoder::new();
+    let mut encoder = Encoder::default();
+    for byte in text.bytes() {
+        models.code(&mut encoder, byte);
+    }
+    w.raw(&encoder.finish());
+    w.into_bytes()
+}
+
+/// Reads a text of at most `limit` bytes to the end of `r`.
+pub fn read_text(r: &mut Reader<'_>, limit: usize) -> Result<String, CodecError> {
+    let length = r.size(limit, "length of the metadata")?;
+    let coded = r.take(r.remaining(), "metadata")?;
+    let mut models = TextCoder::new();
+    let mut decoder = Decoder::new(coded);
+    let mut bytes = Vec::with_capacity(length);
+    for _ in 0..length {
+        bytes.push(models.code(&mut decoder, 0));
+    }
+    if !decoder.is_exhausted() {
+        return Err(r.malformed("bytes after the end of the metadata"));
+    }
+    String::from_utf8(bytes).map_err(|_| r.malformed("metadata is no UTF-8 text"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const LIMIT: usize = 1 << 16;
+
+    fn read(bytes: &[u8]) -> Result<String, CodecError> {
+        read_text(&mut Reader::new(bytes, 0), LIMIT)
+    }
+
+    #[test]
+    fn metadata_is_short() {
+        let digest = "4f5b0c7a9d1e2f3a4b5c6d7e8f9a0b1c2d3e4f5a6b7c8d9e0f1a2b3c4d5e6f70";
+        let text = format!(
+            r#"{{"generator":"wavelume 0.1.0","request":{{"basis":"auto","metadata":true,"policy":"rd","target":{{"er_l2":0.01}}}},"source":{{"content_digest":"b3-{digest}","dialect":"float32","format":"npy","metadata":{{"note":"red plastic"}},"notes":[],"spectrum_digest":null}}}}"#
+        );
+        let bytes = write_text(&text);
+        assert_eq!(read(&bytes).unwrap(), text);
+        // The digest alone is 32 bytes of noise.
+        assert!(bytes.len() < 90, "{} of {}", bytes.len(), text.len());
+        assert!(write_text("{}").len() <= 3);
+        let prose = "Goniometric measurement of a painted sample, taken in the dark. ".repeat(20);
+        assert!(write_text(&prose).len() * 10 < prose.len());
+    }
+
+    #[test]
+    fn lengths_over_the_limit_and_bytes_after_the_end_are_refused() {
+        let long = write_text(&"x".repeat(LIMIT + 1));
+        assert!(matches!(read(&long), Err(CodecError::Malformed { .. })));
+        let mut huge = Writer::default();
+        huge.varint(u64::MAX);
+        assert!(matches!(read(&huge.into_bytes()), Err(CodecError::Malformed { .. })));
+        let mut longer = write_text("some text");
+        longer.extend([1; 8]);
+        assert!(matches!(read(&longer), Err(CodecError::Malformed { .. })));
+        assert!(matches!(read(&[]), Err(CodecError::Truncated { .. })));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+
+        #[test]
+        fn any_text_round_trips(text in "\\PC{0,200}") {
+            prop_assert_eq!(read(&write_text(&text)).unwrap(), text);
+        }
+
+        #[test]
+        fn any_bytes_are_a_text_or_an_error(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+            let _ = read(&bytes);
+        }
+    }
+}

@@ -1,0 +1,352 @@
+//! Coarser materials inside a pyramid: how many bytes a level needs, how good it is, and how much light it keeps.
+//!
+//! A pyramid is coded coarse to fine, so that its first bytes are a coarser material. Its samples are averages of the
+//! samples themselves over the level's triangles, not of their logarithms: whoever reads it sees the same light.
+//!
+//! ```text
+//! levels   for each level of the last triangle axis below its own, coarse first:
+//!            varint  how many bytes of what follows the levels it needs, less those of the level before
+//!            u8 k    er(L2) of the level, rounded up to 2^((k − 140) / 8); 0 is 0, 255 more
+//!          then, if there are such levels: varint length, range-coded steps of the brightness: for each of these levels and
+//!          each representative k, which stands for a factor exp(0.015 k); nothing where all are 0
+//! ```
+//! er(L2) is that against the averages of the original samples. The factor makes the decoded light in all outgoing
+//! directions and wavelengths (weighted by solid angle, projected for quantities that go with a cosine) that of the original
+//! within 1 %, in the mean over the blocks that a representative stands for.
+
+use super::super::decode::{apply_classes, classes_of};
+use super::super::exponential::exponentiate;
+use super::super::file::Parts;
+use super::super::header::Header;
+use super::predictive;
+use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Reader, Writer, code_steps};
+use crate::domain::{Axis, ErrorReport, Measurement, Quantity, TriangleMesh};
+use rayon::prelude::*;
+
+/// A step of the brightness, in natural logarithms.
+const BRIGHTNESS_STEP: f64 = 0.015;
+/// A deviation of the brightness that is left as it is.
+const TOLERATED: f64 = 0.0098;
+/// Steps at most: a factor of e^75.
+const MOST_STEPS: i32 = 5_000;
+/// The code of an error of 1, and codes for a doubling.
+const ONE: f64 = 140.0;
+const DOUBLING: f64 = 8.0;
+
+/// What a pyramid chunk says about the levels below its own.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct LevelIndex<'a> {
+    /// Coarse first.
+    pub(crate) entries: Vec<LevelEntry>,
+    /// Steps of the brightness, coded.
+    brightness: &'a [u8],
+}
+
+/// One level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct LevelEntry {
+    /// How many bytes behind the index it needs.
+    pub(crate) end: usize,
+    error: u8,
+}
+
+impl LevelEntry {
+    /// er(L2), rounded up.
+    pub(crate) fn er_l2(self) -> f64 {
+        error_of(self.error)
+    }
+}
+
+impl<'a> LevelIndex<'a> {
+    /// Reads the index of a pyramid of `levels` levels.
+    pub(crate) fn read(r: &mut Reader<'a>, levels: u8) -> Result<Self, CodecError> {
+        let mut entries: Vec<LevelEntry> = Vec::new();
+        for _ in 0..levels {
+            let before = entries.last().map_or(0, |entry| entry.end);
+            let more = r.size(usize::MAX >> 1, "bytes of a level")?;
+            let error = r.u8("error of a level")?;
+            entries.push(LevelEntry { end: before.saturating_add(more), error });
+        }
+        let length = if levels > 0 { r.size(usize::MAX >> 1, "bytes of the brightness")? } else { 0 };
+        Ok(Self { entries, brightness: r.take(length, "brightness of the levels")? })
+    }
+
+    fn write(&self) -> Vec<u8> {
+        let mut w = Writer::default();
+        let mut before = 0;
+        for entry in &self.entries {
+            w.varint((entry.end - before) as u64);
+            w.u8(entry.error);
+            before = entry.end;
+        }
+        if !self.entries.is_empty() {
+            w.varint(self.brightness.len() as u64);
+            w.raw(self.brightness);
+        }
+        w.into_bytes()
+    }
+
+    /// The steps of the brightness of `level` by representative.
+    fn steps(&self, level: usize, representatives: usize) -> Vec<i32> {
+        let mut steps = vec![0; self.entries.len() * representatives];
+        if !self.brightness.is_empty() {
+            code_steps(&mut Decoder::new(self.brightness), representatives.max(1), &mut steps);
+        }
+        steps[level * representatives..][..representatives].to_vec()
+    }
+}
+
+/// Bytes that the index of a measurement usually takes.
+pub(crate) fn usual_bytes(measurement: &Measurement) -> usize {
+    let grid = Grid::of(measurement.tensor.axes());
+    grid.map_or(0, |grid| 2 * usize::from(grid.mesh.level()) + 1)
+}
+
+/// Puts the index in front of the pyramid that `parts` hold; nothing if they hold none.
+pub(crate) fn insert(parts: &mut Parts, measurement: &Measurement) -> Result<(), CodecError> {
+    let header = &parts.header;
+    let (Some(coded), Some(finest)) = (parts.chunk(ChunkKind::Pyramid), Grid::of(&header.axes)) else {
+        return Ok(());
+    };
+    let classes = classes_of(header, |kind| parts.chunk(kind));
+    let chunks = (parts.chunk(ChunkKind::Basis), coded);
+    let orbits = predictive::orbits(&header.axes, coded)?;
+    let representatives = orbits.iter().max().map_or(0, |&last| last as usize + 1);
+    let mut index = LevelIndex { entries: Vec::new(), brightness: &[] };
+    let mut steps = Vec::new();
+    for level in 0..finest.mesh.level() {
+        let (mut decoded, end) = averages_at(header, classes.as_deref(), chunks, level)?;
+        let original = finest.averages(measurement.tensor.samples(), level);
+        let grid = finest.at(level);
+        let wanted = grid.brightness(header.quantity, &original, &orbits, representatives);
+        let found = grid.brightness(header.quantity, &decoded, &orbits, representatives);
+        let here: Vec<i32> = wanted.iter().zip(&found).map(|(&wanted, &found)| step_of(wanted, found)).collect();
+        grid.brighten(&here, &orbits, &mut decoded);
+        let errors = ErrorReport::measure(&original, &decoded, f64::from(header.floor));
+        index.entries.push(LevelEntry { end, error: error_code(errors.er_l2) });
+        steps.extend(here);
+    }
+    let mut brightness = Vec::new();
+    if steps.iter().any(|&step| step != 0) {
+        let mut encoder = Encoder::default();
+        code_steps(&mut encoder, representatives.max(1), &mut steps);
+        brightness = encoder.finish();
+    }
+    let mut payload = LevelIndex { brightness: &brightness, ..index }.write();
+    payload.extend_from_slice(coded);
+    if let Some((_, old)) = parts.chunks.iter_mut().find(|(kind, _)| *kind == ChunkKind::Pyramid) {
+        *old = payload;
+    }
+    Ok(())
+}
+
+/// The samples at `level`, below the pyramid's own; `coded` is what follows the index, at least up to the level's end.
+pub(crate) fn level_samples(
+    header: &Header,
+    classes: Option<&[Class]>,
+    chunks: (Option<&[u8]>, &[u8]),
+    index: &LevelIndex<'_>,
+    level: u8,
+) -> Result<Vec<f32>, CodecError> {
+    let (mut samples, _) = averages_at(header, classes, chunks, level)?;
+    if let Some(finest) = Grid::of(&header.axes) {
+        let orbits = predictive::orbits(&header.axes, chunks.1)?;
+        let representatives = orbits.iter().max().map_or(0, |&last| last as usize + 1);
+        finest.at(level).brighten(&index.steps(usize::from(level), representatives), &orbits, &mut samples);
+    }
+    if classes.is_none() && samples.iter().any(|s| s.is_nan()) {
+        return Err(CodecError::Malformed { at: 0, reason: "a coefficient is not a number".to_owned() });
+    }
+    Ok(samples)
+}
+
+/// The axes of a level.
+pub(crate) fn coarsen(axes: &mut [Axis], level: u8) {
+    if let Some(Axis::Triangles(mesh)) = axes.iter_mut().rfind(|axis| matches!(axis, Axis::Triangles(_))) {
+        *mesh = coarser(*mesh, level);
+    }
+}
+
+fn coarser(mesh: TriangleMesh, level: u8) -> TriangleMesh {
+    let mut mesh = mesh;
+    while mesh.level() > level
+        && let Some(next) = mesh.coarser()
+    {
+        mesh = next;
+    }
+    mesh
+}
+
+/// Averages at `level` before their brightness is set, and the bytes behind the index that they depend on.
+fn averages_at(
+    header: &Header,
+    classes: Option<&[Class]>,
+    chunks: (Option<&[u8]>, &[u8]),
+    level: u8,
+) -> Result<(Vec<f32>, usize), CodecError> {
+    let (mut samples, end) = predictive::decode(&header.axes, classes, header.step, chunks, usize::from(level))?;
+    exponentiate(&mut samples);
+    if let Some(classes) = classes {
+        apply_classes(classes, &mut samples);
+    }
+    let averages = Grid::of(&header.axes).map_or_else(Vec::new, |grid| grid.averages(&samples, level));
+    Ok((averages, end))
+}
+
+/// A tensor as outer entries, triangles, entries between, and samples of a row.
+#[derive(Clone, Copy)]
+struct Grid {
+    mesh: TriangleMesh,
+    between: usize,
+    length: usize,
+}
+
+impl Grid {
+    fn of(axes: &[Axis]) -> Option<Self> {
+        let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_)))?;
+        let Axis::Triangles(mesh) = axes[at] else { return None };
+        let (between, length) = match &axes[at + 1..] {
+            [] => (1, 1),
+            [between @ .., last] => (between.iter().map(Axis::len).product(), last.len()),
+        };
+        Some(Self { mesh, between, length })
+    }
+
+    fn at(self, level: u8) -> Self {
+        Self { mesh: coarser(self.mesh, level), ..self }
+    }
+
+    /// Means over the triangles of `level` of the samples that are not masked; masked where all are.
+    fn averages(self, samples: &[f32], level: u8) -> Vec<f32> {
+        let inner = self.between * self.length;
+        let parts = 1 << (2 * u32::from(self.mesh.level() - level.min(self.mesh.level())));
+        let mut averages = vec![f32::NAN; samples.len() / parts];
+        averages.par_chunks_mut(inner).zip(samples.par_chunks(inner * parts)).with_min_len(64).for_each(
+            |(averages, samples)| {
+                let mut sums = vec![(0.0_f64, 0_u32); inner];
+                for row in samples.chunks_exact(inner) {
+                    for (sum, &s) in sums.iter_mut().zip(row).filter(|(_, s)| !s.is_nan()) {
+                        *sum = (sum.0 + f64::from(s), sum.1 + 1);
+                    }
+                }
+                for (average, (sum, count)) in averages.iter_mut().zip(sums) {
+                    if count > 0 {
+                        *average = (sum / f64::from(count)) as f32;
+                    }
+                }
+            },
+        );
+        averages
+    }
+
+    /// The light that leaves the blocks of each representative, up to a common factor.
+    fn brightness(self, quantity: Quantity, samples: &[f32], orbits: &[u32], representatives: usize) -> Vec<f64> {
+        let cells = self.mesh.len();
+        let weights: Vec<f64> = if quantity.has_cosine() {
+            (0..cells).map(|cell| self.mesh.projected_solid_angle(cell)).collect()
+        } else {
+            self.mesh.solid_angles()
+        };
+        let mut sums = vec![0.0; representatives];
+        for (row, samples) in samples.chunks_exact(self.length).enumerate() {
+            let sum: f64 = samples.iter().filter(|s| !s.is_nan()).map(|&s| f64::from(s)).sum();
+            sums[orbits[self.block(row)] as usize] += weights[row / self.between % cells] * sum;
+        }
+        sums
+    }
+
+    /// Multiplies every block by the factor of its representative.
+    fn brighten(self, steps: &[i32], orbits: &[u32], samples: &mut [f32]) {
+        let factor = |&step: &i32| libm::exp(f64::from(step.clamp(-MOST_STEPS, MOST_STEPS)) * BRIGHTNESS_STEP) as f32;
+        let factors: Vec<f32> = steps.iter().map(factor).collect();
+        for (row, samples) in samples.chunks_exact_mut(self.length).enumerate() {
+            let representative = orbits[self.block(row)] as usize;
+            if steps[representative] != 0 {
+                for s in samples {
+                    *s *= factors[representative];
+                }
+            }
+        }
+    }
+
+    /// The block of a row.
+    fn block(self, row: usize) -> usize {
+        row / (self.mesh.len() * self.between) * self.between + row % self.between
+    }
+}
+
+/// The step that takes `found` nearest to `wanted`.
+fn step_of(wanted: f64, found: f64) -> i32 {
+    let ratio = wanted / found;
+    if !(wanted > 0.0 && found > 0.0 && ratio.is_finite()) || (ratio - 1.0).abs() <= TOLERATED {
+        return 0;
+    }
+    let limit = f64::from(MOST_STEPS);
+    libm::round(libm::log(ratio) / BRIGHTNESS_STEP).clamp(-limit, limit) as i32
+}
+
+/// The least code whose error is not below `error`.
+fn error_code(error: f64) -> u8 {
+    (0..=u8::MAX).find(|&code| error_of(code) >= error).unwrap_or(u8::MAX)
+}
+
+fn error_of(code: u8) -> f64 {
+    match code {
+        0 => 0.0,
+        u8::MAX => f64::MAX,
+        _ => libm::exp2((f64::from(code) - ONE) / DOUBLING),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_stated_rounded_up_by_at_most_a_tenth() {
+        for error in [1e-5, 1e-3, 0.01, 0.5, 1.0, 77.0, 15_000.0] {
+            let stated = error_of(error_code(error));
+            assert!(stated >= error && stated < error * 1.0906, "{error}: {stated}");
+        }
+        assert_eq!((error_of(error_code(0.0)), error_of(error_code(1e9))), (0.0, f64::MAX));
+        assert!((0..u8::MAX).all(|code| error_of(code) < error_of(code + 1)));
+    }
+
+    #[test]
+    fn brightness_is_left_within_one_percent() {
+        for i in 1..4000 {
+            let ratio = f64::from(i) / 1000.0;
+            let corrected = libm::exp(f64::from(step_of(ratio, 1.0)) * BRIGHTNESS_STEP);
+            assert!((corrected / ratio - 1.0).abs() < 0.0099, "{ratio}");
+        }
+        assert_eq!((step_of(1.009, 1.0), step_of(0.0, 1.0), step_of(1.0, 0.0), step_of(-1.0, 1.0)), (0, 0, 0, 0));
+        assert_eq!(step_of(f64::MAX, f64::MIN_POSITIVE), 0);
+    }
+
+    #[test]
+    fn an_index_is_read_as_it_was_written_and_cut_short_it_is_an_error() {
+        let entries = vec![LevelEntry { end: 5, error: 150 }, LevelEntry { end: 200, error: 90 }];
+        let index = LevelIndex { entries, brightness: &[1, 2, 3] };
+        let bytes = index.write();
+        assert_eq!(bytes.len(), 1 + 1 + 2 + 1 + 1 + 3);
+        assert_eq!(LevelIndex::read(&mut Reader::new(&bytes, 0), 2).unwrap(), index);
+        for end in 0..bytes.len() {
+            assert!(LevelIndex::read(&mut Reader::new(&bytes[..end], 0), 2).is_err());
+        }
+        assert!(LevelIndex { entries: Vec::new(), brightness: &[] }.write().is_empty());
+    }
+
+    #[test]
+    fn averages_count_what_is_measured() {
+        let mesh = TriangleMesh::new(crate::domain::Domain::Hemisphere, 1).unwrap();
+        let grid = Grid { mesh, between: 1, length: 2 };
+        let mut samples: Vec<f32> = (0..32).map(|i| i as f32).collect();
+        samples[0] = f32::NAN;
+        samples[2] = f32::NAN;
+        (8..16).step_by(2).for_each(|i| samples[i] = f32::NAN);
+        let averages = grid.averages(&samples, 0);
+        assert_eq!(averages.len(), 8);
+        assert_eq!((averages[0], averages[1], averages[3]), (5.0, 4.0, 12.0));
+        assert!(averages[2].is_nan());
+    }
+}
