@@ -103,6 +103,8 @@ fn all() -> Vec<Golden> {
         fixed(),
         patches(),
         spectrometer(),
+        irregular(),
+        channels(),
         lossless(),
         conventional(),
     ]
@@ -219,6 +221,29 @@ fn spectrometer() -> Golden {
     golden
 }
 
+/// Wavelengths without a short form, in a basis of its own choice.
+fn irregular() -> Golden {
+    let list = (0..11).map(|i| 380.0 + 30.0 * f64::from(i) + noise(i as usize + 900)).collect();
+    let axis = Axis::Wavelength(WavelengthGrid::listed(list).unwrap());
+    let data = tensor(vec![axis], |i, at| (0.2 + 0.05 * at[0] as f64) * (1.0 + 0.01 * noise(i)));
+    let mut golden = golden("irregular", Quantity::Reflectance, data, Target::MaxAbsoluteError(0.01));
+    "bior2.2".clone_into(&mut golden.settings.basis);
+    golden
+}
+
+/// Colours, of single samples that are points.
+fn channels() -> Golden {
+    let axes = vec![Axis::Elevation(vec![0.0, 20.0, 40.0, 60.0]), mesh(Domain::Hemisphere, 1), Axis::Rgb];
+    let data = tensor(axes.clone(), |i, at| {
+        let wo = direction(&axes[1], at[1]);
+        (0.1 * (1 + at[2]) as f64 + (1.0 + wo[0]) * (at[0] + 1) as f64) * (1.0 + 0.02 * noise(i))
+    });
+    let mut golden = golden("channels", Quantity::Brdf, data, Target::ErL2(0.02));
+    golden.measurement.sampling = Sampling::Point;
+    "haar".clone_into(&mut golden.settings.basis);
+    golden
+}
+
 fn lossless() -> Golden {
     let axes = vec![mesh(Domain::Hemisphere, 1), wavelengths(7)];
     let data = tensor(axes.clone(), |i, at| match i {
@@ -281,4 +306,20 @@ fn golden_files_are_made_and_decoded_to_the_last_bit() {
             same(&format!("{name}.level0.f32"), &bytes_of(coarse.measurement.tensor.samples()));
         }
     }
+}
+
+#[test]
+fn the_document_shows_the_bytes_of_the_file_it_explains() {
+    let document = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("docs/container.md");
+    let document = fs::read_to_string(document).unwrap();
+    let (_, dump) = document.split_once("<!-- dump -->\n```text\n").unwrap();
+    let (dump, _) = dump.split_once("\n```").unwrap();
+    let mut shown = Vec::new();
+    for line in dump.lines() {
+        // Offset, two spaces, 16 bytes in hexadecimal, two spaces, text.
+        assert_eq!(usize::from_str_radix(&line[..4], 16), Ok(shown.len()), "{line}");
+        let bytes = line[6..line.len().min(53)].split_whitespace();
+        shown.extend(bytes.map(|byte| u8::from_str_radix(byte, 16).unwrap()));
+    }
+    assert_eq!(shown, fs::read(path("luminaire.wlm")).unwrap());
 }

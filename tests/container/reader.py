@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""An independent reader of materials of version 1, written from docs/container.md: numpy, and nothing of the project's.
+"""An independent reader of materials of version 1, beside docs/container.md: numpy, and nothing of the project's.
 
 Usage:
   reader.py --check            decodes the golden files beside this file and compares every bit; compares the dump in
@@ -44,7 +44,7 @@ class Fields:
     """Reads fields of `data[at:end]`; notes what each byte is, if asked."""
 
     def __init__(self, data, at=0, end=None, trace=None):
-        self.data, self.at, self.end = data, at, len(data) if end is None else end
+        self.data, self.start, self.at, self.end = data, at, at, len(data) if end is None else end
         self.trace = trace
 
     def note(self, start, text):
@@ -958,8 +958,7 @@ def line_norms(n, transform):
     count = matrices[0].shape[0] if matrices else 1
     for index in range(count):
         height = depth if index == 0 else min((index & -index).bit_length() - 1, depth)
-        function = np.zeros(-(-count >> height) if height else count)
-        function = np.zeros(count if height == 0 else -(-count // (1 << height)))
+        function = np.zeros(-(-count // (1 << height)))
         function[index >> height] = 1.0
         if height < depth:
             function = matrices[height][:, index >> height].copy()
@@ -1645,7 +1644,7 @@ class Material:
         version = r.unsigned(1)
         require(version == 1, f"version {version}")
         r.note(4, "version 1")
-        self.data, self.trace, self.chunks, self.metadata = data, trace, {}, None
+        self.data, self.trace, self.chunks, self.lengths, self.metadata = data, trace, {}, {}, None
         h = self.header = read_header(self.chunk(r, "H", level))
         for letter in announced(h):
             if level is None or r.left():
@@ -1673,6 +1672,7 @@ class Material:
         length = r.varint()
         payload = r.at
         r.note(start, f"chunk {letter}: {length} bytes")
+        self.lengths[letter] = length
         cut = level is not None and r.left() < length + 4
         if cut:
             r.at = r.end
@@ -1691,6 +1691,7 @@ class Material:
         if h.flags & PREDICTED:
             r = self.chunks["P"]
             self.index = LevelIndex(r, Shape(h.axes).mesh.level)
+            self.coded_at = r.at
             logs, self.shape, self.plan = predicted_logs(h, classes, self.chunks.get("B"), r, MAX_LEVEL + 1)
         else:
             axes, live, basis = h.axes, classes, None
@@ -1722,6 +1723,7 @@ class Material:
         mesh = Shape(h.axes).mesh
         index = LevelIndex(r, mesh.level)
         require(level < mesh.level, "no such level")
+        require(r.left() >= min(index.ends[level], self.lengths["P"] - (r.at - r.start)), "more of the level is needed")
         logs, shape, plan = predicted_logs(h, self.classes, self.chunks.get("B"), r, level)
         samples = apply_classes(exponential(logs), self.classes)
         parts = 1 << 2 * (mesh.level - level)
@@ -1768,6 +1770,36 @@ def bits(samples):
     return samples.view(np.uint32) & np.where(np.isnan(samples), 0x7FFFFFFF, MASK).astype(np.uint32)
 
 
+def damaged_files(data):
+    """Files made from a good one that must be refused, and what is wrong with them."""
+
+    def header(change):
+        """With a changed header chunk and its checksum."""
+        length = data[5]
+        payload = bytearray(data[6 : 6 + length])
+        change(payload)
+        covered = bytes([len(payload)]) + bytes(payload)
+        return data[:5] + covered + blake3(b"H" + covered)[:4] + data[6 + length + 4 :]
+
+    def put(at, value):
+        return lambda payload: payload.__setitem__(at, value)
+
+    yield "a later version", data[:4] + b"\x02" + data[5:]
+    yield "an unknown flag", header(put(2, data[8] | 128))
+    yield "an unknown policy", header(put(1, data[7] | 7 << 5))
+    yield "an unknown unit", header(put(1, data[7] | 31))
+    yield "level 9", header(put(3, data[9] & 0xE0 | 9))
+    yield "a byte after the header", header(lambda payload: payload.append(0))
+    yield "a byte after the file", data + b"\0"
+    for at in range(len(data)):
+        yield f"byte {at} flipped", data[:at] + bytes([data[at] ^ 0x10]) + data[at + 1 :]
+    # A file cut in front of its metadata is whole.
+    metadata = len(data) - 17
+    for end in range(len(data)):
+        if end != metadata:
+            yield f"the first {end} bytes", data[:end]
+
+
 def check():
     golden, failed, found = os.path.join(HERE, "golden"), 0, set()
     for name in sorted(name for name in os.listdir(golden) if name.endswith(".wlm")):
@@ -1777,9 +1809,9 @@ def check():
         h = material.header
         runs = [("samples", material.samples, base + ".f32")]
         if h.flags & PREDICTED and material.index.ends:
-            # Any beginning that holds the level is enough.
-            end = material.chunks["P"].at - len(data[material.chunks["P"].at :])
-            runs.append(("level 0", Material(data, level=0).samples, base + ".level0.f32"))
+            # The first bytes alone are enough for the level.
+            prefix = data[: min(material.coded_at + material.index.ends[0], material.chunks["P"].end)]
+            runs.append(("level 0", Material(prefix, level=0).samples, base + ".level0.f32"))
             found.add(("model", h.found[0]))
             found |= {"symmetries"} if h.found[1] > 1 else set()
             found |= {"dead triangles"} if h.found[2] else set()
@@ -1792,13 +1824,24 @@ def check():
         found |= set(material.chunks) | {"H"} | {POLICIES[h.policy]} | {str(t) for t in h.transforms}
     models = {("model", k) for k in range(4)}
     wanted = models | set("HCBPQRXM") | {"symmetries", "dead triangles", "conventional", "orthonormal-count", "bio-haar"}
+    wanted |= {"(0, 4)", "(78, 2)", "(87, 2)"}
+    for what, damaged in damaged_files(open(os.path.join(golden, DUMPED + ".wlm"), "rb").read()):
+        try:
+            Material(damaged)
+            print(f"not refused: {what}")
+            failed += 1
+        except Refused:
+            pass
     for missing in sorted(map(str, wanted - found)):
         print(f"no golden file has: {missing}")
         failed += 1
     text = open(DOCUMENT, encoding="utf-8").read()
-    shown = text.split("<!-- dump -->\n```text\n")[1].split("\n```\n")[0]
-    if shown != dump(open(os.path.join(golden, DUMPED + ".wlm"), "rb").read()):
+    shown = lambda name: text.split(f"<!-- {name} -->\n```text\n")[1].split("\n```\n")[0]
+    if shown("dump") != dump(open(os.path.join(golden, DUMPED + ".wlm"), "rb").read()):
         print(f"docs/container.md: the dump is not that of {DUMPED}.wlm (reader.py --dump)")
+        failed += 1
+    if shown("typical") != TYPICAL:
+        print("docs/container.md: the text that metadata is expected to look like is not that of the reader")
         failed += 1
     sys.exit(1 if failed else 0)
 
