@@ -105,6 +105,7 @@ fn all() -> Vec<Golden> {
         spectrometer(),
         irregular(),
         channels(),
+        octant(),
         lossless(),
         conventional(),
     ]
@@ -241,6 +242,18 @@ fn channels() -> Golden {
     let mut golden = golden("channels", Quantity::Brdf, data, Target::ErL2(0.02));
     golden.measurement.sampling = Sampling::Point;
     "haar".clone_into(&mut golden.settings.basis);
+    golden
+}
+
+/// Light in one octant of the sphere alone.
+fn octant() -> Golden {
+    let axes = vec![mesh(Domain::Sphere, 2), wavelengths(5)];
+    let data = tensor(axes.clone(), |i, at| match at[0] / 16 {
+        5 => (2.0 + direction(&axes[0], at[0])[0]) * (1.0 + 0.2 * at[1] as f64) * (1.0 + 0.01 * noise(i)),
+        _ => 0.0,
+    });
+    let mut golden = golden("octant", Quantity::Edf, data, Target::ErL2(0.02));
+    "bior4.4".clone_into(&mut golden.settings.basis);
     golden
 }
 
