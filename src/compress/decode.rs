@@ -3,7 +3,7 @@
 //! Every operation is specified, so that a reader in another language can be bit-exact: f32 additions and multiplications
 //! in the order written here and in `transform`, and the `exponential` of this room in f64, rounded once to f32.
 
-use super::exponential::{add_corrections, exponentiate};
+use super::exponential::add_corrections;
 use super::header::Header;
 use super::rd::levels::{LevelIndex, coarsen, level_samples};
 use super::rd::{adaptive, predictive};
@@ -187,7 +187,7 @@ pub(crate) fn samples_of<'a>(
                 code_corrections(&mut corrections, lanes(&header.axes), &mut steps);
                 add_corrections(header.correction_step, &steps, &mut logs);
             }
-            exponentiate(&mut logs);
+            header.values().finish(&mut logs);
             logs
         }
         Policy::Conventional | Policy::Generic | Policy::Adaptive => {

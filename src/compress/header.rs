@@ -7,7 +7,7 @@
 //!         2 the last triangles are the pyramid of the pyramid chunk (policy 0; there is no coefficients chunk then);
 //!         4 there is a classes chunk (else every sample is positive or, other than in policy 0, measured);
 //!         8 a floor was declared; 16 there is a corrections chunk (policy 0); 32 unscored samples have errors;
-//!         64 not every sample is scored
+//!         64 not every sample is scored; 128 samples themselves are approximated, not logarithms (policy 0)
 //! axes    as in `codec`'s axes
 //! not policy 2, not flag 2: varint a transform for each axis (flag 1: but the last):
 //!               0 identity, 1 bio-Haar, 2 orthonormal by area, 3 orthonormal by count,
@@ -20,6 +20,7 @@
 //! flag 64: varint  zero, negative, below-floor and masked samples; all others are scored
 //! ```
 
+use super::values::Values;
 use super::{Policy, Summary, basis_of};
 use crate::codec::{ChunkKind, CodecError, Reader, Writer, read_axes, write_axes};
 use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
@@ -27,6 +28,7 @@ use crate::transform::{AxisTransform, Boundary, LineBasis, SphereBasis, Weights}
 
 /// Everything in the header chunk.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::struct_excessive_bools, reason = "each is a flag of the file")]
 pub(crate) struct Header {
     pub(crate) quantity: Quantity,
     pub(crate) unit: Unit,
@@ -39,6 +41,8 @@ pub(crate) struct Header {
     pub(crate) klt: bool,
     /// Whether the last triangle axis is predicted; all transforms are then identities.
     pub(crate) predicted: bool,
+    /// Whether samples are approximated rather than logarithms.
+    pub(crate) linear: bool,
     pub(crate) step: f32,
     pub(crate) correction_step: f32,
     pub(crate) has_classes: bool,
@@ -77,6 +81,7 @@ impl Flags {
     const CORRECTIONS: u8 = 16;
     const UNSCORED_ERROR: u8 = 32;
     const COUNTS: u8 = 64;
+    const LINEAR: u8 = 128;
 
     fn of(header: &Header) -> Self {
         let e = &header.errors;
@@ -89,6 +94,7 @@ impl Flags {
             (Self::CORRECTIONS, header.correction_step != 0.0),
             (Self::UNSCORED_ERROR, header.policy != Policy::Lossless && e.max_absolute_error_unscored != 0.0),
             (Self::COUNTS, left_out > 0),
+            (Self::LINEAR, header.linear),
         ];
         Self(flags.into_iter().filter(|(_, set)| *set).map(|(flag, _)| flag).sum())
     }
@@ -101,7 +107,7 @@ impl Flags {
     fn check(&self, r: &Reader<'_>, policy: Policy, axes: &[Axis]) -> Result<(), CodecError> {
         let of_rd = Self::KLT | Self::PREDICTED | Self::CORRECTIONS;
         let allowed = match policy {
-            Policy::Rd => 127,
+            Policy::Rd => u8::MAX,
             Policy::Lossless => 127 & !(of_rd | Self::UNSCORED_ERROR),
             _ => 127 & !of_rd,
         };
@@ -219,6 +225,7 @@ impl Header {
             transforms,
             klt,
             predicted,
+            linear: flags.has(Flags::LINEAR),
             step: if policy == Policy::Rd { step } else { 0.0 },
             correction_step,
             has_classes: flags.has(Flags::CLASSES),
@@ -241,6 +248,11 @@ impl Header {
         read_counts(r, flags.has(Flags::COUNTS), &mut header.errors)?;
         r.end("header")?;
         Ok(header)
+    }
+
+    /// What the first layer approximates.
+    pub(crate) fn values(&self) -> Values {
+        if self.linear { Values::Samples { signed: self.errors.negative_samples > 0 } } else { Values::Logarithms }
     }
 
     /// The level of the last triangle axis, 0 without one.

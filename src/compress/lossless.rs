@@ -34,6 +34,7 @@ pub(crate) fn compress(
         transforms: Vec::new(),
         klt: false,
         predicted: false,
+        linear: false,
         step: 0.0,
         correction_step: 0.0,
         has_classes: classes.is_some(),

@@ -22,6 +22,7 @@ mod search;
 pub mod selection;
 mod target;
 mod thresholded;
+mod values;
 
 pub use crate::codec::CodecError as DecodeError;
 pub use decode::{Decoded, LevelInfo, decode, decode_level, inspect, levels, payload_digest};

@@ -274,6 +274,7 @@ impl<'a> Work<'a> {
             transforms: self.transforms.clone(),
             klt: false,
             predicted: false,
+            linear: false,
             step: 0.0,
             correction_step: 0.0,
             has_classes: self.classes.is_some(),

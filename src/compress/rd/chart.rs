@@ -248,34 +248,31 @@ impl Chart {
         if block < self.constants {
             entries.push(block, 1.0);
         }
-        match self.kind {
-            ChartKind::Isotropic => {
-                let peak = to_normal.sqrt();
-                next = entries.splines(next, 14, peak);
-                next = entries.splines(next, 6, difference);
-                next = entries.splines(next, 7, height);
-                next = entries.splines(next, 7, angle);
-                next = entries.products(next, (10, peak), (5, difference));
-                entries.products(next, (4, height), (5, difference))
-            }
-            _ => {
-                next = entries.splines(next, 7, height);
-                next = entries.splines(next, 7, angle);
-                next = entries.splines(next, 6, difference);
-                let across = |x: f64| 0.5 + 0.5 * x * 1.06 / (x * x + 0.1236).sqrt();
-                let first = entries.length;
-                let from = next;
-                next = entries.products(next, (10, across(h[0])), (10, across(h[1])));
-                let planar = entries.length;
-                for at in first..planar {
-                    let (column, value) = entries.all[at];
-                    let centred = difference - 0.5;
-                    entries.push(column - from + next, value * centred);
-                    entries.push(column - from + next + 100, value * centred * centred);
-                }
-                next + 200
-            }
+        if self.kind == ChartKind::Isotropic {
+            let peak = to_normal.sqrt();
+            next = entries.splines(next, 14, peak);
+            next = entries.splines(next, 6, difference);
+            next = entries.splines(next, 7, height);
+            next = entries.splines(next, 7, angle);
+            next = entries.products(next, (10, peak), (5, difference));
+            return entries.products(next, (4, height), (5, difference));
         }
+        next = entries.splines(next, 7, height);
+        next = entries.splines(next, 7, angle);
+        next = entries.splines(next, 6, difference);
+        // The plane of h, in which splines are denser near the normal; then the same times the centred difference angle and
+        // its square.
+        let across = |x: f64| 0.5 + 0.5 * x * 1.06 / (x * x + 0.1236).sqrt();
+        let first = entries.length;
+        let planar = entries.products(next, (10, across(h[0])), (10, across(h[1])));
+        let columns = planar - next;
+        let centred = difference - 0.5;
+        for at in first..entries.length {
+            let (column, value) = entries.all[at];
+            entries.push(column + columns, value * centred);
+            entries.push(column + 2 * columns, value * centred * centred);
+        }
+        planar + 2 * columns
     }
 
     /// Every how many rows are looked at, so that there are at most `most`.

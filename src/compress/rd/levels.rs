@@ -15,7 +15,6 @@
 //! within 1 %, in the mean over the blocks that a representative stands for.
 
 use super::super::decode::{apply_classes, classes_of};
-use super::super::exponential::exponentiate;
 use super::super::file::Parts;
 use super::super::header::Header;
 use super::predictive;
@@ -185,7 +184,7 @@ fn averages_at(
     level: u8,
 ) -> Result<(Vec<f32>, usize), CodecError> {
     let (mut samples, end) = predictive::decode(&header.axes, classes, header.step, chunks, usize::from(level))?;
-    exponentiate(&mut samples);
+    header.values().finish(&mut samples);
     if let Some(classes) = classes {
         apply_classes(classes, &mut samples);
     }

@@ -509,10 +509,10 @@ pub(crate) fn symmetries(shape: &Shape, logs: &[f32], classes: Option<&[Class]>,
         }
         generators.push(symmetry);
         let all = closure(&generators);
-        if !all.iter().all(|s| *s == Symmetry::IDENTITY || accepted.iter().any(|(_, known)| known == s)) {
-            generators.pop();
-        } else {
+        if all.iter().all(|s| *s == Symmetry::IDENTITY || accepted.iter().any(|(_, known)| known == s)) {
             largest = deviation;
+        } else {
+            generators.pop();
         }
     }
     Found { order: closure(&generators).len(), generators, deviation: largest }

@@ -183,7 +183,7 @@ impl Pyramid {
 
 /// The plane whose magnitudes tell most about those of `plane`.
 fn plane_before(plane: usize, vectors: usize) -> Option<usize> {
-    if plane % vectors > 0 { Some(plane - 1) } else { plane.checked_sub(vectors) }
+    if plane.is_multiple_of(vectors) { plane.checked_sub(vectors) } else { Some(plane - 1) }
 }
 
 /// The step of means over 4^`below` leaves.
