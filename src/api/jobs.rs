@@ -79,6 +79,8 @@ struct CompressSchema {
     basis: Option<String>,
     /// Relative floor.
     floor: Option<f64>,
+    /// The largest relative error of the light of any direction and wavelength (directional albedo, flux); policy `rd`.
+    albedo_error: Option<f64>,
     /// Subdivision level of the incoming triangles.
     incoming_level: Option<u8>,
     /// Subdivision level of the outgoing triangles.

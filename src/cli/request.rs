@@ -76,6 +76,9 @@ pub(crate) struct RequestArgs {
     /// Samples below F x the maximum leave the relative errors and are kept within that absolutely
     #[arg(long, value_name = "F", value_parser = fraction)]
     floor: Option<f64>,
+    /// Relative error of the light of every direction and wavelength (directional albedo, flux) at most this (policy rd)
+    #[arg(long, value_name = "E", value_parser = positive)]
+    albedo_error: Option<f64>,
     /// Leave the provenance out of the file
     #[arg(long)]
     no_metadata: bool,
@@ -128,6 +131,7 @@ impl RequestArgs {
             policy: self.policy,
             basis: self.basis.clone(),
             floor: self.floor,
+            albedo_error: self.albedo_error,
             metadata: !self.no_metadata,
             ..self.axes.request()
         }

@@ -5,6 +5,7 @@
 
 use super::exponential::add_corrections;
 use super::header::Header;
+use super::light::Light;
 use super::rd::levels::{LevelIndex, coarsen, level_samples};
 use super::rd::{adaptive, predictive};
 use super::rows::{coding_order, lanes};
@@ -12,7 +13,7 @@ use super::scales::Scales;
 use super::{Policy, Summary};
 use crate::codec::{
     ChunkKind, Class, CodecError, Container, Decoder, Payload, Reader, code_classes, code_coefficients,
-    code_corrections, code_exact, read_text,
+    code_corrections, code_exact, code_steps, read_text,
 };
 use crate::domain::{Axis, Measurement, Tensor};
 use crate::transform::Plan;
@@ -181,6 +182,13 @@ pub(crate) fn samples_of<'a>(
             } else {
                 fixed_logs(header, classes.as_deref(), coefficients)?
             };
+            if header.light_step != 0.0
+                && let Some(light) = Light::of(header.quantity, &header.axes)
+            {
+                let mut steps = vec![0_i32; light.entries(count)];
+                code_steps(&mut Decoder::new(payload(ChunkKind::Light)), light.inner(), &mut steps);
+                light.add(header.light_step, &steps, &mut logs);
+            }
             if header.correction_step != 0.0 {
                 let mut steps = vec![0_i32; count];
                 let mut corrections = Decoder::new(payload(ChunkKind::Corrections));

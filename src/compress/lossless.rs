@@ -36,6 +36,7 @@ pub(crate) fn compress(
         predicted: false,
         linear: false,
         step: 0.0,
+        light_step: 0.0,
         correction_step: 0.0,
         has_classes: classes.is_some(),
         floor,

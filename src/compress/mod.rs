@@ -11,6 +11,7 @@ mod exponential;
 mod file;
 mod fill;
 mod header;
+mod light;
 mod lossless;
 mod noise;
 mod promise;
@@ -26,6 +27,7 @@ mod values;
 
 pub use crate::codec::CodecError as DecodeError;
 pub use decode::{Decoded, LevelInfo, decode, decode_level, inspect, levels, payload_digest};
+pub use light::LightReport;
 pub use noise::{Noise, estimate as estimate_noise};
 pub use target::{DeltaE, Target};
 
@@ -64,6 +66,8 @@ pub struct Settings {
     pub basis: String,
     /// Samples below `floor ×` the maximum leave the relative errors and are kept within that absolutely.
     pub floor: Option<f64>,
+    /// The largest relative error of the light of any block and wavelength (directional albedo, flux), policy `rd`.
+    pub albedo_error: Option<f64>,
     /// Text for the optional metadata chunk: a JSON object. Labels of index axes are added to it.
     pub metadata: Option<String>,
 }
@@ -75,6 +79,8 @@ pub struct Compressed {
     pub bytes: Vec<u8>,
     /// What was achieved; its errors are those of the decoded bytes, in full precision.
     pub summary: Summary,
+    /// How much of the light the decoded bytes keep, where there are triangles.
+    pub light: Option<LightReport>,
     /// The colours of the decoded bytes, where they were promised.
     pub colour: Option<ColourReport>,
     /// The bases that competed, best first; one where the basis was named.

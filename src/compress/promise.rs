@@ -1,5 +1,6 @@
 //! Promises: which can be made of a measurement, and the last gate that a file passes before it is handed out.
 
+use super::light::Light;
 use super::{CompressError, Compressed, DeltaE, Policy, Settings, Target, decode};
 use crate::domain::Measurement;
 use crate::domain::colour::{ColourReport, SpectraColours};
@@ -10,12 +11,36 @@ pub(crate) fn check(measurement: &Measurement, settings: &Settings) -> Result<()
         let text = format!("er_l2 auto: the {} policy does not weigh noise, expected policy rd", settings.policy);
         return Err(CompressError::Setting(text));
     }
+    if let Some(bound) = settings.albedo_error {
+        check_albedo(measurement, settings, bound).map_err(CompressError::Setting)?;
+    }
     let Target::DeltaE(wanted) = settings.target else { return Ok(()) };
     if settings.policy != Policy::Rd {
         let text = format!("delta_e: the {} policy knows errors of samples only, expected policy rd", settings.policy);
         return Err(CompressError::Setting(text));
     }
     colours_of(measurement, wanted).map(|_| ())
+}
+
+fn check_albedo(measurement: &Measurement, settings: &Settings, bound: f64) -> Result<(), String> {
+    if !(bound > 0.0 && bound <= 1.0) {
+        return Err(format!("albedo_error is {bound}, expected more than 0 and at most 1 (0.01 is 1 %)"));
+    }
+    if settings.policy != Policy::Rd || settings.target == Target::Lossless {
+        return Err("albedo_error: only the rd policy corrects light".to_owned());
+    }
+    let bounded =
+        matches!(settings.target, Target::MaxRelativeError(_) | Target::MaxAbsoluteError(_) | Target::RelativeRmse(_));
+    if bounded {
+        return Err(
+            "albedo_error: with a bound on every sample, or in the samples' own unit, light is bounded by that"
+                .to_owned(),
+        );
+    }
+    if Light::of(measurement.quantity, measurement.tensor.axes()).is_none() {
+        return Err("albedo_error: there is no triangle axis to add light over".to_owned());
+    }
+    Ok(())
 }
 
 /// The colours that `target` promises to keep.
@@ -43,6 +68,11 @@ pub(crate) fn keep(settings: &Settings, floor: f32, compressed: &Compressed) -> 
     };
     if errors.mask_mismatches > 0 {
         return missed("an exact mask: mismatches", errors.mask_mismatches as f64, 0.0);
+    }
+    if let (Some(wanted), Some(light)) = (settings.albedo_error, compressed.light)
+        && light.largest > wanted
+    {
+        return missed("albedo_error", light.largest, wanted);
     }
     if let Some(bound) = settings.target.bound()
         && !bound.keeps(errors)

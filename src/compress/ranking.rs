@@ -71,6 +71,7 @@ fn finalists(
                 policy: Policy::Conventional,
                 basis: basis.name().to_owned(),
                 floor: None,
+                albedo_error: None,
                 metadata: None,
             };
             let compressed =

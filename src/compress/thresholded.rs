@@ -276,6 +276,7 @@ impl<'a> Work<'a> {
             predicted: false,
             linear: false,
             step: 0.0,
+            light_step: 0.0,
             correction_step: 0.0,
             has_classes: self.classes.is_some(),
             floor: self.floor,

@@ -56,6 +56,9 @@ pub struct CompressRequest {
     /// Relative floor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub floor: Option<f64>,
+    /// The largest relative error of the light of any direction and wavelength.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub albedo_error: Option<f64>,
     /// Subdivision level of the incoming triangles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub incoming_level: Option<u8>,
@@ -167,6 +170,7 @@ impl CompressRequest {
             policy: self.policy,
             basis: self.basis.clone(),
             floor: self.floor,
+            albedo_error: self.albedo_error,
             incoming_level: self.incoming_level,
             outgoing_level: self.outgoing_level,
             wavelengths: self.wavelengths.clone(),

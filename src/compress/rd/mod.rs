@@ -14,15 +14,17 @@ mod pyramid;
 mod spectrum;
 mod symmetry;
 
+use super::decode::apply_classes;
 use super::exponential::add_corrections;
 use super::file::{Parts, assemble, classes_chunk, finish, metadata_with_labels};
 use super::fill::fill;
 use super::header::Header;
+use super::light::{self, Light};
 use super::rows::lanes;
 use super::search::{Falling, largest};
 use super::values::Values;
 use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target, estimate_noise};
-use crate::codec::{ChunkKind, Class, Encoder, code_corrections};
+use crate::codec::{ChunkKind, Class, Encoder, code_corrections, code_steps};
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress};
 use adaptive::AdaptiveLayer;
 use chart::ChartKind;
@@ -308,6 +310,8 @@ struct Work<'a> {
     settings: &'a Settings,
     plane: Plane<'a>,
     layer: Box<dyn FirstLayer + 'a>,
+    /// What light is corrected by, and the step of its logarithms.
+    light: Option<(Light, f32)>,
     /// What its scheme is called.
     name: &'static str,
     floor: f32,
@@ -334,7 +338,10 @@ impl<'a> Work<'a> {
                 Box::new(layer.map_err(|e| CompressError::Setting(e.to_string()))?)
             }
         };
-        Ok(Self { measurement, settings, plane, layer, name: scheme.name(), floor })
+        let light = settings
+            .albedo_error
+            .and_then(|bound| Light::of(measurement.quantity, axes).map(|light| (light, light::step_of(bound))));
+        Ok(Self { measurement, settings, plane, layer, light, name: scheme.name(), floor })
     }
 
     fn original(&self) -> &[f32] {
@@ -363,7 +370,7 @@ impl<'a> Work<'a> {
             }
             Target::ErL1(_) | Target::RelativeRmse(_) | Target::DeltaE(_) => {
                 let magnitudes = |step: f32, decoded: &mut [f32]| {
-                    self.layer.approximate(Fineness::of(step), decoded);
+                    self.approximate(Fineness::of(step), decoded);
                     self.plane.values.finish(decoded);
                 };
                 let classes = self.plane.coded.map(|_| self.plane.classes);
@@ -440,6 +447,36 @@ impl<'a> Work<'a> {
         Ok(Steps { first: best.1, ..steps })
     }
 
+    /// What a decoder has before its corrections at `fineness`.
+    fn approximate(&self, fineness: Fineness, values: &mut [f32]) {
+        self.layer.approximate(fineness, values);
+        if let Some((light, step)) = &self.light {
+            let steps = self.light_steps(light, *step, values);
+            light.add(*step, &steps, values);
+        }
+    }
+
+    /// The corrections of the light of `values`.
+    fn light_steps(&self, light: &Light, step: f32, values: &[f32]) -> Vec<i32> {
+        let mut samples = values.to_vec();
+        self.plane.values.finish(&mut samples);
+        if self.plane.coded.is_some() {
+            apply_classes(self.plane.classes, &mut samples);
+        }
+        light.steps(self.settings.albedo_error.unwrap_or(1.0), step, self.original(), &samples)
+    }
+
+    /// The chunk of the light's corrections.
+    fn light_chunk(&self, fineness: Fineness) -> Option<(ChunkKind, Vec<u8>)> {
+        let (light, step) = self.light.as_ref()?;
+        let mut values = vec![0.0; self.original().len()];
+        self.layer.approximate(fineness, &mut values);
+        let mut steps = self.light_steps(light, *step, &values);
+        let mut encoder = Encoder::default();
+        code_steps(&mut encoder, light.inner(), &mut steps);
+        Some((ChunkKind::Light, encoder.finish()))
+    }
+
     /// er(L2) of what a decoder has at `fineness`.
     fn relative_error(
         &self,
@@ -450,7 +487,7 @@ impl<'a> Work<'a> {
         if progress.is_cancelled() {
             return Err(Cancelled.into());
         }
-        self.layer.approximate(fineness, decoded);
+        self.approximate(fineness, decoded);
         self.plane.values.finish(decoded);
         if self.plane.coded.is_none() {
             return Ok(ErrorReport::measure(self.original(), decoded, f64::from(self.floor)).er_l2);
@@ -554,6 +591,7 @@ impl<'a> Work<'a> {
             predicted: self.layer.is_predicted(),
             linear: self.plane.values.is_linear(),
             step: steps.first.step,
+            light_step: self.light.as_ref().map_or(0.0, |(_, step)| *step),
             correction_step: steps.correction,
             has_classes: self.plane.coded.is_some(),
             floor: self.floor,
@@ -565,7 +603,12 @@ impl<'a> Work<'a> {
     fn encode(&self, steps: Steps) -> Parts {
         let corrections = (steps.correction != 0.0).then(|| self.corrections_chunk(steps));
         let classes = self.plane.coded.cloned();
-        let chunks = classes.into_iter().chain(self.layer.chunks(steps.first)).chain(corrections).collect();
+        let chunks = classes
+            .into_iter()
+            .chain(self.layer.chunks(steps.first))
+            .chain(self.light_chunk(steps.first))
+            .chain(corrections)
+            .collect();
         Parts { header: self.header(steps), chunks }
     }
 }
