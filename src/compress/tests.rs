@@ -5,6 +5,7 @@ use crate::domain::{Domain, Silent, Tensor, TriangleMesh, WavelengthGrid};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+mod damage;
 mod targets;
 
 pub(super) fn mesh(domain: Domain, level: u8) -> Axis {
