@@ -76,6 +76,9 @@ pub(crate) struct RequestArgs {
     /// Samples below F x the maximum leave the relative errors and are kept within that absolutely
     #[arg(long, value_name = "F", value_parser = fraction)]
     floor: Option<f64>,
+    /// One incoming direction is decoded without the others (policy rd); no coarser levels
+    #[arg(long)]
+    random_access: bool,
     /// Leave the provenance out of the file
     #[arg(long)]
     no_metadata: bool,
@@ -129,6 +132,7 @@ impl RequestArgs {
             basis: self.basis.clone(),
             floor: self.floor,
             metadata: !self.no_metadata,
+            random_access: self.random_access,
             ..self.axes.request()
         }
     }

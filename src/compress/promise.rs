@@ -1,7 +1,8 @@
 //! Promises: which can be made of a measurement, and the last gate that a file passes before it is handed out.
 
+use super::rd::predictive::Shape;
 use super::{CompressError, Compressed, DeltaE, Policy, Settings, Target, decode};
-use crate::domain::Measurement;
+use crate::domain::{Axis, Measurement};
 use crate::domain::colour::{ColourReport, SpectraColours};
 
 /// Refuses a promise that cannot be made of `measurement` in this way.
@@ -16,6 +17,26 @@ pub(crate) fn check(measurement: &Measurement, settings: &Settings) -> Result<()
         return Err(CompressError::Setting(text));
     }
     colours_of(measurement, wanted).map(|_| ())
+}
+
+/// Refuses random access where blocks cannot be coded by themselves.
+pub(crate) fn check_random_access(measurement: &Measurement, settings: &Settings) -> Result<(), CompressError> {
+    let axes = measurement.tensor.axes();
+    let found = if settings.policy != Policy::Rd || settings.target == Target::Lossless {
+        let policy = if settings.target == Target::Lossless { Policy::Lossless } else { settings.policy };
+        format!("policy {policy}")
+    } else if !matches!(settings.basis.as_str(), "auto" | "klt") {
+        format!("basis {}", settings.basis)
+    } else if matches!(settings.target, Target::MaxRelativeError(_)) {
+        "the target max_relative_error, whose corrections are coded for the whole".to_owned()
+    } else if Shape::of(axes).is_none_or(|shape| shape.block_axes().is_empty()) {
+        let axes = axes.iter().map(Axis::describe).collect::<Vec<_>>().join(", ");
+        format!("nothing before outgoing triangles in [{axes}]")
+    } else {
+        return Ok(());
+    };
+    let expected = "policy rd with basis auto or klt, another target, and an incoming or index axis before triangles";
+    Err(CompressError::Setting(format!("random_access: found {found}, expected {expected}")))
 }
 
 /// The colours that `target` promises to keep.

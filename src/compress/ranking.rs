@@ -72,6 +72,7 @@ fn finalists(
                 basis: basis.name().to_owned(),
                 floor: None,
                 metadata: None,
+                random_access: false,
             };
             let compressed =
                 thresholded::compress(&sample, &settings, &[SpectralBasis::Line(basis)], 0.0, &Silent).ok()?;

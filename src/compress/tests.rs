@@ -80,7 +80,8 @@ pub(super) fn hurt(mut m: Measurement) -> Measurement {
 }
 
 pub(super) fn settings(target: Target, policy: Policy) -> Settings {
-    Settings { target, policy, basis: "auto".to_owned(), floor: None, metadata: Some("{}".to_owned()) }
+    let metadata = Some("{}".to_owned());
+    Settings { target, policy, basis: "auto".to_owned(), floor: None, metadata, random_access: false }
 }
 
 /// Compresses, decodes, checks what the report says against an independent measurement, and returns it.

@@ -45,6 +45,9 @@ pub struct Request {
     /// Whether the file carries its provenance.
     #[serde(default = "yes")]
     pub metadata: bool,
+    /// Whether one incoming direction is decoded without the others.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub random_access: bool,
 }
 
 fn auto() -> String {
@@ -53,6 +56,12 @@ fn auto() -> String {
 
 fn yes() -> bool {
     true
+}
+
+/// Whether a request leaves a choice as it is if nothing is said.
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
+pub(crate) fn is_false(choice: &bool) -> bool {
+    !choice
 }
 
 impl Request {
@@ -67,6 +76,7 @@ impl Request {
             outgoing_level: None,
             wavelengths: None,
             metadata: true,
+            random_access: false,
         }
     }
 
@@ -192,6 +202,7 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
         basis: request.basis.clone(),
         floor: request.floor,
         metadata: request.metadata.then(|| provenance(source, request)),
+        random_access: request.random_access,
     };
     let compressed = compress::compress(&measurement, &settings, progress)?;
     // The measurement is not needed any more, and decoding needs the memory.
