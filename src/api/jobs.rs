@@ -95,6 +95,9 @@ struct CompressSchema {
     /// Whether the file carries its provenance.
     #[schema(nullable = false)]
     metadata: Option<bool>,
+    /// Whether one incoming direction is decoded without the others (policy `rd`; the material has no coarser levels then).
+    #[schema(nullable = false)]
+    random_access: Option<bool>,
     /// What to call the material.
     name: Option<String>,
     /// Under which licence it is.

@@ -79,6 +79,9 @@ pub(crate) struct RequestArgs {
     /// Relative error of the light of every direction and wavelength (directional albedo, flux) at most this (policy rd)
     #[arg(long, value_name = "E", value_parser = positive)]
     albedo_error: Option<f64>,
+    /// One incoming direction is decoded without the others (policy rd); no coarser levels
+    #[arg(long)]
+    random_access: bool,
     /// Leave the provenance out of the file
     #[arg(long)]
     no_metadata: bool,
@@ -133,6 +136,7 @@ impl RequestArgs {
             floor: self.floor,
             albedo_error: self.albedo_error,
             metadata: !self.no_metadata,
+            random_access: self.random_access,
             ..self.axes.request()
         }
     }

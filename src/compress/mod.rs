@@ -26,7 +26,9 @@ mod thresholded;
 mod values;
 
 pub use crate::codec::CodecError as DecodeError;
-pub use decode::{Decoded, LevelInfo, decode, decode_level, inspect, levels, payload_digest};
+pub use decode::{
+    Decoded, DecodedBlock, LevelInfo, decode, decode_block, decode_level, inspect, levels, payload_digest,
+};
 pub use light::LightReport;
 pub use noise::{Noise, estimate as estimate_noise};
 pub use target::{DeltaE, Target};
@@ -70,6 +72,10 @@ pub struct Settings {
     pub albedo_error: Option<f64>,
     /// Text for the optional metadata chunk: a JSON object. Labels of index axes are added to it.
     pub metadata: Option<String>,
+    /// Whether [`decode_block`] decodes the slice of one incoming direction without the rest. Policy `rd` on the data's own
+    /// basis (`auto` is `klt` then), something before the outgoing triangles, no target that bounds every sample's relative
+    /// error; the file has no coarser levels.
+    pub random_access: bool,
 }
 
 /// A compressed material.
@@ -152,6 +158,9 @@ pub fn compress(
 ) -> Result<Compressed, CompressError> {
     check(settings)?;
     promise::check(measurement, settings)?;
+    if settings.random_access {
+        promise::check_random_access(measurement, settings)?;
+    }
     let text = file::metadata_with_labels(measurement.tensor.axes(), settings.metadata.as_deref());
     if let Some(text) = text.filter(|text| text.len() > decode::MAX_METADATA) {
         let found = text.len();
@@ -162,6 +171,7 @@ pub fn compress(
     let floor = absolute_floor(measurement, settings);
     let bases = match policy {
         Policy::Lossless => Vec::new(),
+        _ if settings.random_access => vec![SpectralBasis::Klt],
         _ => ranking::candidates(measurement, settings, progress)?,
     };
     let mut compressed = match policy {

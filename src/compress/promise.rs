@@ -1,9 +1,10 @@
 //! Promises: which can be made of a measurement, and the last gate that a file passes before it is handed out.
 
 use super::light::Light;
+use super::rd::predictive::Shape;
 use super::{CompressError, Compressed, DeltaE, Policy, Settings, Target, decode};
-use crate::domain::Measurement;
 use crate::domain::colour::{ColourReport, SpectraColours};
+use crate::domain::{Axis, Measurement};
 
 /// Refuses a promise that cannot be made of `measurement` in this way.
 pub(crate) fn check(measurement: &Measurement, settings: &Settings) -> Result<(), CompressError> {
@@ -41,6 +42,26 @@ fn check_albedo(measurement: &Measurement, settings: &Settings, bound: f64) -> R
         return Err("albedo_error: there is no triangle axis to add light over".to_owned());
     }
     Ok(())
+}
+
+/// Refuses random access where blocks cannot be coded by themselves.
+pub(crate) fn check_random_access(measurement: &Measurement, settings: &Settings) -> Result<(), CompressError> {
+    let axes = measurement.tensor.axes();
+    let found = if settings.policy != Policy::Rd || settings.target == Target::Lossless {
+        let policy = if settings.target == Target::Lossless { Policy::Lossless } else { settings.policy };
+        format!("policy {policy}")
+    } else if !matches!(settings.basis.as_str(), "auto" | "klt") {
+        format!("basis {}", settings.basis)
+    } else if matches!(settings.target, Target::MaxRelativeError(_) | Target::MaxAbsoluteError(_)) {
+        "a target that bounds every sample, whose corrections are coded for the whole".to_owned()
+    } else if Shape::of(axes).is_none_or(|shape| shape.block_axes().is_empty()) {
+        let axes = axes.iter().map(Axis::describe).collect::<Vec<_>>().join(", ");
+        format!("nothing before outgoing triangles in [{axes}]")
+    } else {
+        return Ok(());
+    };
+    let expected = "policy rd with basis auto or klt, another target, and an incoming or index axis before triangles";
+    Err(CompressError::Setting(format!("random_access: found {found}, expected {expected}")))
 }
 
 /// The colours that `target` promises to keep.

@@ -73,6 +73,7 @@ fn finalists(
                 floor: None,
                 albedo_error: None,
                 metadata: None,
+                random_access: false,
             };
             let compressed =
                 thresholded::compress(&sample, &settings, &[SpectralBasis::Line(basis)], 0.0, &Silent).ok()?;

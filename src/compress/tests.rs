@@ -88,6 +88,7 @@ pub(super) fn settings(target: Target, policy: Policy) -> Settings {
         floor: None,
         albedo_error: None,
         metadata: Some("{}".to_owned()),
+        random_access: false,
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::compress::{Policy, Target};
 use crate::domain::Quantity;
 use crate::paper::TABLES;
-use crate::pipeline::Request;
+use crate::pipeline::{Request, is_false};
 use crate::store::Digest;
 use serde::{Deserialize, Serialize};
 
@@ -77,6 +77,9 @@ pub struct CompressRequest {
     /// Whether the file carries its provenance.
     #[serde(default = "yes")]
     pub metadata: bool,
+    /// Whether one incoming direction is decoded without the others.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub random_access: bool,
     /// What to call the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
@@ -175,6 +178,7 @@ impl CompressRequest {
             outgoing_level: self.outgoing_level,
             wavelengths: self.wavelengths.clone(),
             metadata: self.metadata,
+            random_access: self.random_access,
         }
     }
 }

@@ -48,6 +48,9 @@ pub struct Request {
     /// Whether the file carries its provenance.
     #[serde(default = "yes")]
     pub metadata: bool,
+    /// Whether one incoming direction is decoded without the others.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub random_access: bool,
 }
 
 fn auto() -> String {
@@ -56,6 +59,12 @@ fn auto() -> String {
 
 fn yes() -> bool {
     true
+}
+
+/// Whether a request leaves a choice as it is if nothing is said.
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
+pub(crate) fn is_false(choice: &bool) -> bool {
+    !choice
 }
 
 impl Request {
@@ -71,6 +80,7 @@ impl Request {
             outgoing_level: None,
             wavelengths: None,
             metadata: true,
+            random_access: false,
         }
     }
 
@@ -199,6 +209,7 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
         floor: request.floor,
         albedo_error: request.albedo_error,
         metadata: request.metadata.then(|| provenance(source, request)),
+        random_access: request.random_access,
     };
     let compressed = compress::compress(&measurement, &settings, progress)?;
     // The measurement is not needed any more, and decoding needs the memory.

@@ -12,6 +12,7 @@ mod metric;
 pub(crate) mod predictive;
 mod pyramid;
 mod spectrum;
+mod streams;
 mod symmetry;
 
 use super::decode::apply_classes;
@@ -226,7 +227,8 @@ fn best_of<'a>(
             shared = shared.or(own);
         }
         let Some(steps) = own.or(shared) else { continue };
-        let levels = if candidate.layer.is_predicted() { levels::usual_bytes(candidate.measurement) } else { 0 };
+        let has_levels = candidate.layer.is_predicted() && !candidate.settings.random_access;
+        let levels = if has_levels { levels::usual_bytes(candidate.measurement) } else { 0 };
         let bytes = chunk_bytes(&candidate.layer.chunks(steps.first)) + levels;
         let errors = if by_error {
             decoded.resize(candidate.original().len(), 0.0);
@@ -331,7 +333,8 @@ impl<'a> Work<'a> {
         let layer: Box<dyn FirstLayer + 'a> = match scheme {
             Scheme::Adaptive => Box::new(AdaptiveLayer::new(axes, coded, logs()).map_err(CompressError::Setting)?),
             Scheme::Predicted(folded, chart) => {
-                Box::new(PredictiveLayer::new(Arc::clone(folded), *chart).map_err(CompressError::Setting)?)
+                let layer = PredictiveLayer::new(Arc::clone(folded), *chart, settings.random_access);
+                Box::new(layer.map_err(CompressError::Setting)?)
             }
             Scheme::Fixed(basis) => {
                 let layer = FixedLayer::new(axes, coded, *basis, logs());
