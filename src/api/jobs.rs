@@ -79,6 +79,8 @@ struct CompressSchema {
     basis: Option<String>,
     /// Relative floor.
     floor: Option<f64>,
+    /// The largest relative error of the light of any direction and wavelength (directional albedo, flux); policy `rd`.
+    albedo_error: Option<f64>,
     /// Subdivision level of the incoming triangles.
     incoming_level: Option<u8>,
     /// Subdivision level of the outgoing triangles.
@@ -93,6 +95,9 @@ struct CompressSchema {
     /// Whether the file carries its provenance.
     #[schema(nullable = false)]
     metadata: Option<bool>,
+    /// Whether one incoming direction is decoded without the others (policy `rd`; the material has no coarser levels then).
+    #[schema(nullable = false)]
+    random_access: Option<bool>,
     /// What to call the material.
     name: Option<String>,
     /// Under which licence it is.

@@ -106,6 +106,11 @@ struct Manifest {
     #[serde(default)]
     #[schema(value_type = Option<Object>)]
     delta_e: Option<Value>,
+    /// How much of the light of every direction and wavelength (directional albedo, flux) the file keeps: `largest` and
+    /// `rms` relative error, and the `brightest` of the measurement; null without triangles.
+    #[serde(default)]
+    #[schema(value_type = Option<Object>)]
+    light: Option<Value>,
     /// The same errors at the samples of the file, where projection changed them.
     #[schema(value_type = Option<Object>)]
     errors_at_samples: Option<Value>,

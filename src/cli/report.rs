@@ -30,6 +30,15 @@ pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
     );
     coefficient_line(&mut sheet, report.kept_coefficients, report.ratio_coefficients);
     error_lines(&mut sheet, "error", &report.errors);
+    if let Some(light) = &report.light {
+        let text = format!(
+            "kept within {} (rms {}); the brightest is {}",
+            per_cent(light.largest),
+            per_cent(light.rms),
+            three_digits(light.brightest)
+        );
+        sheet.line("light", text);
+    }
     if let Some(colour) = &report.delta_e {
         colour_lines(&mut sheet, colour);
     }

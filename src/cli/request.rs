@@ -76,6 +76,12 @@ pub(crate) struct RequestArgs {
     /// Samples below F x the maximum leave the relative errors and are kept within that absolutely
     #[arg(long, value_name = "F", value_parser = fraction)]
     floor: Option<f64>,
+    /// Relative error of the light of every direction and wavelength (directional albedo, flux) at most this (policy rd)
+    #[arg(long, value_name = "E", value_parser = positive)]
+    albedo_error: Option<f64>,
+    /// One incoming direction is decoded without the others (policy rd); no coarser levels
+    #[arg(long)]
+    random_access: bool,
     /// Leave the provenance out of the file
     #[arg(long)]
     no_metadata: bool,
@@ -128,7 +134,9 @@ impl RequestArgs {
             policy: self.policy,
             basis: self.basis.clone(),
             floor: self.floor,
+            albedo_error: self.albedo_error,
             metadata: !self.no_metadata,
+            random_access: self.random_access,
             ..self.axes.request()
         }
     }

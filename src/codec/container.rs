@@ -5,7 +5,7 @@
 //! 0       4       magic 89 57 4C 4D ("\x89WLM")
 //! 4       1       version, 1
 //! 5       …       the header chunk H; then the chunks that it announces, of C classes, B basis, P pyramid, Q coefficients,
-//!                 R corrections and X exact samples, in this order; then the metadata chunk M, unless the file ends before
+//!                 L light, R corrections and X exact samples, in this order; then the metadata chunk M, unless the file ends before
 //!
 //! chunk:  varint  length of the payload in bytes (LEB128, shortest form)
 //!         length  payload
@@ -40,6 +40,8 @@ pub enum ChunkKind {
     Pyramid,
     /// Quantised or exact coefficients.
     Coefficients,
+    /// Corrections of the light of whole blocks.
+    Light,
     /// The second layer of a pointwise guarantee.
     Corrections,
     /// Lossless samples.
@@ -56,6 +58,7 @@ impl ChunkKind {
             Self::Basis => b'B',
             Self::Pyramid => b'P',
             Self::Coefficients => b'Q',
+            Self::Light => b'L',
             Self::Corrections => b'R',
             Self::Exact => b'X',
             Self::Metadata => b'M',
@@ -69,6 +72,7 @@ impl ChunkKind {
             Self::Basis => "basis chunk",
             Self::Pyramid => "pyramid chunk",
             Self::Coefficients => "coefficients chunk",
+            Self::Light => "light chunk",
             Self::Corrections => "corrections chunk",
             Self::Exact => "exact chunk",
             Self::Metadata => "metadata chunk",

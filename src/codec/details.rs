@@ -69,7 +69,7 @@ impl DetailCoder {
                 weight += trust;
             }
         }
-        let near = fine(if weight == 0 { 16 } else { sum / weight });
+        let near = fine(sum.checked_div(weight).unwrap_or(16));
         let before = fine(around.before.or(around.neighbours).or(around.parent).unwrap_or(16));
         let contexts =
             [BY_NEAR + level * FINE + near, BY_BOTH + before * FINE + near, BY_BEFORE + level * FINE + before];

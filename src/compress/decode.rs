@@ -3,8 +3,9 @@
 //! Every operation is specified, so that a reader in another language can be bit-exact: f32 additions and multiplications
 //! in the order written here and in `transform`, and the `exponential` of this room in f64, rounded once to f32.
 
-use super::exponential::{add_corrections, exponentiate};
+use super::exponential::add_corrections;
 use super::header::Header;
+use super::light::Light;
 use super::rd::levels::{LevelIndex, coarsen, level_samples};
 use super::rd::{adaptive, predictive};
 use super::rows::{coding_order, lanes};
@@ -12,7 +13,7 @@ use super::scales::Scales;
 use super::{Policy, Summary};
 use crate::codec::{
     ChunkKind, Class, CodecError, Container, Decoder, Payload, Reader, code_classes, code_coefficients,
-    code_corrections, code_exact, read_text,
+    code_corrections, code_exact, code_steps, read_text,
 };
 use crate::domain::{Axis, Measurement, Tensor};
 use crate::transform::Plan;
@@ -96,9 +97,13 @@ pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
     let chunk = container.require(ChunkKind::Pyramid)?;
     let mut r = chunk.reader();
     let index = LevelIndex::read(&mut r, finest)?;
+    let Some(entry) = index.entries.get(usize::from(level)) else {
+        let reason = format!("there is no level {level} in a material of random access, expected {finest}");
+        return Err(CodecError::Malformed { at: bytes.len(), reason });
+    };
     let whole = chunk.length - (r.offset() - chunk.offset);
     let coded = r.take(r.remaining(), "pyramid")?;
-    if coded.len() < index.entries[usize::from(level)].end.min(whole) {
+    if coded.len() < entry.end.min(whole) {
         return Err(CodecError::Truncated { at: bytes.len(), expected: "more of the level" });
     }
     let payload = |kind| container.get(kind).map(|chunk| chunk.payload);
@@ -109,6 +114,60 @@ pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
     coarsen(&mut axes, level);
     let measurement = measurement_of(&header, axes, samples, bytes.len())?;
     Ok(Decoded { measurement, summary: header.summary(metadata) })
+}
+
+/// One entry of the axes before the outgoing triangles of a material.
+#[derive(Clone, Debug)]
+pub struct DecodedBlock {
+    /// Its samples, `[outgoing]` or `[outgoing, spectral]`.
+    pub tensor: Tensor,
+    /// The header of the whole material.
+    pub summary: Summary,
+}
+
+/// Decodes entry `block` (row-major) of the axes before the last triangle axis: the slice of one incoming direction.
+///
+/// Its samples are those of [`decode`], bit for bit. Of a material of random access nothing else is decoded but classes,
+/// basis and model; of any other, all of it.
+pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecError> {
+    let (header, container) = open(bytes)?;
+    let malformed = |reason: String| CodecError::Malformed { at: bytes.len(), reason };
+    let at = header.axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_)));
+    let at = at.ok_or_else(|| malformed("no triangles in the material, hence no slices of directions".to_owned()))?;
+    let blocks: usize = header.axes[..at].iter().map(Axis::len).product();
+    let length: usize = header.axes[at..].iter().map(Axis::len).product();
+    if block >= blocks {
+        return Err(malformed(format!("there is no incoming entry {block}, expected 0 to {}", blocks - 1)));
+    }
+    let (metadata, axes) = metadata_of(&header, &container)?;
+    let payload = |kind| container.get(kind).map(|chunk| chunk.payload);
+    let own = block * length..(block + 1) * length;
+    let samples = match random_pyramid(&header, payload(ChunkKind::Pyramid))? {
+        Some(coded) => {
+            let classes = classes_of(&header, payload);
+            let chunks = (payload(ChunkKind::Basis), coded);
+            let mut samples = predictive::decode_block(&header.axes, classes.as_deref(), header.step, chunks, block)?;
+            if let Some((light, steps)) = light_of(&header, payload(ChunkKind::Light)) {
+                light.add(header.light_step, &steps[block * light.inner()..][..light.inner()], &mut samples);
+            }
+            header.values().finish(&mut samples);
+            finish_samples(classes.as_deref().map(|classes| &classes[own]), &mut samples)?;
+            samples
+        }
+        None => samples_of(&header, payload)?[own].to_vec(),
+    };
+    let tensor = Tensor::new(axes[at..].to_vec(), samples).map_err(|e| malformed(e.to_string()))?;
+    Ok(DecodedBlock { tensor, summary: Summary { axes, ..header.summary(metadata) } })
+}
+
+/// What follows the levels of a pyramid whose blocks are decoded by themselves; `None` where they are not, or where they
+/// have corrections.
+fn random_pyramid<'a>(header: &Header, payload: Option<&'a [u8]>) -> Result<Option<&'a [u8]>, CodecError> {
+    let Some(payload) = payload.filter(|_| header.predicted && header.correction_step == 0.0) else { return Ok(None) };
+    let mut r = Reader::new(payload, 0);
+    LevelIndex::read(&mut r, header.finest_level())?;
+    let coded = r.take(r.remaining(), "pyramid")?;
+    Ok(predictive::is_random(&header.axes, coded)?.then_some(coded))
 }
 
 fn measurement_of(header: &Header, axes: Vec<Axis>, samples: Vec<f32>, at: usize) -> Result<Measurement, CodecError> {
@@ -149,6 +208,14 @@ fn metadata_of(header: &Header, container: &Container<'_>) -> Result<(Option<Str
     Ok((Some(text), axes))
 }
 
+/// The corrections of the light of all blocks, where there are any.
+fn light_of(header: &Header, coded: Option<&[u8]>) -> Option<(Light, Vec<i32>)> {
+    let light = Light::of(header.quantity, &header.axes).filter(|_| header.light_step != 0.0)?;
+    let mut steps = vec![0_i32; light.entries(header.axes.iter().map(Axis::len).product())];
+    code_steps(&mut Decoder::new(coded?), light.inner(), &mut steps);
+    Some((light, steps))
+}
+
 /// The classes of all samples, where they are not all positive.
 pub(crate) fn classes_of<'a>(header: &Header, chunk: impl Fn(ChunkKind) -> Option<&'a [u8]>) -> Option<Vec<Class>> {
     header.has_classes.then(|| {
@@ -181,13 +248,16 @@ pub(crate) fn samples_of<'a>(
             } else {
                 fixed_logs(header, classes.as_deref(), coefficients)?
             };
+            if let Some((light, steps)) = light_of(header, chunk(ChunkKind::Light)) {
+                light.add(header.light_step, &steps, &mut logs);
+            }
             if header.correction_step != 0.0 {
                 let mut steps = vec![0_i32; count];
                 let mut corrections = Decoder::new(payload(ChunkKind::Corrections));
                 code_corrections(&mut corrections, lanes(&header.axes), &mut steps);
                 add_corrections(header.correction_step, &steps, &mut logs);
             }
-            exponentiate(&mut logs);
+            header.values().finish(&mut logs);
             logs
         }
         Policy::Conventional | Policy::Generic | Policy::Adaptive => {
@@ -199,12 +269,18 @@ pub(crate) fn samples_of<'a>(
             samples
         }
     };
+    finish_samples(classes.as_deref(), &mut samples)?;
+    Ok(samples)
+}
+
+/// Puts the classes on magnitudes; without any, every sample is a number.
+fn finish_samples(classes: Option<&[Class]>, samples: &mut [f32]) -> Result<(), CodecError> {
     if let Some(classes) = classes {
-        apply_classes(&classes, &mut samples);
+        apply_classes(classes, samples);
     } else if samples.iter().any(|s| s.is_nan()) {
         return Err(CodecError::Malformed { at: 0, reason: "a coefficient is not a number".to_owned() });
     }
-    Ok(samples)
+    Ok(())
 }
 
 /// Puts signs, zeros and the mask on magnitudes.

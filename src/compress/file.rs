@@ -2,6 +2,7 @@
 
 use super::decode::samples_of;
 use super::header::Header;
+use super::light::Light;
 use super::rd::levels;
 use super::rows::lanes;
 use super::{CompressError, Compressed, Ranked};
@@ -68,6 +69,8 @@ pub(crate) fn finish(
         .map_err(|e| CompressError::Unreachable(format!("the file just written does not decode: {e}")))?;
     let floor = f64::from(parts.header.floor);
     parts.header.errors = ErrorReport::measure(measurement.tensor.samples(), &decoded, floor);
+    let light = Light::of(measurement.quantity, measurement.tensor.axes());
+    let light = light.map(|light| light.report(measurement.tensor.samples(), &decoded));
     drop(decoded);
     let metadata = metadata_with_labels(&parts.header.axes, metadata);
     let bytes = assemble(&parts, metadata.as_deref());
@@ -75,5 +78,5 @@ pub(crate) fn finish(
     summary.axes = measurement.tensor.axes().to_vec();
     let ranking =
         vec![Ranked { basis: summary.basis.clone(), bytes: bytes.len() as u64, er_l2: Some(summary.errors.er_l2) }];
-    Ok(Compressed { bytes, summary, colour: None, ranking, noise: None })
+    Ok(Compressed { bytes, summary, light, colour: None, ranking, noise: None })
 }

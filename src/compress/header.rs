@@ -3,16 +3,18 @@
 //! ```text
 //! u8      quantity + 8 · sampling + 16 · number of axes (codes in the order of the lists in `domain`)
 //! u8      unit + 32 · policy: 0 rate–distortion, 1 conventional, 2 lossless, 3 generic, 4 adaptive
-//! u8      flags, the sum of: 1 the last axis is in the data's own basis, in the basis chunk (policy 0);
+//! varint  flags, the sum of: 1 the last axis is in the data's own basis, in the basis chunk (policy 0);
 //!         2 the last triangles are the pyramid of the pyramid chunk (policy 0; there is no coefficients chunk then);
 //!         4 there is a classes chunk (else every sample is positive or, other than in policy 0, measured);
 //!         8 a floor was declared; 16 there is a corrections chunk (policy 0); 32 unscored samples have errors;
-//!         64 not every sample is scored
+//!         64 not every sample is scored; 128 samples themselves are approximated, not logarithms (policy 0);
+//!         256 there is a light chunk (policy 0, not flag 128)
 //! axes    as in `codec`'s axes
 //! not policy 2, not flag 2: varint a transform for each axis (flag 1: but the last):
 //!               0 identity, 1 bio-Haar, 2 orthonormal by area, 3 orthonormal by count,
 //!               16 + the number of a basis on a line, followed by u8 its boundary rule
-//! policy 0:     u16 step: the high 16 bits of an f32;  flag 16: f32 correction step
+//! policy 0:     u16 step: the high 16 bits of an f32;  flag 256: f32 step of the light;
+//!               flag 16: f32 correction step
 //! flag 8: f32   absolute floor
 //! not policy 2: varint  coefficients that are not zero
 //! not policy 2: u24 er(L1), er(L2), largest relative error, relative RMSE, largest absolute error, flag 32: the same of
@@ -20,6 +22,7 @@
 //! flag 64: varint  zero, negative, below-floor and masked samples; all others are scored
 //! ```
 
+use super::values::Values;
 use super::{Policy, Summary, basis_of};
 use crate::codec::{ChunkKind, CodecError, Reader, Writer, read_axes, write_axes};
 use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
@@ -27,6 +30,7 @@ use crate::transform::{AxisTransform, Boundary, LineBasis, SphereBasis, Weights}
 
 /// Everything in the header chunk.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::struct_excessive_bools, reason = "each is a flag of the file")]
 pub(crate) struct Header {
     pub(crate) quantity: Quantity,
     pub(crate) unit: Unit,
@@ -39,7 +43,11 @@ pub(crate) struct Header {
     pub(crate) klt: bool,
     /// Whether the last triangle axis is predicted; all transforms are then identities.
     pub(crate) predicted: bool,
+    /// Whether samples are approximated rather than logarithms.
+    pub(crate) linear: bool,
     pub(crate) step: f32,
+    /// The step of the light chunk, 0 without one.
+    pub(crate) light_step: f32,
     pub(crate) correction_step: f32,
     pub(crate) has_classes: bool,
     pub(crate) floor: f32,
@@ -67,16 +75,19 @@ fn write_transform(w: &mut Writer, transform: AxisTransform) {
 }
 
 /// What the header may have beside its fixed fields.
-struct Flags(u8);
+struct Flags(u16);
 
 impl Flags {
-    const KLT: u8 = 1;
-    const PREDICTED: u8 = 2;
-    const CLASSES: u8 = 4;
-    const FLOOR: u8 = 8;
-    const CORRECTIONS: u8 = 16;
-    const UNSCORED_ERROR: u8 = 32;
-    const COUNTS: u8 = 64;
+    const KLT: u16 = 1;
+    const PREDICTED: u16 = 2;
+    const CLASSES: u16 = 4;
+    const FLOOR: u16 = 8;
+    const CORRECTIONS: u16 = 16;
+    const UNSCORED_ERROR: u16 = 32;
+    const COUNTS: u16 = 64;
+    const LINEAR: u16 = 128;
+    const LIGHT: u16 = 256;
+    const ALL: u16 = 511;
 
     fn of(header: &Header) -> Self {
         let e = &header.errors;
@@ -89,27 +100,34 @@ impl Flags {
             (Self::CORRECTIONS, header.correction_step != 0.0),
             (Self::UNSCORED_ERROR, header.policy != Policy::Lossless && e.max_absolute_error_unscored != 0.0),
             (Self::COUNTS, left_out > 0),
+            (Self::LINEAR, header.linear),
+            (Self::LIGHT, header.light_step != 0.0),
         ];
         Self(flags.into_iter().filter(|(_, set)| *set).map(|(flag, _)| flag).sum())
     }
 
-    fn has(&self, flag: u8) -> bool {
+    fn has(&self, flag: u16) -> bool {
         self.0 & flag != 0
     }
 
     /// Refuses flags that contradict the policy or the axes.
     fn check(&self, r: &Reader<'_>, policy: Policy, axes: &[Axis]) -> Result<(), CodecError> {
-        let of_rd = Self::KLT | Self::PREDICTED | Self::CORRECTIONS;
+        let of_rd = Self::KLT | Self::PREDICTED | Self::CORRECTIONS | Self::LINEAR | Self::LIGHT;
         let allowed = match policy {
-            Policy::Rd => 127,
-            Policy::Lossless => 127 & !(of_rd | Self::UNSCORED_ERROR),
-            _ => 127 & !of_rd,
+            Policy::Rd => Self::ALL,
+            Policy::Lossless => Self::ALL & !(of_rd | Self::UNSCORED_ERROR),
+            _ => Self::ALL & !of_rd,
         };
         if self.0 & !allowed != 0 {
             return Err(r.malformed(format!("flags {:#04x} do not fit policy {policy}", self.0)));
         }
         if self.has(Self::PREDICTED) && !axes.iter().any(|axis| matches!(axis, Axis::Triangles(_))) {
             return Err(r.malformed("a predicted pyramid without a triangle axis"));
+        }
+        if self.has(Self::LIGHT)
+            && (self.has(Self::LINEAR) || !axes.iter().any(|axis| matches!(axis, Axis::Triangles(_))))
+        {
+            return Err(r.malformed("a light chunk without logarithms on triangles"));
         }
         if self.has(Self::KLT) && axes.is_empty() {
             return Err(r.malformed("a spectral basis without an axis"));
@@ -143,7 +161,7 @@ impl Header {
         let mut w = Writer::default();
         w.u8(self.quantity.code() | self.sampling.code() << 3 | (self.axes.len() as u8) << 4);
         w.u8(self.unit.code() | self.policy.code() << 5);
-        w.u8(flags.0);
+        w.varint(u64::from(flags.0));
         write_axes(&mut w, &self.axes);
         let written = transforms_written(self.policy, self.klt, self.predicted, self.axes.len());
         for &transform in self.transforms.iter().take(written) {
@@ -151,6 +169,9 @@ impl Header {
         }
         if self.policy == Policy::Rd {
             w.low_bytes(self.step.to_bits() >> 16, 2);
+        }
+        if flags.has(Flags::LIGHT) {
+            w.f32(self.light_step);
         }
         if flags.has(Flags::CORRECTIONS) {
             w.f32(self.correction_step);
@@ -185,7 +206,8 @@ impl Header {
         let second = r.u8("unit and policy")?;
         let unit = coded(r, "unit", second & 31, Unit::from_code)?;
         let policy = coded(r, "policy", second >> 5, Policy::from_code)?;
-        let flags = Flags(r.u8("flags")?);
+        let flags = r.varint("flags")?;
+        let flags = Flags(u16::try_from(flags).map_err(|_| r.malformed(format!("flags {flags:#x} are unknown")))?);
         let axes = read_axes(r, usize::from(first >> 4))?;
         flags.check(r, policy, &axes)?;
         // The limit on the product of the axes holds before anything is decoded.
@@ -198,14 +220,17 @@ impl Header {
             transforms.resize(axes.len(), AxisTransform::Identity);
         }
         let step = if policy == Policy::Rd { f32::from_bits(r.low_bytes(2, "step")? << 16) } else { 1.0 };
+        let light_step = if flags.has(Flags::LIGHT) { r.f32("step of the light")? } else { 0.0 };
         let correction_step = if flags.has(Flags::CORRECTIONS) { r.f32("correction step")? } else { 0.0 };
         let floor = if flags.has(Flags::FLOOR) { r.f32("floor")? } else { 0.0 };
         if !(step > 0.0 && step.is_finite()) {
             return Err(r.malformed(format!("step is {step}, expected a positive number")));
         }
-        for (what, flag, value) in
-            [("correction step", Flags::CORRECTIONS, correction_step), ("floor", Flags::FLOOR, floor)]
-        {
+        for (what, flag, value) in [
+            ("step of the light", Flags::LIGHT, light_step),
+            ("correction step", Flags::CORRECTIONS, correction_step),
+            ("floor", Flags::FLOOR, floor),
+        ] {
             if flags.has(flag) && value <= 0.0 {
                 return Err(r.malformed(format!("{what} is {value}, expected a positive number")));
             }
@@ -219,7 +244,9 @@ impl Header {
             transforms,
             klt,
             predicted,
+            linear: flags.has(Flags::LINEAR),
             step: if policy == Policy::Rd { step } else { 0.0 },
+            light_step,
             correction_step,
             has_classes: flags.has(Flags::CLASSES),
             floor,
@@ -243,6 +270,11 @@ impl Header {
         Ok(header)
     }
 
+    /// What the first layer approximates.
+    pub(crate) fn values(&self) -> Values {
+        if self.linear { Values::Samples { signed: self.errors.negative_samples > 0 } } else { Values::Logarithms }
+    }
+
     /// The level of the last triangle axis, 0 without one.
     pub(crate) fn finest_level(&self) -> u8 {
         let level = |axis: &Axis| if let Axis::Triangles(mesh) = axis { Some(mesh.level()) } else { None };
@@ -257,6 +289,7 @@ impl Header {
             (ChunkKind::Basis, self.klt),
             (ChunkKind::Pyramid, self.predicted),
             (ChunkKind::Coefficients, !lossless && !self.predicted),
+            (ChunkKind::Light, self.light_step != 0.0),
             (ChunkKind::Corrections, self.correction_step != 0.0),
             (ChunkKind::Exact, lossless),
         ];
@@ -357,6 +390,8 @@ mod tests {
             klt: true,
             predicted: true,
             step: 0.015_625,
+            linear: false,
+            light_step: 0.0,
             correction_step: 0.0,
             has_classes: false,
             floor: 0.0,
@@ -439,7 +474,7 @@ mod tests {
         assert!(refused(&|b| b.push(0)), "a byte more");
         assert!(
             refused(&|b| {
-                b[2] |= Flags::COUNTS;
+                b[2] |= Flags::COUNTS as u8;
                 b.extend([0xFF, 0xFF, 0xFF, 0x7F, 0, 0, 0]);
             }),
             "too many zeros"

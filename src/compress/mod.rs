@@ -11,6 +11,7 @@ mod exponential;
 mod file;
 mod fill;
 mod header;
+mod light;
 mod lossless;
 mod noise;
 mod promise;
@@ -22,9 +23,13 @@ mod search;
 pub mod selection;
 mod target;
 mod thresholded;
+mod values;
 
 pub use crate::codec::CodecError as DecodeError;
-pub use decode::{Decoded, LevelInfo, decode, decode_level, inspect, levels, payload_digest};
+pub use decode::{
+    Decoded, DecodedBlock, LevelInfo, decode, decode_block, decode_level, inspect, levels, payload_digest,
+};
+pub use light::LightReport;
 pub use noise::{Noise, estimate as estimate_noise};
 pub use target::{DeltaE, Target};
 
@@ -63,8 +68,14 @@ pub struct Settings {
     pub basis: String,
     /// Samples below `floor ×` the maximum leave the relative errors and are kept within that absolutely.
     pub floor: Option<f64>,
+    /// The largest relative error of the light of any block and wavelength (directional albedo, flux), policy `rd`.
+    pub albedo_error: Option<f64>,
     /// Text for the optional metadata chunk: a JSON object. Labels of index axes are added to it.
     pub metadata: Option<String>,
+    /// Whether [`decode_block`] decodes the slice of one incoming direction without the rest. Policy `rd` on the data's own
+    /// basis (`auto` is `klt` then), something before the outgoing triangles, no target that bounds every sample's relative
+    /// error; the file has no coarser levels.
+    pub random_access: bool,
 }
 
 /// A compressed material.
@@ -74,6 +85,8 @@ pub struct Compressed {
     pub bytes: Vec<u8>,
     /// What was achieved; its errors are those of the decoded bytes, in full precision.
     pub summary: Summary,
+    /// How much of the light the decoded bytes keep, where there are triangles.
+    pub light: Option<LightReport>,
     /// The colours of the decoded bytes, where they were promised.
     pub colour: Option<ColourReport>,
     /// The bases that competed, best first; one where the basis was named.
@@ -145,6 +158,9 @@ pub fn compress(
 ) -> Result<Compressed, CompressError> {
     check(settings)?;
     promise::check(measurement, settings)?;
+    if settings.random_access {
+        promise::check_random_access(measurement, settings)?;
+    }
     let text = file::metadata_with_labels(measurement.tensor.axes(), settings.metadata.as_deref());
     if let Some(text) = text.filter(|text| text.len() > decode::MAX_METADATA) {
         let found = text.len();
@@ -155,6 +171,7 @@ pub fn compress(
     let floor = absolute_floor(measurement, settings);
     let bases = match policy {
         Policy::Lossless => Vec::new(),
+        _ if settings.random_access => vec![SpectralBasis::Klt],
         _ => ranking::candidates(measurement, settings, progress)?,
     };
     let mut compressed = match policy {

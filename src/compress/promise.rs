@@ -1,8 +1,10 @@
 //! Promises: which can be made of a measurement, and the last gate that a file passes before it is handed out.
 
+use super::light::Light;
+use super::rd::predictive::Shape;
 use super::{CompressError, Compressed, DeltaE, Policy, Settings, Target, decode};
-use crate::domain::Measurement;
 use crate::domain::colour::{ColourReport, SpectraColours};
+use crate::domain::{Axis, Measurement};
 
 /// Refuses a promise that cannot be made of `measurement` in this way.
 pub(crate) fn check(measurement: &Measurement, settings: &Settings) -> Result<(), CompressError> {
@@ -10,12 +12,56 @@ pub(crate) fn check(measurement: &Measurement, settings: &Settings) -> Result<()
         let text = format!("er_l2 auto: the {} policy does not weigh noise, expected policy rd", settings.policy);
         return Err(CompressError::Setting(text));
     }
+    if let Some(bound) = settings.albedo_error {
+        check_albedo(measurement, settings, bound).map_err(CompressError::Setting)?;
+    }
     let Target::DeltaE(wanted) = settings.target else { return Ok(()) };
     if settings.policy != Policy::Rd {
         let text = format!("delta_e: the {} policy knows errors of samples only, expected policy rd", settings.policy);
         return Err(CompressError::Setting(text));
     }
     colours_of(measurement, wanted).map(|_| ())
+}
+
+fn check_albedo(measurement: &Measurement, settings: &Settings, bound: f64) -> Result<(), String> {
+    if !(bound > 0.0 && bound <= 1.0) {
+        return Err(format!("albedo_error is {bound}, expected more than 0 and at most 1 (0.01 is 1 %)"));
+    }
+    if settings.policy != Policy::Rd || settings.target == Target::Lossless {
+        return Err("albedo_error: only the rd policy corrects light".to_owned());
+    }
+    let bounded =
+        matches!(settings.target, Target::MaxRelativeError(_) | Target::MaxAbsoluteError(_) | Target::RelativeRmse(_));
+    if bounded {
+        return Err(
+            "albedo_error: with a bound on every sample, or in the samples' own unit, light is bounded by that"
+                .to_owned(),
+        );
+    }
+    if Light::of(measurement.quantity, measurement.tensor.axes()).is_none() {
+        return Err("albedo_error: there is no triangle axis to add light over".to_owned());
+    }
+    Ok(())
+}
+
+/// Refuses random access where blocks cannot be coded by themselves.
+pub(crate) fn check_random_access(measurement: &Measurement, settings: &Settings) -> Result<(), CompressError> {
+    let axes = measurement.tensor.axes();
+    let found = if settings.policy != Policy::Rd || settings.target == Target::Lossless {
+        let policy = if settings.target == Target::Lossless { Policy::Lossless } else { settings.policy };
+        format!("policy {policy}")
+    } else if !matches!(settings.basis.as_str(), "auto" | "klt") {
+        format!("basis {}", settings.basis)
+    } else if matches!(settings.target, Target::MaxRelativeError(_) | Target::MaxAbsoluteError(_)) {
+        "a target that bounds every sample, whose corrections are coded for the whole".to_owned()
+    } else if Shape::of(axes).is_none_or(|shape| shape.block_axes().is_empty()) {
+        let axes = axes.iter().map(Axis::describe).collect::<Vec<_>>().join(", ");
+        format!("nothing before outgoing triangles in [{axes}]")
+    } else {
+        return Ok(());
+    };
+    let expected = "policy rd with basis auto or klt, another target, and an incoming or index axis before triangles";
+    Err(CompressError::Setting(format!("random_access: found {found}, expected {expected}")))
 }
 
 /// The colours that `target` promises to keep.
@@ -43,6 +89,11 @@ pub(crate) fn keep(settings: &Settings, floor: f32, compressed: &Compressed) -> 
     };
     if errors.mask_mismatches > 0 {
         return missed("an exact mask: mismatches", errors.mask_mismatches as f64, 0.0);
+    }
+    if let (Some(wanted), Some(light)) = (settings.albedo_error, compressed.light)
+        && light.largest > wanted
+    {
+        return missed("albedo_error", light.largest, wanted);
     }
     if let Some(bound) = settings.target.bound()
         && !bound.keeps(errors)

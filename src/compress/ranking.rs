@@ -71,7 +71,9 @@ fn finalists(
                 policy: Policy::Conventional,
                 basis: basis.name().to_owned(),
                 floor: None,
+                albedo_error: None,
                 metadata: None,
+                random_access: false,
             };
             let compressed =
                 thresholded::compress(&sample, &settings, &[SpectralBasis::Line(basis)], 0.0, &Silent).ok()?;

@@ -38,6 +38,21 @@ pub(crate) fn largest<E>(
     Ok(Some(low))
 }
 
+/// Watches an error while a step is halved: what no longer falls never will.
+#[derive(Default)]
+pub(crate) struct Falling {
+    last: Option<(f64, f64)>,
+}
+
+impl Falling {
+    /// Whether `error` at `step` still falls with the step.
+    pub(crate) fn falls(&mut self, step: f64, error: f64) -> bool {
+        let stands = self.last.is_some_and(|(before, then)| step <= 0.51 * before && error > 0.98 * then);
+        self.last = Some((step, error));
+        !stands
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -5,6 +5,7 @@ use crate::domain::{Domain, Silent, Tensor, TriangleMesh, WavelengthGrid};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+mod damage;
 mod targets;
 
 pub(super) fn mesh(domain: Domain, level: u8) -> Axis {
@@ -80,7 +81,15 @@ pub(super) fn hurt(mut m: Measurement) -> Measurement {
 }
 
 pub(super) fn settings(target: Target, policy: Policy) -> Settings {
-    Settings { target, policy, basis: "auto".to_owned(), floor: None, metadata: Some("{}".to_owned()) }
+    Settings {
+        target,
+        policy,
+        basis: "auto".to_owned(),
+        floor: None,
+        albedo_error: None,
+        metadata: Some("{}".to_owned()),
+        random_access: false,
+    }
 }
 
 /// Compresses, decodes, checks what the report says against an independent measurement, and returns it.

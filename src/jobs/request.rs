@@ -3,7 +3,7 @@
 use crate::compress::{Policy, Target};
 use crate::domain::Quantity;
 use crate::paper::TABLES;
-use crate::pipeline::Request;
+use crate::pipeline::{Request, is_false};
 use crate::store::Digest;
 use serde::{Deserialize, Serialize};
 
@@ -56,6 +56,9 @@ pub struct CompressRequest {
     /// Relative floor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub floor: Option<f64>,
+    /// The largest relative error of the light of any direction and wavelength.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub albedo_error: Option<f64>,
     /// Subdivision level of the incoming triangles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub incoming_level: Option<u8>,
@@ -74,6 +77,9 @@ pub struct CompressRequest {
     /// Whether the file carries its provenance.
     #[serde(default = "yes")]
     pub metadata: bool,
+    /// Whether one incoming direction is decoded without the others.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub random_access: bool,
     /// What to call the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
@@ -167,10 +173,12 @@ impl CompressRequest {
             policy: self.policy,
             basis: self.basis.clone(),
             floor: self.floor,
+            albedo_error: self.albedo_error,
             incoming_level: self.incoming_level,
             outgoing_level: self.outgoing_level,
             wavelengths: self.wavelengths.clone(),
             metadata: self.metadata,
+            random_access: self.random_access,
         }
     }
 }

@@ -59,8 +59,8 @@ pub(super) fn make(progress: &dyn Progress) -> Result<Table, PaperError> {
                the readings, so the 1:1 column is that of the projection. Readings have 0.3 % noise, velvet's 0.5 %, \
                cloth's an absolute one besides (0.00065/sr, a few per cent of its dark wavelengths). Levels and growth \
                depend on the materials, which are not the paper's and were chosen, with their noise and the aim of the \
-               instrument, to come in its order at every ratio by the policy generic: that order is no finding. What \
-               compares is one method with another."
+               instrument, in some ninety trials to come in its order at every ratio by the policy generic: that order is \
+               no finding. What compares is one method with another."
             .to_owned(),
         methods: vec![
             "generic: bio-Haar on triangles, bior4.4 along wavelength, L2-normalised coefficients, one threshold a space, \

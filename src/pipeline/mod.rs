@@ -1,6 +1,6 @@
 //! What a user asks for, whole: bytes of a measurement and a request in, a compressed material with its report out.
 
-use crate::compress::{self, CompressError, LevelInfo, Noise, Policy, Ranked, Settings, Target};
+use crate::compress::{self, CompressError, LevelInfo, LightReport, Noise, Policy, Ranked, Settings, Target};
 use crate::domain::colour::ColourReport;
 use crate::domain::{Axis, ErrorReport, Progress, Quantity, Unit, WavelengthError, WavelengthGrid};
 use crate::formats::{self, Acquisition, FormatError, Interpretation, Note, NoteKind};
@@ -33,6 +33,9 @@ pub struct Request {
     /// Relative floor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub floor: Option<f64>,
+    /// The largest relative error of the light of any direction and wavelength.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub albedo_error: Option<f64>,
     /// Subdivision level of the incoming triangles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub incoming_level: Option<u8>,
@@ -45,6 +48,9 @@ pub struct Request {
     /// Whether the file carries its provenance.
     #[serde(default = "yes")]
     pub metadata: bool,
+    /// Whether one incoming direction is decoded without the others.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub random_access: bool,
 }
 
 fn auto() -> String {
@@ -55,6 +61,12 @@ fn yes() -> bool {
     true
 }
 
+/// Whether a request leaves a choice as it is if nothing is said.
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
+pub(crate) fn is_false(choice: &bool) -> bool {
+    !choice
+}
+
 impl Request {
     /// A request with defaults for everything but the promise.
     pub fn to(target: Target) -> Self {
@@ -63,10 +75,12 @@ impl Request {
             policy: Policy::Rd,
             basis: auto(),
             floor: None,
+            albedo_error: None,
             incoming_level: None,
             outgoing_level: None,
             wavelengths: None,
             metadata: true,
+            random_access: false,
         }
     }
 
@@ -142,6 +156,8 @@ pub struct Report {
     /// Errors of the decoded file against the tensor that was compressed.
     #[serde(flatten)]
     pub errors: ErrorReport,
+    /// How much of the light of every direction and wavelength (directional albedo, flux) the decoded file keeps.
+    pub light: Option<LightReport>,
     /// Colour differences of the decoded file against the tensor, where they were promised.
     pub delta_e: Option<ColourReport>,
     /// Errors of the decoded file at the original samples, where projection changed them.
@@ -191,7 +207,9 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
         policy: request.policy,
         basis: request.basis.clone(),
         floor: request.floor,
+        albedo_error: request.albedo_error,
         metadata: request.metadata.then(|| provenance(source, request)),
+        random_access: request.random_access,
     };
     let compressed = compress::compress(&measurement, &settings, progress)?;
     // The measurement is not needed any more, and decoding needs the memory.
@@ -255,6 +273,7 @@ fn report(
         ratio_coefficients: summary.kept_coefficients.map(|kept| samples / kept.max(1) as f64),
         ratio_bytes: 4.0 * samples / compressed.bytes.len() as f64,
         errors: summary.errors,
+        light: compressed.light,
         delta_e: compressed.colour,
         errors_at_samples: decoded.and_then(|d| projection::error_at_samples(acquisition, &d.measurement)),
         noise: compressed.noise,

@@ -7,6 +7,7 @@
 
 use crate::domain::vector::{Vector, cross, dot, norm, scale, sub, unit};
 use crate::domain::{MOST_NEIGHBOURS, Neighbours, TriangleMesh};
+use std::cmp::Ordering;
 
 /// Unknowns of the quadratic beside its constant: u, v, u², uv, v².
 const TERMS: usize = 5;
@@ -160,10 +161,8 @@ fn cholesky(matrix: [[f64; TERMS]; TERMS], n: usize) -> Option<[[f64; TERMS]; TE
     let mut factor = [[0.0; TERMS]; TERMS];
     for i in 0..n {
         for j in 0..=i {
-            let mut sum = matrix[i][j];
-            for k in 0..j {
-                sum -= factor[i][k] * factor[j][k];
-            }
+            let product: f64 = factor[i].iter().zip(&factor[j]).take(j).map(|(a, b)| a * b).sum();
+            let sum = matrix[i][j] - product;
             if i == j {
                 if sum <= 0.0 {
                     return None;
@@ -179,16 +178,12 @@ fn cholesky(matrix: [[f64; TERMS]; TERMS], n: usize) -> Option<[[f64; TERMS]; TE
 
 fn solve(factor: &[[f64; TERMS]; TERMS], n: usize, mut x: [f64; TERMS]) -> [f64; TERMS] {
     for i in 0..n {
-        for k in 0..i {
-            x[i] -= factor[i][k] * x[k];
-        }
-        x[i] /= factor[i][i];
+        let known: f64 = factor[i].iter().zip(&x).take(i).map(|(a, x)| a * x).sum();
+        x[i] = (x[i] - known) / factor[i][i];
     }
     for i in (0..n).rev() {
-        for k in i + 1..n {
-            x[i] -= factor[k][i] * x[k];
-        }
-        x[i] /= factor[i][i];
+        let known: f64 = (i + 1..n).map(|k| factor[k][i] * x[k]).sum();
+        x[i] = (x[i] - known) / factor[i][i];
     }
     x
 }
@@ -239,14 +234,10 @@ impl Householder {
             along += detail;
         }
         let along = along * self.alpha * self.scale;
-        std::array::from_fn(|k| {
-            if k < n - 1 {
-                details[k] - along * self.alpha
-            } else if k == n - 1 {
-                -along * self.beta
-            } else {
-                0.0
-            }
+        std::array::from_fn(|k| match k.cmp(&(n - 1)) {
+            Ordering::Less => details[k] - along * self.alpha,
+            Ordering::Equal => -along * self.beta,
+            Ordering::Greater => 0.0,
         })
     }
 }

@@ -15,6 +15,7 @@ use crate::codec::{BitCoder, DetailCoder, Surroundings};
 use crate::domain::vector::{Vector, add, dot, unit};
 use crate::domain::{Axis, Direction, Domain};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Which coordinates a model has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -248,34 +249,31 @@ impl Chart {
         if block < self.constants {
             entries.push(block, 1.0);
         }
-        match self.kind {
-            ChartKind::Isotropic => {
-                let peak = to_normal.sqrt();
-                next = entries.splines(next, 14, peak);
-                next = entries.splines(next, 6, difference);
-                next = entries.splines(next, 7, height);
-                next = entries.splines(next, 7, angle);
-                next = entries.products(next, (10, peak), (5, difference));
-                entries.products(next, (4, height), (5, difference))
-            }
-            _ => {
-                next = entries.splines(next, 7, height);
-                next = entries.splines(next, 7, angle);
-                next = entries.splines(next, 6, difference);
-                let across = |x: f64| 0.5 + 0.5 * x * 1.06 / (x * x + 0.1236).sqrt();
-                let first = entries.length;
-                let from = next;
-                next = entries.products(next, (10, across(h[0])), (10, across(h[1])));
-                let planar = entries.length;
-                for at in first..planar {
-                    let (column, value) = entries.all[at];
-                    let centred = difference - 0.5;
-                    entries.push(column - from + next, value * centred);
-                    entries.push(column - from + next + 100, value * centred * centred);
-                }
-                next + 200
-            }
+        if self.kind == ChartKind::Isotropic {
+            let peak = to_normal.sqrt();
+            next = entries.splines(next, 14, peak);
+            next = entries.splines(next, 6, difference);
+            next = entries.splines(next, 7, height);
+            next = entries.splines(next, 7, angle);
+            next = entries.products(next, (10, peak), (5, difference));
+            return entries.products(next, (4, height), (5, difference));
         }
+        next = entries.splines(next, 7, height);
+        next = entries.splines(next, 7, angle);
+        next = entries.splines(next, 6, difference);
+        // The plane of h, in which splines are denser near the normal; then the same times the centred difference angle and
+        // its square.
+        let across = |x: f64| 0.5 + 0.5 * x * 1.06 / (x * x + 0.1236).sqrt();
+        let first = entries.length;
+        let planar = entries.products(next, (10, across(h[0])), (10, across(h[1])));
+        let columns = planar - next;
+        let centred = difference - 0.5;
+        for at in first..entries.length {
+            let (column, value) = entries.all[at];
+            entries.push(column + columns, value * centred);
+            entries.push(column + 2 * columns, value * centred * centred);
+        }
+        planar + 2 * columns
     }
 
     /// Every how many rows are looked at, so that there are at most `most`.
@@ -339,15 +337,25 @@ impl Chart {
         sums
     }
 
-    /// The model's planes `[blocks, vectors, leaves]` of coefficients on the orthonormal columns.
-    fn evaluate(&self, mut coefficients: Vec<f64>, vectors: usize) -> Vec<f32> {
+    /// All representatives.
+    pub(crate) fn all(&self) -> Range<usize> {
+        0..self.incoming.len()
+    }
+
+    /// The model's planes `[representatives, vectors, leaves]` of coefficients on the orthonormal columns.
+    pub(crate) fn evaluate(
+        &self,
+        mut coefficients: Vec<f64>,
+        vectors: usize,
+        representatives: Range<usize>,
+    ) -> Vec<f32> {
         let (n, leaves) = (self.columns, self.outgoing.len());
         coefficients.chunks_exact_mut(n).for_each(|c| self.factor.solve_transposed(c));
-        let mut planes = vec![0.0; self.rows() * vectors];
+        let mut planes = vec![0.0; representatives.len() * leaves * vectors];
         planes.par_chunks_mut(vectors * leaves).enumerate().for_each(|(block, planes)| {
             let mut entries = Entries::new();
             for leaf in 0..leaves {
-                self.row(block, leaf, &mut entries);
+                self.row(representatives.start + block, leaf, &mut entries);
                 for (plane, c) in planes.chunks_exact_mut(leaves).zip(coefficients.chunks_exact(n)) {
                     plane[leaf] = entries.get().iter().map(|&(column, value)| value * c[column]).sum::<f64>() as f32;
                 }
@@ -356,7 +364,7 @@ impl Chart {
         planes
     }
 
-    /// Codes the model of planes at `step`: an encoder is given them; both return the model's planes.
+    /// Codes the model of planes at `step`: an encoder is given them; both return the model's coefficients.
     pub(crate) fn code<C: BitCoder>(
         &self,
         coder: &mut C,
@@ -364,7 +372,7 @@ impl Chart {
         vectors: usize,
         planes: Option<&[f32]>,
         kept: &mut u64,
-    ) -> Vec<f32> {
+    ) -> Vec<f64> {
         let step = f64::from(step);
         let wanted = planes.zip(self.fitted.as_ref()).map(|(planes, fitted)| self.fit(fitted, planes, vectors));
         let n = self.columns;
@@ -396,7 +404,7 @@ impl Chart {
                 decoded[vector * n + column] = f64::from(q) * step;
             }
         }
-        self.evaluate(decoded, vectors)
+        decoded
     }
 }
 

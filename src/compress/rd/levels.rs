@@ -7,6 +7,7 @@
 //! levels   for each level of the last triangle axis below its own, coarse first:
 //!            varint  how many bytes of what follows the levels it needs, less those of the level before
 //!            u8 k    er(L2) of the level, rounded up to 2^((k − 140) / 8); 0 is 0, 255 more
+//!          a first varint 0 ends the index: there are no coarser levels, because every block is decoded by itself;
 //!          then, if there are such levels: varint length, range-coded steps of the brightness: for each of these levels and
 //!          each representative k, which stands for a factor exp(0.015 k); nothing where all are 0
 //! ```
@@ -15,7 +16,6 @@
 //! within 1 %, in the mean over the blocks that a representative stands for.
 
 use super::super::decode::{apply_classes, classes_of};
-use super::super::exponential::exponentiate;
 use super::super::file::Parts;
 use super::super::header::Header;
 use super::predictive;
@@ -64,6 +64,10 @@ impl<'a> LevelIndex<'a> {
         for _ in 0..levels {
             let before = entries.last().map_or(0, |entry| entry.end);
             let more = r.size(usize::MAX >> 1, "bytes of a level")?;
+            // A level needs the first number of the pyramid at least.
+            if entries.is_empty() && more == 0 {
+                return Ok(Self { entries, brightness: &[] });
+            }
             let error = r.u8("error of a level")?;
             entries.push(LevelEntry { end: before.saturating_add(more), error });
         }
@@ -108,6 +112,12 @@ pub(crate) fn insert(parts: &mut Parts, measurement: &Measurement) -> Result<(),
     let (Some(coded), Some(finest)) = (parts.chunk(ChunkKind::Pyramid), Grid::of(&header.axes)) else {
         return Ok(());
     };
+    if predictive::is_random(&header.axes, coded)? {
+        let none: &[u8] = if finest.mesh.level() > 0 { &[0] } else { &[] };
+        let payload = [none, coded].concat();
+        replace(parts, payload);
+        return Ok(());
+    }
     let classes = classes_of(header, |kind| parts.chunk(kind));
     let chunks = (parts.chunk(ChunkKind::Basis), coded);
     let orbits = predictive::orbits(&header.axes, coded)?;
@@ -134,10 +144,14 @@ pub(crate) fn insert(parts: &mut Parts, measurement: &Measurement) -> Result<(),
     }
     let mut payload = LevelIndex { brightness: &brightness, ..index }.write();
     payload.extend_from_slice(coded);
+    replace(parts, payload);
+    Ok(())
+}
+
+fn replace(parts: &mut Parts, payload: Vec<u8>) {
     if let Some((_, old)) = parts.chunks.iter_mut().find(|(kind, _)| *kind == ChunkKind::Pyramid) {
         *old = payload;
     }
-    Ok(())
 }
 
 /// The samples at `level`, below the pyramid's own; `coded` is what follows the index, at least up to the level's end.
@@ -185,7 +199,7 @@ fn averages_at(
     level: u8,
 ) -> Result<(Vec<f32>, usize), CodecError> {
     let (mut samples, end) = predictive::decode(&header.axes, classes, header.step, chunks, usize::from(level))?;
-    exponentiate(&mut samples);
+    header.values().finish(&mut samples);
     if let Some(classes) = classes {
         apply_classes(classes, &mut samples);
     }

@@ -2,7 +2,7 @@
 
 use super::super::decode::apply_classes;
 use super::super::promise::colours_of;
-use super::super::search::largest;
+use super::super::search::{Falling, largest};
 use super::super::target::Bound;
 use super::super::{CompressError, Target};
 use super::REFINEMENTS;
@@ -27,6 +27,8 @@ pub(super) struct Trial<'a, F> {
     pub(super) classes: Option<&'a [Class]>,
     /// The absolute floor.
     pub(super) floor: f32,
+    /// Whether steps are in the unit of the samples.
+    pub(super) linear: bool,
     /// Decoded magnitudes at a step.
     pub(super) magnitudes: F,
 }
@@ -46,6 +48,7 @@ impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
         let negated = matches!(target, Target::ErL1(_)) && !samples.iter().any(|&s| s > 0.0 && s >= self.floor);
         let original = if negated { Cow::Owned(samples.iter().map(|s| -s).collect()) } else { Cow::Borrowed(samples) };
         let mut decoded = vec![0.0; original.len()];
+        let mut falling = Falling::default();
         let keeps = |step: f64| {
             if progress.is_cancelled() {
                 return Err(CompressError::from(Cancelled));
@@ -67,7 +70,12 @@ impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
                 }
                 Metric::Samples(bound) => {
                     let errors = errors();
-                    bound.keeps(&errors) && self.keeps_floor(&errors)
+                    let keeps = bound.keeps(&errors) && self.keeps_floor(&errors);
+                    if !keeps && !falling.falls(step, (bound.figure)(&errors)) {
+                        let text = format!("{} {} is more than this basis can follow", bound.name, bound.at_most);
+                        return Err(CompressError::Unreachable(text));
+                    }
+                    keeps
                 }
             })
         };
@@ -83,16 +91,20 @@ impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
     fn first_step(&self, target: Target) -> f64 {
         match target {
             Target::ErL1(error) => 5.0 * error,
-            Target::MaxAbsoluteError(error) => {
-                let (low, high) = self.measurement.tensor.range().unwrap_or_default();
-                let size = f64::from(low.abs().max(high.abs()));
-                // Relative to the largest sample, whose error it most likely is.
-                (2.0 * error / size.max(f64::MIN_POSITIVE)).clamp(1e-6, 4.0)
-            }
             // A step of 1 % changes lightness by some 0.1.
             Target::DeltaE(wanted) => (0.1 * wanted.at_most).min(4.0),
+            Target::RelativeRmse(error) if self.linear => {
+                4.0 * error * root_mean_square(self.measurement.tensor.samples()).max(f64::from(f32::MIN_POSITIVE))
+            }
             Target::RelativeRmse(error) | Target::ErL2(error) => 4.0 * error,
             _ => 0.01,
         }
     }
+}
+
+/// √(Σ s² / n) over what is not NaN, in order.
+pub(super) fn root_mean_square(samples: &[f32]) -> f64 {
+    let measured = samples.iter().filter(|s| !s.is_nan());
+    let (sum, count) = measured.fold((0.0, 0_u64), |(sum, n), &s| (sum + f64::from(s) * f64::from(s), n + 1));
+    if count == 0 { 0.0 } else { (sum / count as f64).sqrt() }
 }

@@ -12,16 +12,20 @@ mod metric;
 pub(crate) mod predictive;
 mod pyramid;
 mod spectrum;
+mod streams;
 mod symmetry;
 
-use super::exponential::{add_corrections, exponentiate};
+use super::decode::apply_classes;
+use super::exponential::add_corrections;
 use super::file::{Parts, assemble, classes_chunk, finish, metadata_with_labels};
 use super::fill::fill;
 use super::header::Header;
+use super::light::{self, Light};
 use super::rows::lanes;
-use super::search::largest;
+use super::search::{Falling, largest};
+use super::values::Values;
 use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target, estimate_noise};
-use crate::codec::{ChunkKind, Class, Encoder, code_corrections};
+use crate::codec::{ChunkKind, Class, Encoder, code_corrections, code_steps};
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress};
 use adaptive::AdaptiveLayer;
 use chart::ChartKind;
@@ -41,8 +45,6 @@ const REFINEMENTS: u32 = 6;
 const FEW: f64 = 128.0;
 /// How much more than one coefficient's noise a coefficient kept for its size takes over.
 const SELECTED: f64 = 3.0;
-/// A positive sample below the floor keeps at least this fraction of it, so that its error stays below the floor.
-const FLOORED: f64 = 0.7;
 
 /// Compresses with every candidate basis to the same step and keeps the smallest file.
 pub(crate) fn compress(
@@ -53,7 +55,8 @@ pub(crate) fn compress(
     progress: &dyn Progress,
 ) -> Result<Compressed, CompressError> {
     let axes = measurement.tensor.axes();
-    let mut classes: Vec<Class> = measurement.tensor.samples().iter().map(|&s| class_of(s, floor)).collect();
+    let values = Values::of(settings.target, measurement.tensor.samples());
+    let mut classes: Vec<Class> = measurement.tensor.samples().iter().map(|&s| values.class_of(s, floor)).collect();
     let classes_coded = classes_chunk(axes, &mut classes);
     // The counts do not depend on what is decoded, so that a header has its final size before anything is.
     let counts = ErrorReport::measure(measurement.tensor.samples(), measurement.tensor.samples(), f64::from(floor));
@@ -61,7 +64,7 @@ pub(crate) fn compress(
         Target::Auto => estimate_noise(measurement, floor).map(|noise| noise.relative),
         _ => None,
     };
-    let plane = Plane { classes: &classes, coded: classes_coded.as_ref(), counts, noise };
+    let plane = Plane { values, classes: &classes, coded: classes_coded.as_ref(), counts, noise };
     let work = |scheme: &Scheme| Work::new(measurement, plane, scheme, settings, floor);
     let schemes = schemes(measurement, plane, bases, settings, floor)?;
     progress.step(0.05)?;
@@ -128,7 +131,7 @@ fn schemes(
         match Shape::of(axes) {
             // Where nothing has a basis to be named, the data's own costs nothing or a few numbers.
             Some(shape) if schemes.is_empty() && (own || !named && short(axes)) => {
-                let logs = logarithms(measurement, plane.classes, floor);
+                let logs = approximated(measurement, plane, floor);
                 let classes = plane.coded.map(|_| plane.classes);
                 schemes.extend(
                     predicted(&shape, classes, &logs, settings.target, plane.noise).map_err(CompressError::Setting)?,
@@ -157,18 +160,19 @@ fn short(axes: &[Axis]) -> bool {
 fn predicted(
     shape: &Shape,
     classes: Option<&[Class]>,
-    logs: &[f32],
+    values: &[f32],
     target: Target,
     noise: Option<f64>,
 ) -> Result<Vec<Scheme>, String> {
     let tolerance = match target {
-        Target::ErL1(error) | Target::ErL2(error) | Target::RelativeRmse(error) => error,
-        Target::MaxRelativeError(error) => 0.5 * error,
+        Target::ErL1(error) | Target::ErL2(error) => error,
+        Target::RelativeRmse(error) => error * metric::root_mean_square(values),
+        Target::MaxAbsoluteError(error) | Target::MaxRelativeError(error) => 0.5 * error,
         // Where a symmetry holds, entries differ from each other by √2 times their noise, which is what is compared.
         Target::Auto => noise.map_or(0.05, |noise| 1.05 * noise),
         _ => 0.05,
     };
-    let found = predictive::symmetries(shape, logs, classes, tolerance);
+    let found = predictive::symmetries(shape, values, classes, tolerance);
     let mut schemes = Vec::new();
     let mut groups = vec![found.generators.as_slice()];
     // Well within the error that is allowed, a symmetry is always worth its while.
@@ -176,7 +180,7 @@ fn predicted(
         groups.push(&[]);
     }
     for (i, generators) in groups.into_iter().enumerate() {
-        let folded = Arc::new(Folded::new(shape, classes, logs, generators)?);
+        let folded = Arc::new(Folded::new(shape, classes, values, generators)?);
         if i == 0 {
             for kind in ChartKind::ALL.into_iter().filter(|&kind| shape.has_chart(kind)) {
                 // What has all symmetries of the mesh is as good as isotropic.
@@ -223,7 +227,8 @@ fn best_of<'a>(
             shared = shared.or(own);
         }
         let Some(steps) = own.or(shared) else { continue };
-        let levels = if candidate.layer.is_predicted() { levels::usual_bytes(candidate.measurement) } else { 0 };
+        let has_levels = candidate.layer.is_predicted() && !candidate.settings.random_access;
+        let levels = if has_levels { levels::usual_bytes(candidate.measurement) } else { 0 };
         let bytes = chunk_bytes(&candidate.layer.chunks(steps.first)) + levels;
         let errors = if by_error {
             decoded.resize(candidate.original().len(), 0.0);
@@ -259,37 +264,20 @@ fn chunk_bytes(chunks: &[(ChunkKind, Vec<u8>)]) -> usize {
     chunks.iter().map(|(_, payload)| payload.len()).sum()
 }
 
-/// The logarithms of magnitudes, smooth where there is none.
-fn logarithms(measurement: &Measurement, classes: &[Class], floor: f32) -> Vec<f32> {
+/// What is approximated, smooth where there is nothing.
+fn approximated(measurement: &Measurement, plane: Plane<'_>, floor: f32) -> Vec<f32> {
     let samples = measurement.tensor.samples();
-    let lowest = FLOORED * f64::from(floor);
-    let mut logs = vec![0.0_f32; samples.len()];
+    let mut values = vec![0.0_f32; samples.len()];
     let block = 1 << 14;
-    logs.par_chunks_mut(block).zip(samples.par_chunks(block)).zip(classes.par_chunks(block)).for_each(
-        |((logs, samples), classes)| {
-            for ((log, s), class) in logs.iter_mut().zip(samples).zip(classes) {
-                *log = match class {
-                    Class::Positive | Class::Negative => libm::log(f64::from(s.abs()).max(lowest)) as f32,
-                    Class::Zero | Class::Masked => f32::NAN,
-                };
+    values.par_chunks_mut(block).zip(samples.par_chunks(block)).zip(plane.classes.par_chunks(block)).for_each(
+        |((values, samples), classes)| {
+            for ((value, &s), &class) in values.iter_mut().zip(samples).zip(classes) {
+                *value = plane.values.wanted(s, class, floor) as f32;
             }
         },
     );
-    fill(measurement.tensor.axes(), &mut logs);
-    logs
-}
-
-/// Negative samples within the floor become zeros: their sign is worth no bits, and their error stays below the floor.
-fn class_of(sample: f32, floor: f32) -> Class {
-    if sample.is_nan() {
-        Class::Masked
-    } else if sample > 0.0 {
-        Class::Positive
-    } else if sample == 0.0 || -sample < floor {
-        Class::Zero
-    } else {
-        Class::Negative
-    }
+    fill(measurement.tensor.axes(), &mut values);
+    values
 }
 
 /// The quantiser's fineness and the step of the corrections, 0 without.
@@ -309,6 +297,7 @@ impl Steps {
 /// What is the same in every basis and at every step.
 #[derive(Clone, Copy)]
 struct Plane<'a> {
+    values: Values,
     classes: &'a [Class],
     /// The classes chunk, where there is one.
     coded: Option<&'a (ChunkKind, Vec<u8>)>,
@@ -323,6 +312,10 @@ struct Work<'a> {
     settings: &'a Settings,
     plane: Plane<'a>,
     layer: Box<dyn FirstLayer + 'a>,
+    /// What light is corrected by, and the step of its logarithms.
+    light: Option<(Light, f32)>,
+    /// What its scheme is called.
+    name: &'static str,
     floor: f32,
 }
 
@@ -335,19 +328,23 @@ impl<'a> Work<'a> {
         floor: f32,
     ) -> Result<Self, CompressError> {
         let axes = measurement.tensor.axes();
-        let logs = || logarithms(measurement, plane.classes, floor);
+        let logs = || approximated(measurement, plane, floor);
         let coded = plane.coded.map(|_| plane.classes);
         let layer: Box<dyn FirstLayer + 'a> = match scheme {
             Scheme::Adaptive => Box::new(AdaptiveLayer::new(axes, coded, logs()).map_err(CompressError::Setting)?),
             Scheme::Predicted(folded, chart) => {
-                Box::new(PredictiveLayer::new(Arc::clone(folded), *chart).map_err(CompressError::Setting)?)
+                let layer = PredictiveLayer::new(Arc::clone(folded), *chart, settings.random_access);
+                Box::new(layer.map_err(CompressError::Setting)?)
             }
             Scheme::Fixed(basis) => {
                 let layer = FixedLayer::new(axes, coded, *basis, logs());
                 Box::new(layer.map_err(|e| CompressError::Setting(e.to_string()))?)
             }
         };
-        Ok(Self { measurement, settings, plane, layer, floor })
+        let light = settings
+            .albedo_error
+            .and_then(|bound| Light::of(measurement.quantity, axes).map(|light| (light, light::step_of(bound))));
+        Ok(Self { measurement, settings, plane, layer, light, name: scheme.name(), floor })
     }
 
     fn original(&self) -> &[f32] {
@@ -363,19 +360,30 @@ impl<'a> Work<'a> {
             Target::ErL2(error) => {
                 // A uniform quantiser's error is its step / √12; most coefficients are 0, so the step can be larger.
                 let mut decoded = vec![0.0; self.original().len()];
+                let mut falling = Falling::default();
                 let keeps = |step: f64| {
-                    self.relative_error(Fineness::of(step as f32), &mut decoded, progress).map(|e| e <= error)
+                    let found = self.relative_error(Fineness::of(step as f32), &mut decoded, progress)?;
+                    if found > error && !falling.falls(step, found) {
+                        return Err(CompressError::Unreachable(format!("{} cannot follow the samples", self.name)));
+                    }
+                    Ok(found <= error)
                 };
                 let step = largest(4.0 * error, REFINEMENTS, keeps)?;
                 plain(step, "er_l2 is below what float32 logarithms hold: ask for a larger error or lossless")
             }
-            Target::ErL1(_) | Target::MaxAbsoluteError(_) | Target::RelativeRmse(_) | Target::DeltaE(_) => {
+            Target::ErL1(_) | Target::RelativeRmse(_) | Target::DeltaE(_) => {
                 let magnitudes = |step: f32, decoded: &mut [f32]| {
-                    self.layer.approximate(Fineness::of(step), decoded);
-                    exponentiate(decoded);
+                    self.approximate(Fineness::of(step), decoded);
+                    self.plane.values.finish(decoded);
                 };
                 let classes = self.plane.coded.map(|_| self.plane.classes);
-                let trial = Trial { measurement: self.measurement, classes, floor: self.floor, magnitudes };
+                let trial = Trial {
+                    measurement: self.measurement,
+                    classes,
+                    floor: self.floor,
+                    linear: self.plane.values.is_linear(),
+                    magnitudes,
+                };
                 let step = trial.largest_step(self.settings.target, progress)?;
                 plain(step, "the target is below what float32 logarithms hold: ask for a larger error or lossless")
             }
@@ -395,7 +403,18 @@ impl<'a> Work<'a> {
                     other => other,
                 })
             }
-            Target::MaxRelativeError(error) => self.find_bounded(error, progress),
+            // |Δ ln s| ≤ ln(1 + error) bounds the relative error from both sides; a little is left for rounding to f32.
+            Target::MaxRelativeError(error) => {
+                self.find_bounded(2.0 * libm::log1p(error) * (1.0 - 1e-5) - 4e-7, progress)
+            }
+            Target::MaxAbsoluteError(error) => {
+                // What lies below the floor is kept within it.
+                let floored = self.plane.counts.below_floor_samples > 0;
+                let error = if floored { error.min(f64::from(self.floor)) } else { error };
+                let (low, high) = self.measurement.tensor.range().unwrap_or_default();
+                let rounding = f64::from(low.abs().max(high.abs())) * f64::from(f32::EPSILON);
+                self.find_bounded(2.0 * error * (1.0 - 1e-5) - 4.0 * rounding, progress)
+            }
             Target::Lossless => Err(CompressError::Setting("the rd policy is not lossless".to_owned())),
         }
     }
@@ -431,6 +450,36 @@ impl<'a> Work<'a> {
         Ok(Steps { first: best.1, ..steps })
     }
 
+    /// What a decoder has before its corrections at `fineness`.
+    fn approximate(&self, fineness: Fineness, values: &mut [f32]) {
+        self.layer.approximate(fineness, values);
+        if let Some((light, step)) = &self.light {
+            let steps = self.light_steps(light, *step, values);
+            light.add(*step, &steps, values);
+        }
+    }
+
+    /// The corrections of the light of `values`.
+    fn light_steps(&self, light: &Light, step: f32, values: &[f32]) -> Vec<i32> {
+        let mut samples = values.to_vec();
+        self.plane.values.finish(&mut samples);
+        if self.plane.coded.is_some() {
+            apply_classes(self.plane.classes, &mut samples);
+        }
+        light.steps(self.settings.albedo_error.unwrap_or(1.0), step, self.original(), &samples)
+    }
+
+    /// The chunk of the light's corrections.
+    fn light_chunk(&self, fineness: Fineness) -> Option<(ChunkKind, Vec<u8>)> {
+        let (light, step) = self.light.as_ref()?;
+        let mut values = vec![0.0; self.original().len()];
+        self.layer.approximate(fineness, &mut values);
+        let mut steps = self.light_steps(light, *step, &values);
+        let mut encoder = Encoder::default();
+        code_steps(&mut encoder, light.inner(), &mut steps);
+        Some((ChunkKind::Light, encoder.finish()))
+    }
+
     /// er(L2) of what a decoder has at `fineness`.
     fn relative_error(
         &self,
@@ -441,8 +490,8 @@ impl<'a> Work<'a> {
         if progress.is_cancelled() {
             return Err(Cancelled.into());
         }
-        self.layer.approximate(fineness, decoded);
-        exponentiate(decoded);
+        self.approximate(fineness, decoded);
+        self.plane.values.finish(decoded);
         if self.plane.coded.is_none() {
             return Ok(ErrorReport::measure(self.original(), decoded, f64::from(self.floor)).er_l2);
         }
@@ -480,11 +529,10 @@ impl<'a> Work<'a> {
     }
 
     /// The first layer's step for which both layers together are smallest.
-    fn find_bounded(&self, error: f64, progress: &dyn Progress) -> Result<Steps, CompressError> {
-        // |Δ ln s| ≤ ln(1 + error) bounds the relative error from both sides; a little is left for rounding to f32.
-        let correction = (2.0 * libm::log1p(error) * (1.0 - 1e-5) - 4e-7) as f32;
+    fn find_bounded(&self, correction: f64, progress: &dyn Progress) -> Result<Steps, CompressError> {
+        let correction = correction as f32;
         if correction <= 0.0 {
-            let text = "max_relative_error is below what float32 logarithms hold: ask for a larger error or lossless";
+            let text = "the largest error is below what float32 holds: ask for a larger one or lossless";
             return Err(CompressError::Unreachable(text.to_owned()));
         }
         let factors = [0.5_f32, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0];
@@ -512,20 +560,20 @@ impl<'a> Work<'a> {
     fn corrections_chunk(&self, steps: Steps) -> (ChunkKind, Vec<u8>) {
         let mut logs = vec![0.0; self.original().len()];
         self.layer.approximate(steps.first, &mut logs);
-        let lowest = FLOORED * f64::from(self.floor);
+        let (values, floor) = (self.plane.values, self.floor);
         let mut corrections: Vec<i32> = self
             .original()
             .par_iter()
             .zip(&logs)
             .zip(self.plane.classes)
-            .map(|((&s, &log), class)| match class {
-                Class::Positive | Class::Negative => {
-                    let wanted = libm::log(f64::from(s.abs()).max(lowest));
-                    let k = libm::round((wanted - f64::from(log)) / f64::from(steps.correction));
-                    // The decoder adds in f32: make sure that the nearest step is still the nearest there.
-                    nearest_in_f32(log, k as i32, steps.correction, wanted)
+            .map(|((&s, &value), &class)| {
+                let wanted = values.wanted(s, class, floor);
+                if wanted.is_nan() {
+                    return 0;
                 }
-                Class::Zero | Class::Masked => 0,
+                let k = libm::round((wanted - f64::from(value)) / f64::from(steps.correction));
+                // The decoder adds in f32: make sure that the nearest step is still the nearest there.
+                nearest_in_f32(value, k as i32, steps.correction, wanted)
             })
             .collect();
         let mut encoder = Encoder::default();
@@ -544,7 +592,9 @@ impl<'a> Work<'a> {
             transforms: self.layer.transforms().to_vec(),
             klt: self.layer.basis() == SpectralBasis::Klt,
             predicted: self.layer.is_predicted(),
+            linear: self.plane.values.is_linear(),
             step: steps.first.step,
+            light_step: self.light.as_ref().map_or(0.0, |(_, step)| *step),
             correction_step: steps.correction,
             has_classes: self.plane.coded.is_some(),
             floor: self.floor,
@@ -556,7 +606,12 @@ impl<'a> Work<'a> {
     fn encode(&self, steps: Steps) -> Parts {
         let corrections = (steps.correction != 0.0).then(|| self.corrections_chunk(steps));
         let classes = self.plane.coded.cloned();
-        let chunks = classes.into_iter().chain(self.layer.chunks(steps.first)).chain(corrections).collect();
+        let chunks = classes
+            .into_iter()
+            .chain(self.layer.chunks(steps.first))
+            .chain(self.light_chunk(steps.first))
+            .chain(corrections)
+            .collect();
         Parts { header: self.header(steps), chunks }
     }
 }

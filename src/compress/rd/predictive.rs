@@ -2,11 +2,13 @@
 //! pyramid of triangles predicted in closed loop.
 //!
 //! ```text
-//! pyramid chunk   levels, as in `levels`; varint m + 4 · a + 8 · g; then the range-coded coefficients of the model, and the
-//!                 pyramid
+//! pyramid chunk   levels, as in `levels`; varint m + 4 · a + 8 · s + 16 · g; then
+//!                 s = 0: the range-coded coefficients of the model, and the pyramid
+//!                 s = 1: the model and the pyramid of each coded block as streams of their own, as in `streams`
 //!
 //! m               the kind of the model, 0 if there is none
 //! a               1 if there is no pyramid behind the model: all its details are 0
+//! s               1 if every block is decoded by itself
 //! g               generators: digits to base n + 1, the first lowest: 1 + the number of a symmetry, of the n of the last
 //!                 triangle axis' domain
 //! ```
@@ -16,11 +18,13 @@ use super::chart::{Chart, ChartKind};
 use super::layer::{Fineness, FirstLayer};
 use super::pyramid::Pyramid;
 use super::spectrum::{Basis, components};
+use super::streams::Streams;
 use super::symmetry::{Group, Member, Representative};
 use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Reader, Writer};
 use crate::domain::{Axis, Symmetry, TriangleMesh};
 use crate::transform::{AxisTransform, Klt};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Samples of the spectra whose principal components are found, at most.
@@ -63,7 +67,7 @@ impl Shape {
         self.mesh
     }
 
-    pub(super) fn block_axes(&self) -> &[Axis] {
+    pub(crate) fn block_axes(&self) -> &[Axis] {
         &self.block_axes
     }
 
@@ -162,6 +166,8 @@ pub(crate) struct PredictiveLayer {
     folded: Arc<Folded>,
     transforms: Vec<AxisTransform>,
     chart: Option<Chart>,
+    /// Whether every block is a stream of its own.
+    random: bool,
     /// What was coded last: a size and an error are asked for one after the other.
     last: Mutex<Option<(Fineness, Arc<Coded>)>>,
 }
@@ -175,7 +181,7 @@ struct Coded {
 }
 
 impl PredictiveLayer {
-    pub(crate) fn new(folded: Arc<Folded>, chart: Option<ChartKind>) -> Result<Self, String> {
+    pub(crate) fn new(folded: Arc<Folded>, chart: Option<ChartKind>, random: bool) -> Result<Self, String> {
         let chart = match chart {
             Some(kind) => {
                 let chart = Chart::new(kind, &folded.shape, &folded.representatives);
@@ -184,7 +190,7 @@ impl PredictiveLayer {
             None => None,
         };
         let transforms = vec![AxisTransform::Identity; folded.shape.axes.len()];
-        Ok(Self { folded, transforms, chart, last: Mutex::new(None) })
+        Ok(Self { folded, transforms, chart, random, last: Mutex::new(None) })
     }
 
     fn coded(&self, fineness: Fineness) -> Arc<Coded> {
@@ -214,16 +220,29 @@ impl PredictiveLayer {
         let mut encoder = Encoder::default();
         // The basis itself is part of what is kept.
         let mut kept = basis.as_ref().map_or(0, |basis| basis.entries() as u64);
-        let model = self.chart.as_ref().map(|chart| chart.code(&mut encoder, step, vectors, Some(&planes), &mut kept));
+        let model = self.chart.as_ref().map(|chart| {
+            let coefficients = chart.code(&mut encoder, step, vectors, Some(&planes), &mut kept);
+            chart.evaluate(coefficients, vectors, chart.all())
+        });
         if let Some(model) = &model {
             planes.iter_mut().zip(model).for_each(|(x, m)| *x -= m);
         }
         let model_alone = encoder.clone();
-        let (mut decoded, details) = folded.pyramid.code(&mut encoder, step, vectors, Some(planes), usize::MAX);
+        let pyramid = &folded.pyramid;
+        let (mut decoded, details, coded) = if self.random {
+            let (decoded, details, blocks) = code_blocks(pyramid, (step, vectors), &planes);
+            let model = self.chart.is_some().then(|| model_alone.finish());
+            let blocks = if details == 0 { &[] } else { blocks.as_slice() };
+            (decoded, details, Streams::write(model.as_deref(), blocks))
+        } else {
+            let (decoded, details) =
+                pyramid.code(&mut encoder, (step, vectors), pyramid.all(), Some(planes), usize::MAX);
+            (decoded, details, if details == 0 { model_alone } else { encoder }.finish())
+        };
         let mut w = Writer::default();
         let model_code = self.chart.as_ref().map_or(0, |chart| chart.kind() as u64);
-        w.varint(model_code | u64::from(details == 0) << 2 | folded.generators << 3);
-        w.raw(&if details == 0 { model_alone } else { encoder }.finish());
+        w.varint(model_code | u64::from(details == 0) << 2 | u64::from(self.random) << 3 | folded.generators << 4);
+        w.raw(&coded);
         chunks.push((ChunkKind::Pyramid, w.into_bytes()));
         if let Some(model) = &model {
             decoded.iter_mut().zip(model).for_each(|(x, m)| *x += m);
@@ -260,49 +279,191 @@ impl FirstLayer for PredictiveLayer {
     }
 }
 
+/// Codes the planes of every representative by themselves: what a decoder has, the details that are not 0, the streams.
+fn code_blocks(pyramid: &Pyramid, (step, vectors): (f32, usize), planes: &[f32]) -> (Vec<f32>, u64, Vec<Vec<u8>>) {
+    let block = planes.len() / pyramid.all().len();
+    let coded: Vec<(Vec<f32>, u64, Vec<u8>)> = planes
+        .par_chunks(block)
+        .enumerate()
+        .map(|(k, planes)| {
+            let mut encoder = Encoder::default();
+            let (decoded, details) =
+                pyramid.code(&mut encoder, (step, vectors), k..k + 1, Some(planes.to_vec()), usize::MAX);
+            (decoded, details, encoder.finish())
+        })
+        .collect();
+    let details = coded.iter().map(|(_, details, _)| details).sum();
+    let mut decoded = Vec::with_capacity(planes.len());
+    let mut streams = Vec::with_capacity(coded.len());
+    for (planes, _, stream) in coded {
+        decoded.extend(planes);
+        streams.push(stream);
+    }
+    (decoded, details, streams)
+}
+
+/// What is decoded before any pyramid.
+struct Opened<'a> {
+    shape: Shape,
+    plan: Plan,
+    basis: Option<Basis>,
+    representatives: Vec<Representative>,
+    chart: Option<Chart>,
+    r: Reader<'a>,
+}
+
+impl<'a> Opened<'a> {
+    fn new(axes: &[Axis], step: f32, (basis, coded): (Option<&[u8]>, &'a [u8])) -> Result<Self, CodecError> {
+        let malformed = |reason: &str| CodecError::Malformed { at: 0, reason: reason.to_owned() };
+        let shape = Shape::of(axes).ok_or_else(|| malformed("a pyramid without a triangle axis"))?;
+        let basis = match basis {
+            Some(chunk) if shape.length > 1 => Some(Basis::decode(chunk, axes, shape.rows(), step)?),
+            None if shape.length == 1 => None,
+            _ => return Err(malformed("a basis chunk without a spectral axis, or none with one")),
+        };
+        let mut r = Reader::new(coded, 0);
+        let plan = Plan::read(&shape, &mut r)?;
+        let representatives = plan.group.representatives();
+        let chart = match plan.model {
+            None => None,
+            Some(kind) => {
+                let chart = Chart::new(kind, &shape, &representatives);
+                Some(chart.ok_or_else(|| malformed("a model that makes no sense here"))?)
+            }
+        };
+        Ok(Self { shape, plan, basis, representatives, chart, r })
+    }
+
+    fn vectors(&self) -> usize {
+        self.basis.as_ref().map_or(1, Basis::rank)
+    }
+
+    /// The streams of a pyramid whose blocks are decoded by themselves.
+    fn streams(&mut self) -> Result<Streams<'a>, CodecError> {
+        let blocks = if self.plan.alone { 0 } else { self.representatives.len() };
+        Streams::read(&mut self.r, self.chart.is_some(), blocks)
+    }
+
+    /// The model's planes of some representatives.
+    fn model(&self, coefficients: Vec<f64>, representatives: Range<usize>) -> Option<Vec<f32>> {
+        self.chart.as_ref().map(|chart| chart.evaluate(coefficients, self.vectors(), representatives))
+    }
+
+    /// The model's coefficients.
+    fn coefficients(&self, decoder: &mut Decoder<'_>, step: f32) -> Vec<f64> {
+        self.chart.as_ref().map_or_else(Vec::new, |chart| chart.code(decoder, step, self.vectors(), None, &mut 0))
+    }
+
+    /// The pyramids of some representatives.
+    fn pyramid(&self, classes: Option<&[Class]>, representatives: Range<usize>) -> Pyramid {
+        let representatives = &self.representatives[representatives];
+        let live = live_leaves(&self.shape, &self.plan.group, representatives, classes);
+        Pyramid::new(self.shape.mesh, &self.plan.group, representatives, live.as_deref())
+    }
+}
+
+/// Adds the model, if there is one.
+fn add_model(decoded: &mut [f32], model: Option<Vec<f32>>) {
+    if let Some(model) = model {
+        decoded.iter_mut().zip(model).for_each(|(x, m)| *x += m);
+    }
+}
+
 /// The logarithms that a basis chunk and a pyramid chunk behind its levels stand for, without details below level `finest`;
 /// and how many bytes of the latter they depend on.
 pub(crate) fn decode(
     axes: &[Axis],
     classes: Option<&[Class]>,
     step: f32,
-    (basis, coded): (Option<&[u8]>, &[u8]),
+    chunks: (Option<&[u8]>, &[u8]),
     finest: usize,
 ) -> Result<(Vec<f32>, usize), CodecError> {
-    let malformed = |reason: &str| CodecError::Malformed { at: 0, reason: reason.to_owned() };
-    let shape = Shape::of(axes).ok_or_else(|| malformed("a pyramid without a triangle axis"))?;
-    let basis = match basis {
-        Some(chunk) if shape.length > 1 => Some(Basis::decode(chunk, axes, shape.rows(), step)?),
-        None if shape.length == 1 => None,
-        _ => return Err(malformed("a basis chunk without a spectral axis, or none with one")),
-    };
-    let mut r = Reader::new(coded, 0);
-    let Plan { model, alone, group } = Plan::read(&shape, &mut r)?;
-    let representatives = group.representatives();
-    let live = live_leaves(&shape, &group, &representatives, classes);
-    let vectors = basis.as_ref().map_or(1, Basis::rank);
-    let chart = match model {
-        None => None,
-        Some(kind) => {
-            let chart = Chart::new(kind, &shape, &representatives);
-            Some(chart.ok_or_else(|| malformed("a model that makes no sense here"))?)
+    let mut opened = Opened::new(axes, step, chunks)?;
+    let (fineness, count) = ((step, opened.vectors()), opened.representatives.len());
+    let plane = opened.shape.mesh.len();
+    let no_details = || vec![0.0; count * fineness.1 * plane];
+    let (coefficients, mut decoded, end) = if opened.plan.random {
+        if finest < usize::from(opened.shape.mesh.level()) {
+            return Err(opened.r.malformed("blocks decoded by themselves have no coarser levels"));
         }
-    };
-    let start = r.offset();
-    let mut decoder = Decoder::new(r.take(r.remaining(), "pyramid")?);
-    let model = chart.map(|chart| chart.code(&mut decoder, step, vectors, None, &mut 0));
-    let mut decoded = if alone {
-        vec![0.0; representatives.len() * vectors * shape.mesh.len()]
+        let streams = opened.streams()?;
+        let coefficients = opened.coefficients(&mut Decoder::new(streams.model()), step);
+        let decoded = if opened.plan.alone {
+            no_details()
+        } else {
+            let pyramid = opened.pyramid(classes, 0..count);
+            let block = |k: usize| pyramid.code(&mut streams.block(k), fineness, k..k + 1, None, finest).0;
+            (0..count).into_par_iter().flat_map_iter(block).collect()
+        };
+        (coefficients, decoded, opened.r.offset())
     } else {
-        let pyramid = Pyramid::new(shape.mesh, &group, &representatives, live.as_deref());
-        pyramid.code(&mut decoder, step, vectors, None, finest).0
+        let start = opened.r.offset();
+        let mut decoder = Decoder::new(opened.r.take(opened.r.remaining(), "pyramid")?);
+        let coefficients = opened.coefficients(&mut decoder, step);
+        let decoded = if opened.plan.alone {
+            no_details()
+        } else {
+            opened.pyramid(classes, 0..count).code(&mut decoder, fineness, 0..count, None, finest).0
+        };
+        (coefficients, decoded, start + decoder.position())
     };
-    if let Some(model) = model {
-        decoded.iter_mut().zip(model).for_each(|(x, m)| *x += m);
-    }
+    add_model(&mut decoded, opened.model(coefficients, 0..count));
     let mut logs = vec![0.0; axes.iter().map(Axis::len).product()];
-    synthesise(&shape, &group, &representatives, basis.as_ref(), &decoded, &mut logs);
-    Ok((logs, start + decoder.position()))
+    let Opened { shape, plan, representatives, basis, .. } = &opened;
+    synthesise(shape, &plan.group, representatives, basis.as_ref(), &decoded, &mut logs);
+    Ok((logs, end))
+}
+
+/// The logarithms of one block, bit for bit those that [`decode`] has: `[leaves, length]`; nothing else is decoded but the
+/// basis and the model.
+pub(crate) fn decode_block(
+    axes: &[Axis],
+    classes: Option<&[Class]>,
+    step: f32,
+    chunks: (Option<&[u8]>, &[u8]),
+    block: usize,
+) -> Result<Vec<f32>, CodecError> {
+    let mut opened = Opened::new(axes, step, chunks)?;
+    if !opened.plan.random {
+        return Err(opened.r.malformed("blocks that are not decoded by themselves"));
+    }
+    let streams = opened.streams()?;
+    let stands_for = |member: &&Member, r: &Representative| member.blocks[r.block] as usize == block;
+    let members = opened.plan.group.members();
+    let found = opened.representatives.iter().position(|r| members.iter().any(|member| stands_for(&member, r)));
+    let k = found.ok_or_else(|| opened.r.malformed(format!("there is no block {block}")))?;
+    let (vectors, leaves) = (opened.vectors(), opened.shape.mesh.len());
+    let coefficients = opened.coefficients(&mut Decoder::new(streams.model()), step);
+    let mut decoded = if opened.plan.alone {
+        vec![0.0; vectors * leaves]
+    } else {
+        let pyramid = opened.pyramid(classes, k..k + 1);
+        pyramid.code(&mut streams.block(k), (step, vectors), 0..1, None, usize::MAX).0
+    };
+    add_model(&mut decoded, opened.model(coefficients, k..k + 1));
+    let rows = transposed(&decoded, vectors, leaves);
+    let mut own = vec![0.0; rows.len()];
+    // Where several members lead here, the last has the say, as in the whole.
+    for member in members.iter().filter(|member| stands_for(member, &opened.representatives[k])) {
+        for (source, &leaf) in rows.chunks_exact(vectors).zip(&member.leaves) {
+            own[leaf as usize * vectors..][..vectors].copy_from_slice(source);
+        }
+    }
+    Ok(match &opened.basis {
+        Some(basis) => {
+            let mut logs = vec![0.0; leaves * opened.shape.length];
+            basis.synthesise(&own, &mut logs);
+            logs
+        }
+        None => own,
+    })
+}
+
+/// Whether every block of a pyramid is decoded by itself.
+pub(crate) fn is_random(axes: &[Axis], coded: &[u8]) -> Result<bool, CodecError> {
+    let no_triangles = || CodecError::Malformed { at: 0, reason: "a pyramid without a triangle axis".to_owned() };
+    let shape = Shape::of(axes).ok_or_else(no_triangles)?;
+    Ok(Plan::read(&shape, &mut Reader::new(coded, 0))?.random)
 }
 
 /// By block: the number of the representative that stands for it.
@@ -330,6 +491,7 @@ fn number_of(shape: &Shape, generators: &[Symmetry]) -> u64 {
 struct Plan {
     model: Option<ChartKind>,
     alone: bool,
+    random: bool,
     group: Group,
 }
 
@@ -338,7 +500,7 @@ impl Plan {
         let known = Symmetry::of(shape.mesh.domain());
         let base = known.len() as u64 + 1;
         let first = r.varint("model and symmetries")?;
-        let mut number = first >> 3;
+        let mut number = first >> 4;
         let mut generators = Vec::new();
         while number > 0 {
             let digit = (number % base).checked_sub(1).map(|digit| known[digit as usize]);
@@ -346,7 +508,8 @@ impl Plan {
             number /= base;
         }
         let group = shape.group(&generators).ok_or_else(|| r.malformed("a symmetry of another domain"))?;
-        Ok(Self { model: ChartKind::from_code((first & 3) as u8), alone: first >> 2 & 1 == 1, group })
+        let (alone, random) = (first >> 2 & 1 == 1, first >> 3 & 1 == 1);
+        Ok(Self { model: ChartKind::from_code((first & 3) as u8), alone, random, group })
     }
 }
 
@@ -509,10 +672,10 @@ pub(crate) fn symmetries(shape: &Shape, logs: &[f32], classes: Option<&[Class]>,
         }
         generators.push(symmetry);
         let all = closure(&generators);
-        if !all.iter().all(|s| *s == Symmetry::IDENTITY || accepted.iter().any(|(_, known)| known == s)) {
-            generators.pop();
-        } else {
+        if all.iter().all(|s| *s == Symmetry::IDENTITY || accepted.iter().any(|(_, known)| known == s)) {
             largest = deviation;
+        } else {
+            generators.pop();
         }
     }
     Found { order: closure(&generators).len(), generators, deviation: largest }

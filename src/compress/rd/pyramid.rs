@@ -7,6 +7,7 @@ use super::symmetry::{Group, Representative};
 use crate::codec::{BitCoder, DetailCoder, Surroundings};
 use crate::domain::TriangleMesh;
 use crate::transform::{Householder, Prediction};
+use std::ops::Range;
 
 /// Coefficients within half a step and this much more become 0.
 const DEAD_ZONE: f32 = 0.12;
@@ -79,8 +80,8 @@ impl Pyramid {
         self.live.get(representative).map_or(15, |levels| levels[level][t])
     }
 
-    /// The means of all levels of `planes`, coarse first; dead children do not count.
-    fn means(&self, planes: Vec<f32>, vectors: usize) -> Vec<Vec<f32>> {
+    /// The means of all levels of `planes`, those of representatives from `first` on, coarse first; dead children do not count.
+    fn means(&self, first: usize, planes: Vec<f32>, vectors: usize) -> Vec<Vec<f32>> {
         let mut levels = vec![planes];
         for level in (0..self.levels).rev() {
             let children = &levels[levels.len() - 1];
@@ -89,7 +90,7 @@ impl Pyramid {
                 .chunks_exact(4)
                 .enumerate()
                 .map(|(i, c)| {
-                    let live = self.live(i / (n * vectors), level, i % n);
+                    let live = self.live(first + i / (n * vectors), level, i % n);
                     let (mut sum, mut count) = (0.0, 0.0);
                     for (k, value) in c.iter().enumerate() {
                         if live >> k & 1 == 1 {
@@ -106,22 +107,27 @@ impl Pyramid {
         levels
     }
 
-    /// Codes planes at `step`: an encoder is given them, a decoder nothing; both return what a decoder has. The number of
-    /// details that are not 0 comes along. The details below level `finest` are 0 and take no bits.
+    /// All representatives.
+    pub(crate) fn all(&self) -> Range<usize> {
+        0..self.fold_of.len()
+    }
+
+    /// Codes planes of `representatives` at `step`: an encoder is given them, a decoder nothing; both return what a decoder
+    /// has. The number of details that are not 0 comes along. The details below level `finest` are 0 and take no bits.
     pub(crate) fn code<C: BitCoder>(
         &self,
         coder: &mut C,
-        step: f32,
-        vectors: usize,
+        (step, vectors): (f32, usize),
+        representatives: Range<usize>,
         planes: Option<Vec<f32>>,
         finest: usize,
     ) -> (Vec<f32>, u64) {
-        let count = self.fold_of.len() * vectors;
-        let source = planes.map(|planes| self.means(planes, vectors));
+        let (first, count) = (representatives.start, representatives.len() * vectors);
+        let source = planes.map(|planes| self.means(first, planes, vectors));
         let mut details = DetailCoder::default();
         let mut kept = 0;
-        let mut decoded =
-            self.code_roots(coder, &mut details, (step, vectors), source.as_ref().map(|s| s[0].as_slice()), &mut kept);
+        let roots = source.as_ref().map(|s| s[0].as_slice());
+        let mut decoded = self.code_roots(coder, &mut details, (step, vectors), representatives, roots, &mut kept);
         let mut above: Vec<i32> = Vec::new();
         for level in 0..self.levels {
             let n = self.nodes(level);
@@ -133,7 +139,7 @@ impl Pyramid {
                     pyramid: self,
                     level,
                     is_coded: level < finest,
-                    representative: plane / vectors,
+                    representative: first + plane / vectors,
                     step: step_at(step, self.levels - level - 1),
                     source: source.as_ref().map(|s| &s[level + 1][plane * 4 * n..][..4 * n]),
                     means: &decoded[plane * n..][..n],
@@ -153,14 +159,15 @@ impl Pyramid {
         coder: &mut C,
         details: &mut DetailCoder,
         (step, vectors): (f32, usize),
+        representatives: Range<usize>,
         source: Option<&[f32]>,
         kept: &mut u64,
     ) -> Vec<f32> {
         let step = step_at(step, self.levels);
-        let planes = self.fold_of.len() * vectors;
+        let planes = representatives.len() * vectors;
         let mut decoded = vec![0.0; planes * self.bases];
         for plane in 0..planes {
-            let representative = plane / vectors;
+            let representative = representatives.start + plane / vectors;
             let fold = self.folds[self.fold_of[representative]].first();
             let mut last = 0;
             for root in 0..self.bases {
@@ -183,7 +190,7 @@ impl Pyramid {
 
 /// The plane whose magnitudes tell most about those of `plane`.
 fn plane_before(plane: usize, vectors: usize) -> Option<usize> {
-    if plane % vectors > 0 { Some(plane - 1) } else { plane.checked_sub(vectors) }
+    if plane.is_multiple_of(vectors) { plane.checked_sub(vectors) } else { Some(plane - 1) }
 }
 
 /// The step of means over 4^`below` leaves.

@@ -148,8 +148,11 @@ impl GenericTransform {
         let (mut low, mut high) = (0, self.coefficients.len());
         let mut best = Some(self.search_count(high, rule, judge)).filter(|found| found.error <= error)?;
         while high - low > 1.max(high / 256) {
-            let middle =
-                if low == 0 { high / 8 } else { ((low as f64 * high as f64).sqrt() as usize).clamp(low + 1, high - 1) };
+            let middle = if low == 0 {
+                (high / 8).max(1)
+            } else {
+                ((low as f64 * high as f64).sqrt() as usize).clamp(low + 1, high - 1)
+            };
             let found = self.search_count(middle, rule, judge);
             if found.error <= error {
                 (best, high) = (found, middle);
@@ -246,7 +249,7 @@ fn threshold_of(values: &[f32], count: usize) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::{Domain, ErrorReport, TriangleMesh};
+    use crate::domain::{Domain, ErrorReport, TriangleMesh, WavelengthGrid};
     use crate::transform::{LineBasis, SphereBasis};
 
     fn setup(normalised: bool) -> (GenericTransform, Vec<f32>) {
@@ -335,6 +338,17 @@ mod tests {
         let fewer = t.search_count(found.kept * 9 / 10, Rule::Generic, &er(&samples));
         assert!(fewer.error > 0.05);
         assert!(t.search_error(-1.0, Rule::Conventional, &er(&samples)).is_none());
+    }
+
+    #[test]
+    fn a_search_ends_where_two_coefficients_are_enough_and_one_is_not() {
+        let axes = [Axis::Wavelength(WavelengthGrid::even(380.0, 5.0, 16).unwrap())];
+        let samples: Vec<f32> = (0..16).map(|i| if i < 8 { 1.0 } else { 2.0 }).collect();
+        let t = GenericTransform::new(&axes, &[AxisTransform::line(LineBasis::HAAR)], &samples, true).unwrap();
+        for rule in [Rule::Conventional, Rule::Generic, Rule::Adaptive] {
+            let found = t.search_error(0.05, rule, &er(&samples)).unwrap();
+            assert!(found.error <= 0.05 && found.kept == 2, "{rule:?}: {}", found.kept);
+        }
     }
 
     #[test]

@@ -219,7 +219,96 @@ fn a_floor_counts_for_absolute_errors() {
     let floored = Settings { floor: Some(0.2), ..settings(Target::MaxAbsoluteError(bound), Policy::Rd) };
     let compressed = check_file(&m, &floored);
     assert!(compressed.summary.errors.max_absolute_error <= bound);
-    // Negative samples within the floor become zeros: no step brings them nearer than that.
+    // Samples carry their own signs in their own unit: a bound far below the floor is kept, too.
     let below = Settings { floor: Some(0.2), ..settings(Target::MaxAbsoluteError(0.001 * bound), Policy::Rd) };
-    assert!(matches!(compress(&m, &below, &Silent), Err(CompressError::Unreachable(_))));
+    assert!(check_file(&m, &below).summary.errors.max_absolute_error <= 0.001 * bound);
+}
+
+#[test]
+fn the_light_of_every_direction_and_wavelength_is_kept() {
+    for m in kinds() {
+        let Some(triangles) = m.tensor.axes().iter().rposition(|axis| matches!(axis, Axis::Triangles(_))) else {
+            continue;
+        };
+        let Axis::Triangles(cells) = m.tensor.axes()[triangles] else { unreachable!() };
+        let inner: usize = m.tensor.axes()[triangles + 1..].iter().map(Axis::len).product();
+        for bound in [0.01, 0.002] {
+            let wanted = Settings { albedo_error: Some(bound), ..settings(Target::ErL2(0.05), Policy::Rd) };
+            let compressed = check_file(&m, &wanted);
+            let decoded = decode(&compressed.bytes).unwrap();
+            let light = |samples: &[f32], block: usize, k: usize| -> f64 {
+                let weight = |cell| {
+                    if m.quantity.has_cosine() { cells.projected_solid_angle(cell) } else { cells.solid_angle(cell) }
+                };
+                let sample = |cell: usize| f64::from(samples[(block * cells.len() + cell) * inner + k]);
+                (0..cells.len()).filter(|&c| !sample(c).is_nan()).map(|c| weight(c) * sample(c)).sum()
+            };
+            for block in 0..m.tensor.len() / (cells.len() * inner) {
+                for k in 0..inner {
+                    let before = light(m.tensor.samples(), block, k);
+                    let after = light(decoded.measurement.tensor.samples(), block, k);
+                    if before > 0.0 {
+                        assert!((after / before - 1.0).abs() <= bound, "{before} {after}");
+                    }
+                }
+            }
+            let reported = compressed.light.unwrap();
+            assert!(reported.largest <= bound && reported.rms <= reported.largest);
+        }
+    }
+}
+
+#[test]
+fn light_that_nothing_corrects_is_refused() {
+    let m = &kinds()[3];
+    let with = |target, policy, albedo_error| Settings { albedo_error: Some(albedo_error), ..settings(target, policy) };
+    let refused = |m: &Measurement, settings: Settings| {
+        assert!(
+            matches!(compress(m, &settings, &Silent), Err(CompressError::Setting(text)) if text.contains("albedo_error"))
+        );
+    };
+    refused(m, with(Target::ErL2(0.01), Policy::Rd, 0.0));
+    refused(m, with(Target::ErL2(0.01), Policy::Conventional, 0.01));
+    refused(m, with(Target::MaxRelativeError(0.01), Policy::Rd, 0.01));
+    refused(m, with(Target::Lossless, Policy::Lossless, 0.01));
+    refused(&kinds()[6], with(Target::ErL2(0.01), Policy::Rd, 0.01));
+}
+
+#[test]
+fn nothing_positive_decodes_below_zero_in_its_own_unit() {
+    for m in kinds() {
+        let negative = m.tensor.samples().iter().any(|&s| s < 0.0);
+        let (_, decoded) = kept(&m, Target::RelativeRmse(0.2), Policy::Rd);
+        let below = decoded.measurement.tensor.samples().iter().any(|&s| s < 0.0);
+        assert!(negative || !below);
+    }
+}
+
+#[test]
+fn differences_keep_their_signs_at_a_small_cost() {
+    let axes = vec![mesh(Domain::Hemisphere, 1), mesh(Domain::Hemisphere, 3), wavelengths(21)];
+    let m = measurement(Quantity::Brdf, axes.clone(), 0.0);
+    let mean = m.tensor.samples().iter().map(|&s| f64::from(s)).sum::<f64>() / m.tensor.len() as f64;
+    let samples = m.tensor.samples().iter().map(|&s| s - mean as f32).collect();
+    let m = Measurement { tensor: Tensor::new(axes, samples).unwrap(), ..m };
+    let (linear, decoded) = kept(&m, Target::RelativeRmse(0.01), Policy::Rd);
+    let (logarithms, _) = kept(&m, Target::ErL2(0.5), Policy::Rd);
+    assert!(3 * linear.bytes.len() < logarithms.bytes.len(), "{} {}", linear.bytes.len(), logarithms.bytes.len());
+    let wrong = pairs(&m, &decoded).filter(|(s, d)| s * d < 0.0 && s.abs() > 0.05 * mean).count();
+    assert_eq!(wrong, 0);
+}
+
+#[test]
+fn auto_stops_at_the_noise_and_is_nearer_to_the_truth() {
+    let axes = vec![mesh(Domain::Hemisphere, 1), mesh(Domain::Hemisphere, 4), wavelengths(31)];
+    let truth = measurement(Quantity::Brdf, axes.clone(), 0.0);
+    let mut random = Pcg64::seed_from_u64(5);
+    let noisy = truth.tensor.samples().iter().map(|&s| s * (1.0 + 0.01 * random.random_range(-1.732..1.732_f32)));
+    let m = Measurement { tensor: Tensor::new(axes, noisy.collect()).unwrap(), ..truth.clone() };
+    let (compressed, decoded) = kept(&m, Target::Auto, Policy::Rd);
+    let to_truth = ErrorReport::measure(truth.tensor.samples(), decoded.measurement.tensor.samples(), 0.0).er_l2;
+    assert!(to_truth < 0.003, "{to_truth}");
+    assert!((compressed.summary.errors.er_l2 - 0.01).abs() < 0.001);
+    let clean = compress(&truth, &settings(Target::Auto, Policy::Rd), &Silent);
+    assert!(matches!(clean, Err(CompressError::Setting(text)) if text.contains("auto")));
 }

@@ -1,0 +1,216 @@
+//! Writes the seeds of every target into the directory given: small materials of every policy, promise and kind of axis,
+//! small files of every format.
+//!
+//! `cargo run --release --example seeds -- corpus`
+
+use std::error::Error;
+use std::fs;
+use std::path::{Path, PathBuf};
+use wavelume::compress::{Policy, Settings, Target, compress};
+use wavelume::domain::{Axis, Domain, Measurement, Quantity, Sampling, Silent, Tensor, TriangleMesh, WavelengthGrid};
+use wavelume::formats::{Interpretation, manifest_of, write_npy};
+use wavelume::pipeline::{self, Input, Request};
+use wavelume_fuzz::SEPARATOR;
+
+/// Larger files of a format are cut to this.
+const MOST_BYTES: usize = 1 << 13;
+
+type Outcome<T> = Result<T, Box<dyn Error>>;
+
+fn main() -> Outcome<()> {
+    let corpus = PathBuf::from(std::env::args().nth(1).ok_or("the directory of the corpora is missing")?);
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let materials = materials(&root)?;
+    for target in ["decode", "decode_sealed", "material"] {
+        save(&corpus.join(target), &materials)?;
+    }
+    save(&corpus.join("formats"), &files(&root)?)?;
+    Ok(())
+}
+
+fn save(directory: &Path, seeds: &[Vec<u8>]) -> Outcome<()> {
+    fs::create_dir_all(directory)?;
+    for seed in seeds {
+        fs::write(directory.join(&blake3::hash(seed).to_hex()[..16]), seed)?;
+    }
+    println!("{}: {} seeds, {} bytes", directory.display(), seeds.len(), seeds.iter().map(Vec::len).sum::<usize>());
+    Ok(())
+}
+
+fn mesh(domain: Domain, level: u8) -> Axis {
+    Axis::Triangles(TriangleMesh::new(domain, level).expect("a level within the limit"))
+}
+
+fn wavelengths(count: usize) -> Axis {
+    Axis::Wavelength(WavelengthGrid::even(380.0, 400.0 / count as f64, count).expect("a valid grid"))
+}
+
+fn uneven(count: usize) -> Axis {
+    let values = (0..count).map(|i| f64::from((380.0 + 7.3 * i as f64 + 0.01 * (i * i) as f64) as f32)).collect();
+    Axis::Wavelength(WavelengthGrid::listed(values).expect("a valid grid"))
+}
+
+fn index(count: usize) -> Axis {
+    Axis::Index { count, labels: (0..count).map(|i| format!("patch {i}")).collect() }
+}
+
+/// A smooth positive function of the axes; if `hurt`, with noise and negative, zero and masked samples.
+fn measurement(quantity: Quantity, axes: Vec<Axis>, hurt: bool) -> Outcome<Measurement> {
+    let shape: Vec<usize> = axes.iter().map(Axis::len).collect();
+    let mut state = 1_u32;
+    let sample = |flat: usize| {
+        let mut rest = flat;
+        let mut value = 0.3;
+        for (axis, n) in axes.iter().zip(&shape).rev() {
+            let i = rest % n;
+            rest /= n;
+            value *= match axis {
+                Axis::Triangles(mesh) => 1.2 + mesh.centroid(i).xyz()[2] * 0.7,
+                _ => 1.0 + 0.5 * (i as f64 / *n as f64 * 3.0).sin(),
+            };
+        }
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        match (hurt, flat % 17) {
+            (false, _) => value as f32,
+            (true, 3) => (-0.1 * value) as f32,
+            (true, 5 | 6) => 0.0,
+            (true, 11) => f32::NAN,
+            (true, _) => (value * (1.0 + 0.02 * f64::from(state >> 16) / 65_536.0)) as f32,
+        }
+    };
+    let samples = (0..shape.iter().product()).map(sample).collect();
+    let tensor = Tensor::new(axes, samples)?;
+    Ok(Measurement::new(quantity, quantity.default_unit(), Sampling::Average, tensor)?)
+}
+
+fn measurements() -> Outcome<Vec<Measurement>> {
+    let elevations = || Axis::Elevation((0..6).map(|i| f64::from(i) * 15.0).collect());
+    let kinds = [
+        (Quantity::Spectrum, vec![wavelengths(1)]),
+        (Quantity::Spectrum, vec![wavelengths(40)]),
+        (Quantity::Spectrum, vec![uneven(23)]),
+        (Quantity::Reflectance, vec![index(5), wavelengths(16)]),
+        (Quantity::Edf, vec![mesh(Domain::Sphere, 2)]),
+        (Quantity::Edf, vec![mesh(Domain::Sphere, 1), wavelengths(9)]),
+        (Quantity::Brdf, vec![mesh(Domain::Hemisphere, 0), mesh(Domain::Hemisphere, 1), wavelengths(7)]),
+        (Quantity::Brdf, vec![mesh(Domain::Hemisphere, 1), mesh(Domain::Hemisphere, 2)]),
+        (Quantity::Brdf, vec![elevations(), mesh(Domain::Hemisphere, 2), Axis::Rgb]),
+        (Quantity::Btdf, vec![mesh(Domain::Hemisphere, 0), mesh(Domain::Lower, 2)]),
+        (Quantity::Bsdf, vec![mesh(Domain::Hemisphere, 0), mesh(Domain::Sphere, 1), uneven(5)]),
+        (Quantity::Phase, vec![mesh(Domain::Sphere, 1), mesh(Domain::Sphere, 1)]),
+        (Quantity::Brdf, vec![index(3), index(4), wavelengths(6)]),
+        (Quantity::Brdf, vec![index(2), mesh(Domain::Hemisphere, 0), mesh(Domain::Hemisphere, 1), Axis::Rgb]),
+    ];
+    let mut all = Vec::new();
+    for (quantity, axes) in kinds {
+        for hurt in [false, true] {
+            all.push(measurement(quantity, axes.clone(), hurt)?);
+        }
+    }
+    Ok(all)
+}
+
+fn materials(root: &Path) -> Outcome<Vec<Vec<u8>>> {
+    let settings = |target, policy, basis: &str, metadata: bool| Settings {
+        target,
+        policy,
+        basis: basis.to_owned(),
+        floor: None,
+        metadata: metadata.then(|| r#"{"generator":"seeds"}"#.to_owned()),
+    };
+    let floored = Settings { floor: Some(0.2), ..settings(Target::ErL2(0.03), Policy::Rd, "haar", false) };
+    let wanted = [
+        settings(Target::ErL2(0.03), Policy::Rd, "auto", true),
+        settings(Target::ErL2(0.002), Policy::Rd, "klt", false),
+        settings(Target::ErL2(0.02), Policy::Rd, "bior4.4", false),
+        settings(Target::MaxRelativeError(0.02), Policy::Rd, "auto", false),
+        settings(Target::MaxRelativeError(0.1), Policy::Rd, "identity", false),
+        settings(Target::Ratio(8.0), Policy::Rd, "db4", false),
+        floored,
+        settings(Target::ErL2(0.05), Policy::Conventional, "coif2", false),
+        settings(Target::ErL2(0.05), Policy::Generic, "sym5", false),
+        settings(Target::ErL2(0.05), Policy::Adaptive, "haar", true),
+        settings(Target::Lossless, Policy::Rd, "auto", false),
+    ];
+    let mut files = Vec::new();
+    for measurement in measurements()? {
+        for settings in &wanted {
+            // A promise that some kind cannot keep is no seed.
+            files.extend(compress(&measurement, settings, &Silent).map(|compressed| compressed.bytes));
+        }
+    }
+    for path in in_order(&root.join("data/virtual"))? {
+        let bytes = fs::read(path)?;
+        let interpretation = Interpretation::default();
+        let mut source = pipeline::read(&Input { bytes: &bytes, spectrum: None, interpretation: &interpretation })?;
+        source.acquisition.report.metadata.clear();
+        let levels = [(Some(0), Some(2)), (None, Some(2)), (None, Some(1))];
+        for (incoming_level, outgoing_level) in levels {
+            let wavelengths = Some("400:700:50".to_owned());
+            let request = Request { incoming_level, outgoing_level, wavelengths, ..Request::to(Target::ErL2(0.01)) };
+            for request in [request.clone(), Request { wavelengths: None, ..request }] {
+                if let Ok(outcome) = pipeline::compress(&source, &request, &Silent)
+                    && outcome.bytes.len() <= MOST_BYTES
+                {
+                    files.push(outcome.bytes);
+                }
+            }
+        }
+    }
+    Ok(files)
+}
+
+fn files(root: &Path) -> Outcome<Vec<Vec<u8>>> {
+    let mut files = Vec::new();
+    for directory in ["data", "tests/fixtures"] {
+        for path in in_order(&root.join(directory))? {
+            let mut bytes = fs::read(&path)?;
+            bytes.truncate(MOST_BYTES);
+            // A virtual document on fewer cells, so that it is evaluated.
+            if path.extension().is_some_and(|extension| extension == "json") {
+                let mut document: serde_json::Value = serde_json::from_slice(&bytes)?;
+                let axes = document["axes"].as_array_mut().ok_or("a document without axes")?;
+                for axis in axes.iter_mut() {
+                    let text = axis.as_str().ok_or("an axis in a long form")?;
+                    let kind = text.split(':').next().unwrap_or_default();
+                    *axis = if kind == "lambda" { "lambda:400:60:6".into() } else { format!("{kind}:1").into() };
+                }
+                bytes = document.to_string().into_bytes();
+            }
+            files.push(bytes);
+        }
+    }
+    for measurement in measurements()? {
+        let mut file = write_npy(&measurement.tensor.shape(), measurement.tensor.samples());
+        file.push(SEPARATOR);
+        file.extend(manifest_of(&measurement).to_string().bytes());
+        if file.len() <= MOST_BYTES {
+            files.push(file);
+        }
+    }
+    let angles = serde_json::json!({"quantity": "brdf", "axes": [
+        {"kind": "theta_i", "values": [0, 30, 60]}, {"kind": "theta_o", "values": [0, 45, 90]},
+        {"kind": "phi_o", "values": [0, 90, 180, 270]}, "rgb"]});
+    let samples: Vec<f32> = (0..108).map(|i| i as f32).collect();
+    let array = write_npy(&[3, 3, 4, 3], &samples);
+    files.push([&array, [SEPARATOR].as_slice(), angles.to_string().as_bytes()].concat());
+    Ok(files)
+}
+
+/// All files below a directory that hold data, in the order of their paths.
+fn in_order(directory: &Path) -> Outcome<Vec<PathBuf>> {
+    let (mut found, mut directories) = (Vec::new(), vec![directory.to_owned()]);
+    while let Some(directory) = directories.pop() {
+        for entry in fs::read_dir(directory)? {
+            let path = entry?.path();
+            let texts = path.extension().is_some_and(|extension| extension == "md");
+            if path.is_dir() {
+                directories.push(path);
+            } else if !texts && !path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("LICENSE")) {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    Ok(found)
+}

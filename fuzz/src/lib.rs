@@ -1,0 +1,113 @@
+//! What the targets share: budgets, checksums made right again, and the properties that hold for any input.
+
+mod allocation;
+mod material;
+mod seal;
+
+pub use material::use_material;
+pub use seal::sealed;
+
+use wavelume::compress::{self, Summary};
+use wavelume::domain::Axis;
+use wavelume::formats::{self, Acquisition, Interpretation, Samples};
+use wavelume::projection::{self, AxesRequest};
+
+/// Samples that a header may announce to be decoded here: a valid one may announce 2^28, which only costs time (a sphere
+/// at level 8 with all its symmetries, 2^19 samples, takes seconds in this build).
+pub const MOST_DECODED: usize = 1 << 18;
+/// Samples of a material that is opened: the tables of its meshes and trees are made for every input.
+pub const MOST_OPENED: usize = 1 << 16;
+/// Samples of an acquisition that is projected, and values of a virtual document that is evaluated.
+const MOST_PROJECTED: usize = 1 << 12;
+
+/// One thread, the caller's own: an input that fails does so at the same place every time.
+pub fn one_thread() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread();
+    pool.build_global().expect("no other pool was made before");
+}
+
+/// How many samples a header announces.
+pub fn announced(summary: &Summary) -> usize {
+    summary.axes.iter().map(Axis::len).product()
+}
+
+/// Inspects and decodes `bytes`: both agree, and the samples are those that the header announces.
+pub fn decode(bytes: &[u8]) {
+    let summary = match compress::inspect(bytes) {
+        Ok(summary) if announced(&summary) <= MOST_DECODED => summary,
+        Ok(_) => return,
+        Err(_) => {
+            assert!(compress::decode(bytes).is_err(), "decoded, but not inspected");
+            return;
+        }
+    };
+    compress::payload_digest(bytes).expect("what is inspected has a digest");
+    let Ok(decoded) = compress::decode(bytes) else { return };
+    let tensor = &decoded.measurement.tensor;
+    assert_eq!(decoded.summary, summary);
+    assert_eq!(tensor.axes(), summary.axes);
+    assert_eq!(tensor.len(), announced(&summary));
+}
+
+/// Separates an array from the manifest that lies beside it.
+pub const SEPARATOR: u8 = 0x1E;
+
+/// Reads `bytes` as a file of any format, and puts a small acquisition on coarse axes.
+pub fn read_format(bytes: &[u8]) {
+    let mut how = Interpretation::default();
+    let mut file = bytes;
+    if let Some(at) = bytes.iter().rposition(|&byte| byte == SEPARATOR)
+        && let Ok(axes) = serde_json::from_slice::<serde_json::Value>(&bytes[at + 1..])
+    {
+        how.axes = Some(axes);
+        file = &bytes[..at];
+    }
+    if is_costly(how.axes.as_ref(), file) {
+        return;
+    }
+    if let Ok(acquisition) = formats::read(file, &how) {
+        project(&acquisition);
+    }
+}
+
+fn project(acquisition: &Acquisition) {
+    let request = match &acquisition.samples {
+        Samples::OnAxes { tensor, .. } if tensor.len() <= MOST_PROJECTED => AxesRequest::default(),
+        Samples::Grid(grid) if grid.values.len() <= MOST_PROJECTED => AxesRequest {
+            incoming_level: grid.incoming.as_ref().and_then(|angles| angles.phi.as_ref()).map(|_| 1),
+            outgoing_level: grid.outgoing.as_ref().map(|_| 1),
+            wavelengths: None,
+        },
+        _ => return,
+    };
+    if let Ok(projected) = projection::project(acquisition, &request) {
+        let tensor = &projected.measurement.tensor;
+        assert_eq!(tensor.len(), tensor.shape().iter().product::<usize>());
+    }
+}
+
+/// Whether `file` is a virtual document with more values than are evaluated here; its limit is 2^31 evaluations.
+fn is_costly(axes: Option<&serde_json::Value>, file: &[u8]) -> bool {
+    let Ok(document) = serde_json::from_slice::<serde_json::Value>(file) else { return false };
+    let described = axes.map(|axes| axes.get("axes").unwrap_or(axes)).unwrap_or(&document["axes"]);
+    let Some(axes) = described.as_array() else { return false };
+    axes.iter().map(length).fold(1, usize::saturating_mul) > MOST_PROJECTED
+}
+
+/// How many entries a described axis has.
+fn length(axis: &serde_json::Value) -> usize {
+    let triangles = |level: u64| 8 << (2 * level.min(8));
+    if let Some(text) = axis.as_str() {
+        // `hemi:LEVEL`, `lambda:START:STEP:COUNT`
+        let parts: Vec<&str> = text.split(':').collect();
+        return match parts.as_slice() {
+            [_, level] => triangles(level.parse().unwrap_or(0)),
+            [.., count] => count.parse().unwrap_or(1),
+            [] => 1,
+        };
+    }
+    let number = |key: &str| axis.get(key).and_then(serde_json::Value::as_u64);
+    let listed = axis.as_object().into_iter().flatten().filter_map(|(_, value)| value.as_array()).map(Vec::len).max();
+    let count = number("count").map_or(1, |count| usize::try_from(count).unwrap_or(usize::MAX));
+    number("level").map_or(1, triangles).max(count).max(listed.unwrap_or(1))
+}

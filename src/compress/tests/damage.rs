@@ -1,0 +1,126 @@
+//! Damaged files of every kind of material: a flip or a cut is an error or changes no sample. Where the checksums are made
+//! right again a flip may change samples, but nothing panics.
+
+use super::*;
+use crate::domain::Direction;
+use std::collections::BTreeSet;
+
+const FLIPS: [u8; 3] = [0x01, 0x80, 0xFF];
+
+/// A function of the directions that a model of the lobe serves well.
+fn scattering(quantity: Quantity, domain: Domain, f: impl Fn(Direction, Direction) -> f64) -> Measurement {
+    let mesh = TriangleMesh::new(domain, 1).unwrap();
+    let places = (0..mesh.len()).flat_map(|i| (0..mesh.len()).map(move |o| [i, o].map(|t| mesh.centroid(t))));
+    let samples = places.map(|[wi, wo]| f(wi, wo) as f32).collect();
+    let tensor = Tensor::new(vec![Axis::Triangles(mesh); 2], samples).unwrap();
+    Measurement::new(quantity, quantity.default_unit(), Sampling::Average, tensor).unwrap()
+}
+
+fn measurements() -> Vec<Measurement> {
+    let elevations = || Axis::Elevation((0..4).map(|i| f64::from(i) * 20.0).collect());
+    let uneven = Axis::Wavelength(WavelengthGrid::listed(vec![400.0, 410.5, 433.3, 500.0, 501.0]).unwrap());
+    let (hemi, lower, sphere) = (Domain::Hemisphere, Domain::Lower, Domain::Sphere);
+    let shapes = [
+        (Quantity::Spectrum, vec![wavelengths(20)]),
+        (Quantity::Spectrum, vec![uneven]),
+        (Quantity::Reflectance, vec![index(3), wavelengths(12)]),
+        (Quantity::Edf, vec![mesh(sphere, 1)]),
+        (Quantity::Edf, vec![mesh(sphere, 0), wavelengths(7)]),
+        (Quantity::Brdf, vec![mesh(hemi, 0), mesh(hemi, 1)]),
+        (Quantity::Brdf, vec![mesh(hemi, 0), mesh(hemi, 1), wavelengths(5)]),
+        (Quantity::Brdf, vec![elevations(), mesh(hemi, 1), Axis::Rgb]),
+        (Quantity::Btdf, vec![mesh(hemi, 0), mesh(lower, 1)]),
+        (Quantity::Phase, vec![mesh(sphere, 0), mesh(sphere, 1)]),
+        (Quantity::Brdf, vec![index(2), index(3), wavelengths(4)]),
+    ];
+    let shapes = shapes.map(|(quantity, axes)| measurement(quantity, axes, 0.01));
+    let mut all: Vec<Measurement> = shapes.into_iter().flat_map(|m| [hurt(m.clone()), m]).collect();
+    all.push(scattering(Quantity::Phase, sphere, |wi, wo| libm::exp(2.0 * wi.dot(wo))));
+    all.push(scattering(Quantity::Brdf, hemi, |wi, wo| {
+        let half: [f64; 3] = std::array::from_fn(|k| wi.xyz()[k] + wo.xyz()[k]);
+        let length = half.iter().map(|x| x * x).sum::<f64>().sqrt();
+        0.05 + libm::exp(8.0 * (half[2] / length - 1.0))
+    }));
+    all
+}
+
+/// One small file of every kind, and the name of its scheme.
+fn files() -> Vec<(String, Vec<u8>)> {
+    let wanted = [
+        (Target::ErL2(0.02), Policy::Rd, "auto"),
+        (Target::ErL2(0.02), Policy::Rd, "klt"),
+        (Target::ErL2(0.02), Policy::Rd, "db2"),
+        (Target::MaxRelativeError(0.05), Policy::Rd, "auto"),
+        (Target::ErL2(0.05), Policy::Conventional, "bior4.4"),
+        (Target::ErL2(0.05), Policy::Generic, "haar"),
+        (Target::ErL2(0.05), Policy::Adaptive, "identity"),
+        (Target::Lossless, Policy::Rd, "auto"),
+    ];
+    let mut files = Vec::new();
+    for m in measurements() {
+        for (target, policy, basis) in wanted {
+            let settings = Settings { basis: basis.to_owned(), ..settings(target, policy) };
+            let Compressed { bytes, summary, ranking, .. } = compress(&m, &settings, &Silent).unwrap();
+            files.push((format!("{} {}", summary.policy, ranking[0].basis), bytes));
+        }
+    }
+    files
+}
+
+/// `bytes` with every wrong checksum made right: of the kind, length and payload that it stands behind.
+fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
+    while let Err(DecodeError::Checksum { at, .. }) = inspect(&bytes) {
+        let mut r = crate::codec::Reader::new(&bytes[at + 1..], at + 1);
+        let length = r.size(usize::MAX >> 1, "length").unwrap();
+        let end = r.offset() + length;
+        let hash = blake3::hash(&bytes[at..end]);
+        bytes[end..end + 4].copy_from_slice(&hash.as_bytes()[..4]);
+    }
+    bytes
+}
+
+fn bits(decoded: &Decoded) -> Vec<u32> {
+    decoded.measurement.tensor.samples().iter().map(|s| s.to_bits()).collect()
+}
+
+#[test]
+fn damage_is_an_error_or_changes_no_sample() {
+    let files = files();
+    let kinds: BTreeSet<&str> = files.iter().map(|(kind, _)| kind.as_str()).collect();
+    let needed = [
+        "rd klt",
+        "rd db2",
+        "rd predicted",
+        "rd predicted, folded",
+        "rd predicted, isotropic model",
+        "rd predicted, anisotropic model",
+        "rd predicted, zonal model",
+        "conventional bior4.4",
+        "generic haar",
+        "adaptive identity",
+        "lossless none",
+    ];
+    assert!(needed.iter().all(|kind| kinds.contains(kind)), "some kind is not among the files: {kinds:?}");
+    for (kind, bytes) in files {
+        let whole = bits(&decode(&bytes).unwrap());
+        let harmless = |damaged: &[u8], what: &str, at: usize| {
+            let inspected = inspect(damaged);
+            if let Ok(decoded) = decode(damaged) {
+                assert!(inspected.is_ok() && bits(&decoded) == whole, "{kind}, {what} {at}: other samples");
+            }
+        };
+        for at in 0..bytes.len() {
+            harmless(&bytes[..at], "cut at", at);
+            for (i, flip) in FLIPS.into_iter().enumerate() {
+                let mut flipped = bytes.clone();
+                flipped[at] ^= flip;
+                harmless(&flipped, "flip of byte", at);
+                if at % FLIPS.len() == i
+                    && let Ok(decoded) = decode(&sealed(flipped))
+                {
+                    assert_eq!(Ok(decoded.measurement.tensor.len()), usize::try_from(decoded.summary.errors.samples));
+                }
+            }
+        }
+    }
+}
