@@ -8,7 +8,7 @@
 
 use std::fs;
 use std::path::PathBuf;
-use wavelume::compress::{Policy, Settings, Target, compress, decode, decode_level, levels};
+use wavelume::compress::{Policy, Settings, Target, compress, decode, decode_block, decode_level, levels};
 use wavelume::domain::{
     Axis, Domain, Measurement, Quantity, Sampling, Silent, Tensor, TriangleMesh, Unit, WavelengthGrid,
 };
@@ -84,7 +84,15 @@ fn gloss(axes: &[Axis], at: &[usize], stretch: f64) -> f64 {
 fn golden(name: &'static str, quantity: Quantity, tensor: Tensor, target: Target) -> Golden {
     let measurement = Measurement::new(quantity, quantity.default_unit(), Sampling::Average, tensor).unwrap();
     let basis = "auto".to_owned();
-    let settings = Settings { target, policy: Policy::Rd, basis, floor: None, metadata: None };
+    let settings = Settings {
+        target,
+        policy: Policy::Rd,
+        basis,
+        floor: None,
+        albedo_error: None,
+        metadata: None,
+        random_access: false,
+    };
     Golden { name, measurement, settings }
 }
 
@@ -106,6 +114,9 @@ fn all() -> Vec<Golden> {
         irregular(),
         channels(),
         octant(),
+        random(),
+        linear(),
+        signed(),
         lossless(),
         conventional(),
     ]
@@ -257,6 +268,45 @@ fn octant() -> Golden {
     golden
 }
 
+/// Every block by itself, and the light of each block within a bound.
+fn random() -> Golden {
+    let axes = brdf_axes(3);
+    let data = tensor(axes.clone(), |i, at| match at[1] {
+        40..=44 | 48 => f64::NAN,
+        k => {
+            let [x, y, _] = direction(&axes[1], k);
+            gloss(&axes, at, 0.3) * (1.3 + 0.6 * x + 0.3 * y) * (1.0 + 0.02 * noise(i))
+        }
+    });
+    let mut golden = golden("random", Quantity::Brdf, data, Target::ErL2(0.03));
+    golden.settings.random_access = true;
+    golden.settings.albedo_error = Some(0.003);
+    golden
+}
+
+/// Samples instead of logarithms, none of them negative.
+fn linear() -> Golden {
+    let axes = vec![mesh(Domain::Hemisphere, 2), wavelengths(6)];
+    let data = tensor(axes.clone(), |i, at| {
+        let z = direction(&axes[0], at[0])[2];
+        let value = z * z * z * (1.0 + 0.3 * at[1] as f64) * (1.0 + 0.02 * noise(i));
+        if z < 0.3 { 0.02 * (1.0 + noise(i)) } else { value }
+    });
+    let mut golden = golden("linear", Quantity::Edf, data, Target::MaxAbsoluteError(0.05));
+    "klt".clone_into(&mut golden.settings.basis);
+    golden
+}
+
+/// Samples instead of logarithms, of either sign.
+fn signed() -> Golden {
+    let axes = vec![mesh(Domain::Sphere, 1), mesh(Domain::Sphere, 1)];
+    let data = tensor(axes.clone(), |i, at| {
+        let cosine = dot(direction(&axes[0], at[0]), direction(&axes[1], at[1]));
+        0.05 + 0.1 * cosine + 0.01 * noise(i)
+    });
+    golden("signed", Quantity::Phase, data, Target::RelativeRmse(0.05))
+}
+
 fn lossless() -> Golden {
     let axes = vec![mesh(Domain::Hemisphere, 1), wavelengths(7)];
     let data = tensor(axes.clone(), |i, at| match i {
@@ -311,6 +361,14 @@ fn golden_files_are_made_and_decoded_to_the_last_bit() {
         let stored = fs::read(path(&format!("{name}.wlm"))).unwrap();
         let decoded = decode(&stored).unwrap();
         same(&format!("{name}.f32"), &bytes_of(decoded.measurement.tensor.samples()));
+        if settings.random_access {
+            let samples = decoded.measurement.tensor.samples();
+            let count = measurement.tensor.axes()[0].len();
+            for (k, own) in samples.chunks_exact(samples.len() / count).enumerate() {
+                let block = decode_block(&stored, k).unwrap();
+                assert_eq!(bytes_of(block.tensor.samples()), bytes_of(own), "{name}: block {k}");
+            }
+        }
         let all_levels = levels(&stored).unwrap();
         if all_levels.len() > 1 {
             // The first bytes alone are enough for the level.

@@ -386,7 +386,7 @@ def check_layout(quantity, axes):
 
 RD, CONVENTIONAL, LOSSLESS, GENERIC, ADAPTIVE = range(5)
 POLICIES = ["rate-distortion", "conventional", "lossless", "generic", "adaptive"]
-KLT, PREDICTED, CLASSES, FLOOR, CORRECTIONS, UNSCORED, COUNTS = (1 << k for k in range(7))
+KLT, PREDICTED, CLASSES, FLOOR, CORRECTIONS, UNSCORED, COUNTS, LINEAR, LIGHT = (1 << k for k in range(9))
 FIXED = ["identity", "bio-haar", "orthonormal-area", "orthonormal-count"]
 
 
@@ -404,16 +404,18 @@ def read_header(r):
     h.unit, h.policy = second & 31, second >> 5
     require(h.unit < len(UNITS) and h.policy < len(POLICIES), "an unknown unit or policy")
     r.note(r.at - 1, f"unit {UNITS[h.unit]}, policy {POLICIES[h.policy]}")
-    h.flags = r.unsigned(1)
-    allowed = {RD: 127, LOSSLESS: CLASSES | FLOOR | COUNTS}.get(h.policy, CLASSES | FLOOR | UNSCORED | COUNTS)
+    start, h.flags = r.at, r.varint()
+    allowed = {RD: 511, LOSSLESS: CLASSES | FLOOR | COUNTS}.get(h.policy, CLASSES | FLOOR | UNSCORED | COUNTS)
     require(h.flags & ~allowed == 0, "unknown flags, or flags that do not fit the policy")
-    r.note(r.at - 1, f"flags {h.flags:#04x}")
+    r.note(start, f"flags {h.flags:#05x}")
     h.axes = [read_axis(r) for _ in range(axes)]
     h.shape = [axis.count for axis in h.axes]
     h.count = math.prod(h.shape)
     require(h.count <= MAX_SAMPLES, "too many samples")
     check_layout(h.quantity, h.axes)
-    require(not h.flags & PREDICTED or any(a.kind == "triangles" for a in h.axes), "a pyramid without triangles")
+    there = any(axis.kind == "triangles" for axis in h.axes)
+    require(there or not h.flags & (PREDICTED | LIGHT), "a pyramid or light without triangles")
+    require(not h.flags & LIGHT or not h.flags & LINEAR, "light of what are no logarithms")
     require(not h.flags & KLT or h.axes, "a spectral basis without an axis")
     h.transforms = ["identity"] * axes
     if h.policy != LOSSLESS and not h.flags & PREDICTED:
@@ -424,12 +426,12 @@ def read_header(r):
             require(code < 4 or h.transforms[i][1] < 5, "an unknown boundary rule")
             require(code == 0 or (code < 4) == (h.axes[i].kind == "triangles"), "a transform that does not fit")
             r.note(start, f"transform of axis {i}: {h.transforms[i]}")
-    h.step = h.correction_step = h.floor = F(0)
+    h.step = h.light_step = h.correction_step = h.floor = F(0)
     if h.policy == RD:
         h.step = np.array([r.unsigned(2) << 16], np.uint32).view(F)[0]
         require(h.step > 0 and np.isfinite(h.step), "a step that is no positive number")
         r.note(r.at - 2, f"step {h.step:.9g}")
-    for flag, name in [(CORRECTIONS, "correction_step"), (FLOOR, "floor")]:
+    for flag, name in [(LIGHT, "light_step"), (CORRECTIONS, "correction_step"), (FLOOR, "floor")]:
         if h.flags & flag:
             setattr(h, name, F(r.number("f")))
             require(getattr(h, name) > 0, f"a {name} that is no positive number")
@@ -444,6 +446,7 @@ def read_header(r):
             require(error >= 0 and np.isfinite(error), "an error that is no number")
             h.errors.append(error)
             r.note(r.at - 3, f"{name} {error:.6g}")
+    h.counts = [0] * 4
     if h.flags & COUNTS:
         start = r.at
         h.counts = [r.varint() for _ in range(4)]
@@ -456,7 +459,7 @@ def read_header(r):
 def announced(h):
     letters = [("C", h.flags & CLASSES), ("B", h.flags & KLT), ("P", h.flags & PREDICTED)]
     letters += [("Q", h.policy != LOSSLESS and not h.flags & PREDICTED)]
-    letters += [("R", h.flags & CORRECTIONS), ("X", h.policy == LOSSLESS)]
+    letters += [("L", h.flags & LIGHT), ("R", h.flags & CORRECTIONS), ("X", h.policy == LOSSLESS)]
     return [letter for letter, there in letters if there]
 
 
@@ -555,6 +558,22 @@ def decode_coefficients(data, rows, floats=False):
             activity[j] = (activity[j] * 7 + (size(row[j]) << 8)) // 8
         values[at] = row
     return values
+
+
+def decode_steps(data, count, lanes):
+    """Small integers in rows."""
+    coder, model = Decoder(data), Model(lambda context: 13107 if context[0] == "zero" else 32768)
+    steps = [0] * count
+    for at in range(count):
+        beside = steps[at - 1] if at % lanes else None
+        above = steps[at - lanes] if at >= lanes else None
+        state = lambda v: 2 if v is None else int(v != 0)
+        if model.one(coder, ("zero", state(beside), state(above))):
+            sign = ((beside or 0) > 0) - ((beside or 0) < 0)
+            negative = model.one(coder, ("sign", sign))
+            size = golomb(coder, model, "size") + 1
+            steps[at] = -size if negative else size
+    return steps
 
 
 def decode_exact(data, count, lanes):
@@ -1127,7 +1146,7 @@ class Plan:
     def __init__(self, r, shape):
         known = symmetries(shape.mesh.domain)
         start, first = r.at, r.varint()
-        self.kind, self.alone, number = first & 3, first >> 2 & 1, first >> 3
+        self.kind, self.alone, self.random, number = first & 3, first >> 2 & 1, first >> 3 & 1, first >> 4
         generators = []
         while number:
             digit = number % (len(known) + 1)
@@ -1144,7 +1163,8 @@ class Plan:
             at += 1
         group.sort()
         models = ["no model", "isotropic model", "anisotropic model", "zonal model"]
-        r.note(start, f"{models[self.kind]}, {['details', 'no details'][self.alone]}, {len(group)} symmetries")
+        text = f"{models[self.kind]}, {['details', 'no details'][self.alone]}, {len(group)} symmetries"
+        r.note(start, text + ", a stream for every block" * self.random)
         self.leaves = [permutation(s, shape.mesh.domain, shape.mesh.level) for s in group]
         self.moves = []
         for s in group:
@@ -1228,9 +1248,10 @@ def prediction_weights(i, around, nodes, children):
     factor = [[0.0] * n for _ in range(n)]
     for p in range(n):
         for q in range(p + 1):
-            rest = matrix[p][q]
+            along = 0.0
             for k in range(q):
-                rest -= factor[p][k] * factor[q][k]
+                along += factor[p][k] * factor[q][k]
+            rest = matrix[p][q] - along
             if p == q:
                 if rest <= 0.0:
                     return none
@@ -1241,13 +1262,15 @@ def prediction_weights(i, around, nodes, children):
     for corner in range(3):
         x = relative(children[4 * i + corner])[:n]
         for p in range(n):
+            along = 0.0
             for k in range(p):
-                x[p] -= factor[p][k] * x[k]
-            x[p] /= factor[p][p]
+                along += factor[p][k] * x[k]
+            x[p] = (x[p] - along) / factor[p][p]
         for p in reversed(range(n)):
+            along = 0.0
             for k in range(p + 1, n):
-                x[p] -= factor[k][p] * x[k]
-            x[p] /= factor[p][p]
+                along += factor[k][p] * x[k]
+            x[p] = (x[p] - along) / factor[p][p]
         weights = []
         for row, trust in zip(rows, trusts):
             along = 0.0
@@ -1302,18 +1325,18 @@ def householder(details):
     return [d - along * alpha for d in details] + [-along * beta]
 
 
-def decode_pyramid(coder, shape, plan, live, step, vectors, finest):
-    """`[representatives, vectors, leaves]`, without details below level `finest`."""
+def decode_pyramid(coder, shape, plan, live, step, vectors, finest, coded):
+    """`[coded, vectors, leaves]` of the representatives `coded`, without details below level `finest`."""
     mesh, size = shape.mesh, lambda q: min(abs(q), 1 << 16)
-    planes = len(plan.representatives) * vectors
+    planes = len(coded) * vectors
     folds = {}
     for stabiliser in plan.stabilisers:
         if tuple(stabiliser) not in folds:
             folds[tuple(stabiliser)] = level_folds(mesh, [plan.leaves[k] for k in stabiliser])
-    folds = [folds[tuple(stabiliser)] for stabiliser in plan.stabilisers]
+    folds = [folds[tuple(plan.stabilisers[k])] for k in coded]
     lives = []
     if live is not None:
-        here = live
+        here = live[coded]
         for _ in range(mesh.level):
             lives.insert(0, here.reshape(len(here), -1, 4))
             here = lives[0].any(axis=2)
@@ -1393,7 +1416,7 @@ def decode_pyramid(coder, shape, plan, live, step, vectors, finest):
             quantised.append(q)
             finer.append(children)
         decoded, above = finer, quantised
-    return np.array(decoded, F).reshape(len(plan.representatives), vectors, mesh.count)
+    return np.array(decoded, F).reshape(len(coded), vectors, mesh.count)
 
 
 def splines(count, x):
@@ -1556,32 +1579,25 @@ class LevelIndex:
 
     def __init__(self, r, levels):
         self.ends, self.errors, end = [], [], 0
+        self.brightness = b""
         for level in range(levels):
             start = r.at
             end += r.varint()
+            if end == 0:
+                r.note(start, "no coarser levels")
+                return
             k = r.unsigned(1)
             self.ends.append(end)
             self.errors.append(0.0 if k == 0 else math.inf if k == 255 else 2.0 ** ((k - 140) / 8))
             r.note(start, f"level {level}: {end} bytes of what follows the levels, er(L2) {self.errors[-1]:.3g}")
         start = r.at
-        self.brightness = r.take(r.varint()) if levels else b""
-        r.note(start, f"steps of the brightness, {len(self.brightness)} bytes") if levels else None
+        if levels:
+            self.brightness = r.take(r.varint())
+            r.note(start, f"steps of the brightness, {len(self.brightness)} bytes")
 
     def factors(self, level, representatives):
-        levels = len(self.ends)
-        steps = [0] * (levels * representatives)
-        if self.brightness:
-            coder = Decoder(self.brightness)
-            model = Model(lambda context: 13107 if context[0] == "zero" else 32768)
-            for at in range(len(steps)):
-                beside = steps[at - 1] if at % representatives else None
-                above = steps[at - representatives] if at >= representatives else None
-                state = lambda v: 2 if v is None else int(v != 0)
-                if model.one(coder, ("zero", state(beside), state(above))):
-                    sign = ((beside or 0) > 0) - ((beside or 0) < 0)
-                    negative = model.one(coder, ("sign", sign))
-                    size = golomb(coder, model, "size") + 1
-                    steps[at] = -size if negative else size
+        count = len(self.ends) * representatives
+        steps = decode_steps(self.brightness, count, representatives) if self.brightness else [0] * count
         own = steps[level * representatives : (level + 1) * representatives]
         return [F(math.exp(float(min(max(k, -5000), 5000)) * 0.015)) if k else None for k in own]
 
@@ -1592,12 +1608,25 @@ def predicted_logs(h, classes, basis, r, finest):
     basis = None if basis is None else Basis(basis, h.axes, shape.rows, h.step)
     vectors = 1 if basis is None else basis.rank
     plan = Plan(r, shape)
-    coder = Decoder(r.take(r.left(), "range-coded: the model's coefficients, means and details"))
-    model = Chart(plan.kind, shape, plan).decode(coder, h.step, vectors) if plan.kind else None
-    planes = np.zeros((len(plan.representatives), vectors, shape.mesh.count), F)
+    count = len(plan.representatives)
+    if plan.random:
+        names = ["the model"] * bool(plan.kind) + [f"block {b}" for b in plan.representatives if not plan.alone]
+        start, lengths = r.at, [r.varint() for _ in names]
+        r.note(start, "lengths of the streams")
+        coders = [Decoder(r.take(n, f"range-coded: {name}" if n else None)) for n, name in zip(lengths, names)]
+        require(r.left() == 0, "bytes after the last stream")
+    else:
+        coders = [Decoder(r.take(r.left(), "range-coded: the model's coefficients, means and details"))]
+    model = None
+    if plan.kind:
+        coder = coders.pop(0) if plan.random else coders[0]
+        model = Chart(plan.kind, shape, plan).decode(coder, h.step, vectors)
+    planes = np.zeros((count, vectors, shape.mesh.count), F)
     if not plan.alone:
         live = live_leaves(shape, plan, classes)
-        planes = decode_pyramid(coder, shape, plan, live, h.step, vectors, finest)
+        parts = [[k] for k in range(count)] if plan.random else [list(range(count))]
+        decode = lambda coder, part: decode_pyramid(coder, shape, plan, live, h.step, vectors, finest, part)
+        planes = np.concatenate([decode(coder, part) for coder, part in zip(coders, parts)])
     if model is not None:
         planes = planes + model
     rows = np.zeros((shape.rows, vectors), F)
@@ -1605,7 +1634,7 @@ def predicted_logs(h, classes, basis, r, finest):
         for moves, leaves in zip(plan.moves, plan.leaves):
             for leaf, to in enumerate(leaves):
                 rows[shape.row(moves[block], to)] = plane[:, leaf]
-    h.found = (plan.kind, len(plan.leaves), live is not None if not plan.alone else False)
+    h.found = (plan.kind, len(plan.leaves), not plan.alone and live is not None, plan.random)
     logs = rows if basis is None else basis.synthesise(rows)
     return logs.reshape(-1), shape, plan
 
@@ -1623,6 +1652,13 @@ def exponential(logs):
     for factorial in (40320.0, 5040.0, 720.0, 120.0, 24.0, 6.0, 2.0, 1.0, 1.0):
         total = total * r + 1.0 / factorial
     return (total * np.ldexp(1.0, k.astype(np.int64))).astype(F)
+
+
+def finish(h, values):
+    """From what was approximated to samples, but for the classes."""
+    if not h.flags & LINEAR:
+        return exponential(values)
+    return values if h.counts[1] > 0 else np.where(values < 0, F(0), values)
 
 
 def apply_classes(samples, classes):
@@ -1710,22 +1746,29 @@ class Material:
             logs = inverse(dequantise(q, h.step, axes, transforms), axes, transforms)
             if basis is not None:
                 logs = basis.synthesise(logs.reshape(-1, basis.rank)).reshape(-1)
+        if h.flags & LIGHT:
+            chunk = self.chunks["L"]
+            shape = Shape(h.axes)
+            inner = shape.inner * shape.length
+            data = chunk.take(chunk.left(), "range-coded: steps of the light")
+            steps = np.array(decode_steps(data, h.count // shape.mesh.count, inner)).reshape(-1, 1, inner)
+            logs = (logs.reshape(-1, shape.mesh.count, inner) + steps.astype(F) * h.light_step).reshape(-1)
         if h.flags & CORRECTIONS:
             chunk = self.chunks["R"]
             data = chunk.take(chunk.left(), "range-coded: corrections")
             steps = decode_coefficients(data, natural(h.count // lanes, lanes)).reshape(-1)
             logs = logs + steps.astype(F) * h.correction_step
-        return apply_classes(exponential(logs), classes)
+        return apply_classes(finish(h, logs), classes)
 
     def decode_level(self, h, level):
         require(h.flags & PREDICTED and "P" in self.chunks, "no levels")
         r = self.chunks["P"]
         mesh = Shape(h.axes).mesh
         index = LevelIndex(r, mesh.level)
-        require(level < mesh.level, "no such level")
+        require(level < len(index.ends), "no such level")
         require(r.left() >= min(index.ends[level], self.lengths["P"] - (r.at - r.start)), "more of the level is needed")
         logs, shape, plan = predicted_logs(h, self.classes, self.chunks.get("B"), r, level)
-        samples = apply_classes(exponential(logs), self.classes)
+        samples = apply_classes(finish(h, logs), self.classes)
         parts = 1 << 2 * (mesh.level - level)
         samples = samples.reshape(-1, parts, shape.inner * shape.length)
         sums, counts = np.zeros((len(samples), samples.shape[2])), np.zeros((len(samples), samples.shape[2]))
@@ -1785,7 +1828,8 @@ def damaged_files(data):
         return lambda payload: payload.__setitem__(at, value)
 
     yield "a later version", data[:4] + b"\x02" + data[5:]
-    yield "an unknown flag", header(put(2, data[8] | 128))
+    yield "an unknown flag", header(lambda payload: payload.__setitem__(slice(2, 3), bytes([data[8] | 128, 4])))
+    yield "an overlong integer", header(lambda payload: payload.__setitem__(slice(2, 3), bytes([data[8] | 128, 0])))
     yield "an unknown policy", header(put(1, data[7] | 7 << 5))
     yield "an unknown unit", header(put(1, data[7] | 31))
     yield "level 9", header(put(3, data[9] & 0xE0 | 9))
@@ -1812,9 +1856,13 @@ def check():
             # The first bytes alone are enough for the level.
             prefix = data[: min(material.coded_at + material.index.ends[0], material.chunks["P"].end)]
             runs.append(("level 0", Material(prefix, level=0).samples, base + ".level0.f32"))
+        if h.flags & PREDICTED:
             found.add(("model", h.found[0]))
             found |= {"symmetries"} if h.found[1] > 1 else set()
             found |= {"dead triangles"} if h.found[2] else set()
+            found |= {"random access"} if h.found[3] else set()
+        if h.flags & LINEAR:
+            found.add("samples with signs" if h.counts[1] else "samples")
         for what, samples, path in runs:
             wanted = np.fromfile(path, "<f4")
             same = len(wanted) == len(samples) and (bits(wanted) == bits(samples)).all()
@@ -1823,7 +1871,8 @@ def check():
             failed += not same
         found |= set(material.chunks) | {"H"} | {POLICIES[h.policy]} | {str(t) for t in h.transforms}
     models = {("model", k) for k in range(4)}
-    wanted = models | set("HCBPQRXM") | {"symmetries", "dead triangles", "conventional", "orthonormal-count", "bio-haar"}
+    wanted = models | set("HCBPQLRXM") | {"symmetries", "dead triangles", "conventional", "orthonormal-count", "bio-haar"}
+    wanted |= {"random access", "samples", "samples with signs"}
     wanted |= {"(0, 4)", "(78, 2)", "(87, 2)"}
     for what, damaged in damaged_files(open(os.path.join(golden, DUMPED + ".wlm"), "rb").read()):
         try:
