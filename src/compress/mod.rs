@@ -24,7 +24,9 @@ mod target;
 mod thresholded;
 
 pub use crate::codec::CodecError as DecodeError;
-pub use decode::{Decoded, DecodedBlock, LevelInfo, decode, decode_block, decode_level, inspect, levels, payload_digest};
+pub use decode::{
+    Decoded, DecodedBlock, LevelInfo, decode, decode_block, decode_level, inspect, levels, payload_digest,
+};
 pub use noise::{Noise, estimate as estimate_noise};
 pub use target::{DeltaE, Target};
 
@@ -284,6 +286,8 @@ fn basis_of(axes: &[Axis], transforms: &[AxisTransform], klt: bool) -> String {
     }
 }
 
+#[cfg(test)]
+mod block_tests;
 #[cfg(test)]
 mod level_tests;
 #[cfg(test)]

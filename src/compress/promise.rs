@@ -2,8 +2,8 @@
 
 use super::rd::predictive::Shape;
 use super::{CompressError, Compressed, DeltaE, Policy, Settings, Target, decode};
-use crate::domain::{Axis, Measurement};
 use crate::domain::colour::{ColourReport, SpectraColours};
+use crate::domain::{Axis, Measurement};
 
 /// Refuses a promise that cannot be made of `measurement` in this way.
 pub(crate) fn check(measurement: &Measurement, settings: &Settings) -> Result<(), CompressError> {

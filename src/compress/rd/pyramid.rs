@@ -127,8 +127,7 @@ impl Pyramid {
         let mut details = DetailCoder::default();
         let mut kept = 0;
         let roots = source.as_ref().map(|s| s[0].as_slice());
-        let mut decoded =
-            self.code_roots(coder, &mut details, (step, vectors), representatives, roots, &mut kept);
+        let mut decoded = self.code_roots(coder, &mut details, (step, vectors), representatives, roots, &mut kept);
         let mut above: Vec<i32> = Vec::new();
         for level in 0..self.levels {
             let n = self.nodes(level);
