@@ -35,7 +35,8 @@ pub(crate) fn check_random_access(measurement: &Measurement, settings: &Settings
     } else {
         return Ok(());
     };
-    let expected = "policy rd with basis auto or klt, another target, and an incoming or index axis before triangles";
+    let expected = "policy rd, basis auto or klt, a target other than lossless and max_relative_error, and an incoming or \
+                    index axis before triangles";
     Err(CompressError::Setting(format!("random_access: found {found}, expected {expected}")))
 }
 
