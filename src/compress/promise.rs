@@ -27,16 +27,15 @@ pub(crate) fn check_random_access(measurement: &Measurement, settings: &Settings
         format!("policy {policy}")
     } else if !matches!(settings.basis.as_str(), "auto" | "klt") {
         format!("basis {}", settings.basis)
-    } else if matches!(settings.target, Target::MaxRelativeError(_)) {
-        "the target max_relative_error, whose corrections are coded for the whole".to_owned()
+    } else if matches!(settings.target, Target::MaxRelativeError(_) | Target::MaxAbsoluteError(_)) {
+        "a target that bounds every sample, whose corrections are coded for the whole".to_owned()
     } else if Shape::of(axes).is_none_or(|shape| shape.block_axes().is_empty()) {
         let axes = axes.iter().map(Axis::describe).collect::<Vec<_>>().join(", ");
         format!("nothing before outgoing triangles in [{axes}]")
     } else {
         return Ok(());
     };
-    let expected = "policy rd, basis auto or klt, a target other than lossless and max_relative_error, and an incoming or \
-                    index axis before triangles";
+    let expected = "policy rd with basis auto or klt, another target, and an incoming or index axis before triangles";
     Err(CompressError::Setting(format!("random_access: found {found}, expected {expected}")))
 }
 
