@@ -17,8 +17,10 @@ pub(crate) fn coding_order(axes: &[Axis], plan: &Plan, classes: Option<&[Class]>
     let Some(last) = axes.len().checked_sub(1) else { return Rows::natural(1, 1) };
     let of = |axis| {
         let mut neighbours = AxisNeighbours::of(plan, axis);
-        if let (Some(classes), AxisTransform::Sphere(_)) = (classes, plan.transform(axis)) {
-            let coded = coded_indices(&live_entries(axes, axis, classes));
+        if let (Some(classes), AxisTransform::Sphere(_), Axis::Triangles(mesh)) =
+            (classes, plan.transform(axis), &axes[axis])
+        {
+            let coded = coded_indices(&live_entries(axes, axis, classes), mesh.bases());
             neighbours.order.retain(|&i| coded[i as usize]);
         }
         neighbours
@@ -50,12 +52,13 @@ fn live_entries(axes: &[Axis], axis: usize, classes: &[Class]) -> Vec<bool> {
     live
 }
 
-/// Which indices of a triangle tree hold a coefficient: the smooth part, and the details of nodes with two live children.
-fn coded_indices(live: &[bool]) -> Vec<bool> {
+/// Which indices of a tree of so many base triangles hold a coefficient: the smooth part, and the details of nodes with two
+/// live children.
+fn coded_indices(live: &[bool], bases: usize) -> Vec<bool> {
     let mut coded = vec![true; live.len()];
     let mut live = live.to_vec();
     let mut stride = 1;
-    while live.len().is_multiple_of(4) && live.len() > 4 {
+    while live.len() > bases {
         for (node, children) in live.chunks_exact(4).enumerate() {
             if children.iter().filter(|&&child| child).count() < 2 {
                 for k in 1..4 {
@@ -183,6 +186,15 @@ mod tests {
         let rows = Rows { lane_order: coded, lane_neighbours: vec![[NONE; 2]; 64], ..Rows::natural(1, 1) };
         clear_uncoded(&rows, &mut values);
         assert_eq!(values.iter().sum::<usize>(), 22);
+    }
+
+    #[test]
+    fn the_smooth_part_of_a_sphere_is_coded_whatever_lives() {
+        let mesh = Axis::Triangles(TriangleMesh::new(Domain::Sphere, 1).unwrap());
+        let plan = Plan::new(std::slice::from_ref(&mesh), &[AxisTransform::Sphere(SphereBasis::BioHaar)]).unwrap();
+        let classes: Vec<Class> = (0..32).map(|i| if i / 4 == 5 { Class::Positive } else { Class::Zero }).collect();
+        let coded = coding_order(&[mesh], &plan, Some(&classes)).lane_order;
+        assert_eq!(coded, [0, 4, 8, 12, 16, 20, 24, 28, 21, 22, 23]);
     }
 
     #[test]

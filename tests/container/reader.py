@@ -1,0 +1,1865 @@
+#!/usr/bin/env python3
+"""An independent reader of materials of version 1, beside docs/container.md: numpy, and nothing of the project's.
+
+Usage:
+  reader.py --check            decodes the golden files beside this file and compares every bit; compares the dump in
+                               docs/container.md with that of its file
+  reader.py --dump FILE.wlm    every byte of a file, explained
+  reader.py FILE.wlm [OUT.npy] decodes a file
+
+It favours being read over speed: about 100,000 decisions of the range decoder a second. It covers everything but the
+wavelets on a line other than Haar, 5/3 and 9/7 under their own boundary rules.
+"""
+import json
+import math
+import os
+import struct
+import sys
+
+import numpy as np
+
+F = np.float32
+HERE = os.path.dirname(os.path.abspath(__file__))
+DOCUMENT = os.path.join(HERE, "..", "..", "docs", "container.md")
+DUMPED = "luminaire"
+
+MAX_SAMPLES, MAX_AXES, MAX_LEVEL = 1 << 28, 8, 8
+MAX_WAVELENGTHS, MAX_ENTRIES, MAX_METADATA = 1 << 16, 1 << 20, 1 << 24
+
+
+class Refused(Exception):
+    """These bytes are no material, or one that this reader must not guess at."""
+
+
+def require(holds, why):
+    if not holds:
+        raise Refused(why)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Fields
+
+
+class Fields:
+    """Reads fields of `data[at:end]`; notes what each byte is, if asked."""
+
+    def __init__(self, data, at=0, end=None, trace=None):
+        self.data, self.start, self.at, self.end = data, at, at, len(data) if end is None else end
+        self.trace = trace
+
+    def note(self, start, text):
+        if self.trace is not None:
+            self.trace.append((start, self.at, text))
+
+    def take(self, count, text=None):
+        require(self.at + count <= self.end, f"byte {self.at}: the bytes end too early")
+        start, self.at = self.at, self.at + count
+        if text is not None:
+            self.note(start, text)
+        return self.data[start : self.at]
+
+    def left(self):
+        return self.end - self.at
+
+    def unsigned(self, count):
+        return int.from_bytes(self.take(count), "little")
+
+    def number(self, code):
+        value = struct.unpack("<" + code, self.take(struct.calcsize(code)))[0]
+        require(math.isfinite(value), "a number that is not finite")
+        return value
+
+    def varint(self, limit=(1 << 64) - 1):
+        value, shift = 0, 0
+        while True:
+            byte = self.unsigned(1)
+            require(not (byte == 0 and shift > 0) and shift <= 63, "not the shortest form of an integer")
+            value |= (byte & 0x7F) << shift
+            if byte < 0x80:
+                break
+            shift += 7
+        require(value <= limit, f"{value} is more than {limit}")
+        return value
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# BLAKE3 (O'Connor, Aumasson, Neves & Wilcox-O'Hearn 2020), hashing only
+
+IV = [0x6A09E667, 0xBB67AE85, 0x3C6EF372, 0xA54FF53A, 0x510E527F, 0x9B05688C, 0x1F83D9AB, 0x5BE0CD19]
+PERMUTATION = [2, 6, 3, 10, 7, 0, 4, 13, 1, 11, 12, 5, 9, 14, 15, 8]
+MASK = 0xFFFFFFFF
+
+
+def blake3_compress(chaining, words, counter, length, flags):
+    v = list(chaining) + IV[:4] + [counter & MASK, counter >> 32, length, flags]
+    turn = lambda x, n: (x >> n | x << (32 - n)) & MASK
+
+    def mix(a, b, c, d, x, y):
+        v[a] = (v[a] + v[b] + x) & MASK
+        v[d] = turn(v[d] ^ v[a], 16)
+        v[c] = (v[c] + v[d]) & MASK
+        v[b] = turn(v[b] ^ v[c], 12)
+        v[a] = (v[a] + v[b] + y) & MASK
+        v[d] = turn(v[d] ^ v[a], 8)
+        v[c] = (v[c] + v[d]) & MASK
+        v[b] = turn(v[b] ^ v[c], 7)
+
+    m = list(words)
+    for _ in range(7):
+        mix(0, 4, 8, 12, m[0], m[1])
+        mix(1, 5, 9, 13, m[2], m[3])
+        mix(2, 6, 10, 14, m[4], m[5])
+        mix(3, 7, 11, 15, m[6], m[7])
+        mix(0, 5, 10, 15, m[8], m[9])
+        mix(1, 6, 11, 12, m[10], m[11])
+        mix(2, 7, 8, 13, m[12], m[13])
+        mix(3, 4, 9, 14, m[14], m[15])
+        m = [m[i] for i in PERMUTATION]
+    return [v[i] ^ v[i + 8] for i in range(8)]
+
+
+def blake3(data):
+    def chunk(piece, number, root):
+        chaining = IV
+        blocks = [piece[i : i + 64] for i in range(0, len(piece), 64)] or [b""]
+        for i, block in enumerate(blocks):
+            words = struct.unpack("<16I", block.ljust(64, b"\0"))
+            flags = (i == 0) * 1 | (i + 1 == len(blocks)) * (2 | root * 8)
+            chaining = blake3_compress(chaining, words, number, len(block), flags)
+        return chaining
+
+    def tree(first, last, root):
+        if last - first == 1:
+            return chunk(data[first * 1024 : last * 1024], first, root)
+        left = 1 << ((last - first - 1).bit_length() - 1)
+        words = tree(first, first + left, 0) + tree(first + left, last, 0)
+        return blake3_compress(IV, words, 0, 64, 4 | root * 8)
+
+    return struct.pack("<8I", *tree(0, max(1, -(-len(data) // 1024)), 1))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The range decoder and the model
+
+
+class Decoder:
+    def __init__(self, data):
+        self.data, self.at = data, 0
+        self.range, self.code = MASK, 0
+        for _ in range(4):
+            self.code = self.code << 8 | self.next()
+
+    def next(self):
+        self.at += 1
+        return self.data[self.at - 1] if self.at <= len(self.data) else 0
+
+    def bit(self, p1):
+        bound = (self.range >> 16) * p1
+        bit = self.code < bound
+        if bit:
+            self.range = bound
+        else:
+            self.code -= bound
+            self.range -= bound
+        while self.range < 1 << 24:
+            self.range = self.range << 8 & MASK
+            self.code = (self.code << 8 | self.next()) & MASK
+        return int(bit)
+
+    def even(self):
+        return self.bit(1 << 15)
+
+    def bits(self, count):
+        value = 0
+        for _ in range(count):
+            value = value << 1 | self.even()
+        return value
+
+
+def nearest(x):
+    """The nearest integer, halves away from 0."""
+    return int(math.copysign(math.floor(abs(x) + 0.5), x))
+
+
+ODDS = 3072
+STRETCH = [nearest(256 * math.log(p / (1 - p))) for p in ((i + 0.5) / 4096 for i in range(4096))]
+SQUASH = [min(max(nearest(65536 / (1 + math.exp(-x / 256))), 1), 65535) for x in range(-ODDS, ODDS + 1)]
+RATE = [nearest(65536 / (n + 1.6)) for n in range(255)]
+
+
+class Model:
+    """Adaptive probabilities by context, made when they are first asked for, and sets of mixing weights."""
+
+    def __init__(self, prior=lambda context: 32768):
+        self.slots, self.weights, self.prior = {}, {}, prior
+
+    def slot(self, context):
+        slot = self.slots.get(context)
+        if slot is None:
+            p = self.prior(context)
+            slot = self.slots[context] = [min(max(p, 64), 65472) << 6, 0]
+        return slot
+
+    @staticmethod
+    def update(slot, bit):
+        p, count = slot
+        rate = RATE[count]
+        if bit:
+            slot[0] = p + ((((1 << 22) - 1 - p) * rate) >> 16)
+        else:
+            slot[0] = p - ((p * rate) >> 16)
+        slot[1] = min(count + 1, 254)
+
+    def one(self, coder, context):
+        slot = self.slot(context)
+        bit = coder.bit(min(max(slot[0] >> 6, 1), 65535))
+        self.update(slot, bit)
+        return bit
+
+    def mixed(self, coder, contexts, name):
+        slots = [self.slot(context) for context in contexts]
+        weights = self.weights.setdefault(name, [26214] * 3)
+        stretched = [STRETCH[slot[0] >> 10] for slot in slots]
+        odds = sum(s * w for s, w in zip(stretched, weights)) >> 16
+        p1 = SQUASH[min(max(odds, -ODDS), ODDS) + ODDS]
+        bit = coder.bit(p1)
+        error = (bit << 16) - p1
+        for i, s in enumerate(stretched):
+            product = error * s
+            part = abs(product) // 16 * (1 if product >= 0 else -1)
+            weights[i] = min(max(weights[i] + (part * 5 >> 12), -(1 << 20)), 1 << 20)
+        for slot in slots:
+            self.update(slot, bit)
+        return bit
+
+
+FINE_BOUNDS = [0, 1, 2, 4, 8, 13, 19, 32, 56, 96, 192]
+COARSE_BOUNDS = [0, 1, 2, 4, 9]
+LARGER = [5243, 5243, 5243, 6554, 9830, 16384, 23593, 32768, 42598, 51118, 57672, 62259]
+NONZERO = [1311, 3277, 6554, 13107, 22938, 32768, 42598, 52429, 58982, 62259, 63570, 64225]
+
+
+def fine(sixteenths):
+    return sum(sixteenths > bound for bound in FINE_BOUNDS)
+
+
+def coarse(magnitude):
+    return sum(magnitude > bound for bound in COARSE_BOUNDS)
+
+
+def golomb(coder, model, name):
+    doublings = 0
+    while doublings < 30 and model.one(coder, (name, "more", doublings)):
+        doublings += 1
+    if doublings == 0:
+        return 0
+    top = model.one(coder, (name, "top", doublings))
+    return ((2 | top) << (doublings - 1) | coder.bits(doublings - 1)) - 1
+
+
+def magnitude(coder, model, first, second, level):
+    for s in range(13):
+        contexts = [("first", s, first), ("second", s, second), ("third", s, level)]
+        if not model.mixed(coder, contexts, ("larger", s)):
+            return s + 1
+    return min(14 + golomb(coder, model, "escape"), (1 << 31) - 1)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Axes
+
+QUANTITIES = ["spectrum", "reflectance", "edf", "brdf", "btdf", "bsdf", "phase"]
+DIRECTIONS = [0, 1, 1, 2, 2, 2, 2]
+UNITS = ["relative", "1", "1/sr", "cd", "cd/klm", "W/sr", "mW/sr", "uW/sr", "umol/s/sr"]
+UNITS += ["W/sr/nm", "mW/sr/nm", "uW/sr/nm", "umol/s/sr/nm", "relative/nm"]
+HEMISPHERE, LOWER, SPHERE = 0, 1, 2
+DOMAINS = ["hemisphere", "lower hemisphere", "sphere"]
+
+
+class Axis:
+    def __init__(self, kind, count, values=None, domain=None, level=None):
+        self.kind, self.count, self.values, self.domain, self.level = kind, count, values, domain, level
+
+    def __repr__(self):
+        if self.kind == "triangles":
+            return f"{self.count} triangles of the {DOMAINS[self.domain]}, level {self.level}"
+        if self.kind in ("wavelength", "elevation"):
+            unit = "nm" if self.kind == "wavelength" else "degrees"
+            return f"{self.count} {self.kind}s, {self.values[0]:g} to {self.values[-1]:g} {unit}"
+        return f"{self.kind}, {self.count} entries"
+
+
+def triangles(domain, level):
+    return Axis("triangles", (8 if domain == SPHERE else 4) << 2 * level, None, domain, level)
+
+
+def read_axis(r):
+    start = r.at
+    first = r.unsigned(1)
+    if first >= 128:
+        domain, level = first >> 5 & 3, first & 31
+        require(domain < 3 and level <= MAX_LEVEL, "triangles of an unknown domain or level")
+        axis = triangles(domain, level)
+        r.note(start, f"axis: {axis}")
+        return axis
+    kind, form = first & 7, first >> 3
+    forms = {0: [15], 1: [14, 15], 2: [14, 15]}.get(kind)
+    require(form in forms + list(range(10)) if forms else kind in (3, 4) and form == 0, "an unknown axis")
+    if kind == 0:
+        number = lambda: r.number("d") if form == 15 else float(r.varint()) / power(form)
+        at, step, count = number(), number(), r.varint(MAX_WAVELENGTHS)
+        axis = Axis("wavelength", count, [at + i * step for i in range(count)])
+    elif kind == 3:
+        axis = Axis("index", r.varint(MAX_ENTRIES))
+    elif kind == 4:
+        axis = Axis("rgb", 3)
+    else:
+        values = read_list(r, form, MAX_WAVELENGTHS if kind == 1 else MAX_ENTRIES)
+        axis = Axis("wavelength" if kind == 1 else "elevation", len(values), values)
+    require(axis.count > 0, "an empty axis")
+    if axis.values:
+        v = axis.values
+        require(all(a < b for a, b in zip(v, v[1:])), "an axis that does not increase")
+        require(v[0] > 0 and math.isfinite(v[-1]) if kind < 2 else v[0] >= 0 and v[-1] <= 90, "values out of range")
+    r.note(start, f"axis: {axis}")
+    return axis
+
+
+def power(decimals):
+    scale = 1.0
+    for _ in range(decimals):
+        scale *= 10.0
+    return scale
+
+
+def read_list(r, form, limit):
+    count = r.varint(limit)
+    if form == 15:
+        return [r.number("d") for _ in range(count)]
+    terms = r.unsigned(1)
+    require(terms <= 13, "too long a polynomial")
+    terms = [r.number("d") for _ in range(terms)]
+    coder, model = Decoder(r.take(r.varint())), Model()
+    integers, last, difference = [], 0, 0
+    for i in range(count):
+        guess = 0 if terms else last + difference
+        name = min(i, 2)
+        high = golomb(coder, model, name)
+        low = coder.bits(30) if high else golomb(coder, model, name)
+        residual = high << 30 | low
+        value = guess + (residual >> 1 ^ -(residual & 1))
+        difference, last = (0 if i == 0 else value - last), value
+        integers.append(value)
+    for i in range(count if terms else 0):
+        t = 2.0 * i / (count - 1) - 1.0 if count > 1 else 0.0
+        after, following = 0.0, 0.0
+        for c in reversed(terms[1:]):
+            after, following = c + 2.0 * t * after - following, after
+        value = terms[0] + t * after - following
+        if form == 14:
+            integers[i] += struct.unpack("<I", struct.pack("<f", F(value)))[0]
+        else:
+            integers[i] += int(min(max(nearest(value * power(form)), -(1 << 28)), 1 << 28))
+    if form == 14:
+        return [struct.unpack("<f", struct.pack("<I", k))[0] for k in integers]
+    return [k / power(form) for k in integers]
+
+
+def check_layout(quantity, axes):
+    kinds = [axis.kind for axis in axes]
+    i = 0
+    while i < len(kinds) and kinds[i] == "index":
+        i += 1
+    first = i
+    while i < len(kinds) and kinds[i] in ("triangles", "elevation"):
+        i += 1
+    directions = i - first
+    i += i < len(kinds) and kinds[i] in ("wavelength", "rgb")
+    require(i == len(kinds), "axes out of order")
+    require(directions in (0, DIRECTIONS[quantity]), "directions that do not fit the quantity")
+    outgoing = directions == 2 or quantity == 2 and directions == 1
+    require(not outgoing or kinds[first + directions - 1] == "triangles", "elevations of outgoing directions")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The header
+
+RD, CONVENTIONAL, LOSSLESS, GENERIC, ADAPTIVE = range(5)
+POLICIES = ["rate-distortion", "conventional", "lossless", "generic", "adaptive"]
+KLT, PREDICTED, CLASSES, FLOOR, CORRECTIONS, UNSCORED, COUNTS = (1 << k for k in range(7))
+FIXED = ["identity", "bio-haar", "orthonormal-area", "orthonormal-count"]
+
+
+class Header:
+    pass
+
+
+def read_header(r):
+    h = Header()
+    first = r.unsigned(1)
+    h.quantity, h.sampling, axes = first & 7, first >> 3 & 1, first >> 4
+    require(h.quantity < len(QUANTITIES) and axes <= MAX_AXES, "an unknown quantity, or too many axes")
+    r.note(r.at - 1, f"quantity {QUANTITIES[h.quantity]}, samples are {['averages', 'points'][h.sampling]}, {axes} axes")
+    second = r.unsigned(1)
+    h.unit, h.policy = second & 31, second >> 5
+    require(h.unit < len(UNITS) and h.policy < len(POLICIES), "an unknown unit or policy")
+    r.note(r.at - 1, f"unit {UNITS[h.unit]}, policy {POLICIES[h.policy]}")
+    h.flags = r.unsigned(1)
+    allowed = {RD: 127, LOSSLESS: CLASSES | FLOOR | COUNTS}.get(h.policy, CLASSES | FLOOR | UNSCORED | COUNTS)
+    require(h.flags & ~allowed == 0, "unknown flags, or flags that do not fit the policy")
+    r.note(r.at - 1, f"flags {h.flags:#04x}")
+    h.axes = [read_axis(r) for _ in range(axes)]
+    h.shape = [axis.count for axis in h.axes]
+    h.count = math.prod(h.shape)
+    require(h.count <= MAX_SAMPLES, "too many samples")
+    check_layout(h.quantity, h.axes)
+    require(not h.flags & PREDICTED or any(a.kind == "triangles" for a in h.axes), "a pyramid without triangles")
+    require(not h.flags & KLT or h.axes, "a spectral basis without an axis")
+    h.transforms = ["identity"] * axes
+    if h.policy != LOSSLESS and not h.flags & PREDICTED:
+        for i in range(axes - bool(h.flags & KLT)):
+            start, code = r.at, r.varint()
+            require(code < 4 or 16 <= code < 139, "an unknown transform")
+            h.transforms[i] = FIXED[code] if code < 4 else (code - 16, r.unsigned(1))
+            require(code < 4 or h.transforms[i][1] < 5, "an unknown boundary rule")
+            require(code == 0 or (code < 4) == (h.axes[i].kind == "triangles"), "a transform that does not fit")
+            r.note(start, f"transform of axis {i}: {h.transforms[i]}")
+    h.step = h.correction_step = h.floor = F(0)
+    if h.policy == RD:
+        h.step = np.array([r.unsigned(2) << 16], np.uint32).view(F)[0]
+        require(h.step > 0 and np.isfinite(h.step), "a step that is no positive number")
+        r.note(r.at - 2, f"step {h.step:.9g}")
+    for flag, name in [(CORRECTIONS, "correction_step"), (FLOOR, "floor")]:
+        if h.flags & flag:
+            setattr(h, name, F(r.number("f")))
+            require(getattr(h, name) > 0, f"a {name} that is no positive number")
+            r.note(r.at - 4, f"{name.replace('_', ' ')} {getattr(h, name):.9g}")
+    h.errors = []
+    if h.policy != LOSSLESS:
+        start, h.kept = r.at, r.varint()
+        r.note(start, f"{h.kept} coefficients are not zero")
+        names = ["er(L1)", "er(L2)", "largest relative error", "relative RMSE", "largest absolute error"]
+        for name in names + ["largest absolute error of unscored samples"] * bool(h.flags & UNSCORED):
+            error = np.array([r.unsigned(3) << 8], np.uint32).view(F)[0]
+            require(error >= 0 and np.isfinite(error), "an error that is no number")
+            h.errors.append(error)
+            r.note(r.at - 3, f"{name} {error:.6g}")
+    if h.flags & COUNTS:
+        start = r.at
+        h.counts = [r.varint() for _ in range(4)]
+        require(sum(h.counts) <= h.count, "more unscored samples than samples")
+        r.note(start, "zero, negative, below-floor and masked samples: " + ", ".join(map(str, h.counts)))
+    require(r.left() == 0, "bytes after the end of the header")
+    return h
+
+
+def announced(h):
+    letters = [("C", h.flags & CLASSES), ("B", h.flags & KLT), ("P", h.flags & PREDICTED)]
+    letters += [("Q", h.policy != LOSSLESS and not h.flags & PREDICTED)]
+    letters += [("R", h.flags & CORRECTIONS), ("X", h.policy == LOSSLESS)]
+    return [letter for letter, there in letters if there]
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Classes, coefficients, exact samples, text
+
+POSITIVE, NEGATIVE, ZERO, MASKED = range(4)
+
+
+def decode_classes(data, count, lanes):
+    coder, model = Decoder(data), Model()
+    rows, above, further, repeats = [], [POSITIVE] * lanes, [POSITIVE] * lanes, 0
+    for _ in range(count // lanes):
+        repeat = model.one(coder, ("repeat", repeats))
+        repeats = (repeats << 1 | repeat) & 3
+        row = list(above) if repeat else []
+        while len(row) < lanes:
+            j = len(row)
+            left, left2 = (row[j - 1] if j > 0 else 0), (row[j - 2] if j > 1 else 0)
+            up, up2, following = above[j], further[j], (above[j + 1] if j + 1 < lanes else 0)
+            kind, code = 0, [POSITIVE, NEGATIVE]
+            for kind in range(3):
+                contexts = [("near", kind, left, up, following), ("far", kind, up, up2, left), ("left", kind, left, left2)]
+                bit = model.mixed(coder, contexts, kind)
+                if kind < 2 and not bit:
+                    row.append(code[kind])
+                    break
+                if kind == 2:
+                    row.append(MASKED if bit else ZERO)
+        rows += row
+        further, above = above, row
+    return np.array(rows, np.uint8)
+
+
+class Rows:
+    """Coding order and neighbours: None where there is no such row or lane."""
+
+    def __init__(self, order, level, neighbours, lane_order, lane_level, lane_neighbours):
+        self.order, self.level, self.neighbours = order, level, neighbours
+        self.lane_order, self.lane_level, self.lane_neighbours = lane_order, lane_level, lane_neighbours
+
+
+def natural(rows, lanes):
+    before = lambda i: [i - 1 if i > 0 else None, i - 2 if i > 1 else None]
+    row_neighbours = [before(i) + [None] for i in range(rows)]
+    return Rows(range(rows), [0] * rows, row_neighbours, range(lanes), [0] * lanes, [before(j) for j in range(lanes)])
+
+
+def coefficient_prior(context):
+    table = context[0]
+    if table == "rows":
+        return NONZERO[context[3]]
+    if table == "lanes":
+        return (NONZERO[context[1]] + NONZERO[context[2]]) // 2
+    if table == "each":
+        return NONZERO[min(4 + sum(context[1:]), 11)]
+    return LARGER[context[2]] if table in ("first", "second") else 32768
+
+
+def decode_coefficients(data, rows, floats=False):
+    coder, model = Decoder(data), Model(coefficient_prior)
+    lanes = len(rows.lane_level)
+    values = np.zeros((len(rows.level), lanes), np.int64)
+    activity = [256] * lanes
+    size = lambda v: int(v != 0) if floats else min(abs(int(v)), 1 << 16)
+    zeros = [0] * lanes
+    for at in rows.order:
+        level = min(rows.level[at], 7)
+        near = [zeros if n is None else values[n].tolist() for n in rows.neighbours[at]]
+        if lanes > 1:
+            a, b, c = (min((sum(v != 0 for v in n) + 1) // 2, 2) for n in near)
+            contexts = [("row0", a, b, c, level), ("row1", a, b, level), ("row2", c, a, level)]
+            if not model.mixed(coder, contexts, ("row", level)):
+                continue
+        row = [0] * lanes
+        for j in rows.lane_order:
+            a, b, c = (size(n[j]) for n in near)
+            up, before = (0 if n is None else size(row[n]) for n in rows.lane_neighbours[j])
+            by_rows, by_lanes = 8 * a + 4 * b + 4 * c, 6 * up + 10 * before
+            active = fine(activity[j] >> 4)
+            contexts = [
+                ("rows", level, min(rows.lane_level[j], 7), fine(by_rows)),
+                ("lanes", active, fine(by_lanes)),
+                ("each", coarse(a), coarse(b), coarse(c)),
+            ]
+            if model.mixed(coder, contexts, ("zero", level)):
+                if floats:
+                    sign, node = coder.even(), 1
+                    for _ in range(8):
+                        node = node << 1 | model.one(coder, ("exponent", level, node))
+                    row[j] = sign << 31 | (node & 255) << 23 | coder.bits(23)
+                else:
+                    negative = coder.even()
+                    row[j] = magnitude(coder, model, fine(max(by_rows, by_lanes)), active, level)
+                    row[j] = -row[j] if negative else row[j]
+            activity[j] = (activity[j] * 7 + (size(row[j]) << 8)) // 8
+        values[at] = row
+    return values
+
+
+def decode_exact(data, count, lanes):
+    coder, model = Decoder(data), Model()
+    samples, above, above_lengths = [], [0] * lanes, [0] * lanes
+    top = (1 << 32) - 1
+    for row in range(count // lanes):
+        left = above_left = left_length = 0
+        for j in range(lanes):
+            up = above[j]
+            guess = left if row == 0 else up if j == 0 else left + up - above_left
+            guess = min(max(guess, 0), top)
+            far = coarse(abs(above_lengths[j] - left_length))
+            length = 0
+            while length < 33:
+                contexts = [("both", length, left_length, far), ("left", length, left_length), ("up", length, above_lengths[j])]
+                if not model.mixed(coder, contexts, 0):
+                    break
+                length += 1
+            residual = 0
+            if length:
+                negative, residual = coder.even(), 1
+                for k in range(length - 1):
+                    residual = residual << 1 | (model.one(coder, ("top", length)) if k == 0 else coder.even())
+                residual = -residual if negative else residual
+            value = min(max(guess + residual, 0), top)
+            samples.append(value & 0x7FFFFFFF if value >> 31 else ~value & MASK)
+            above_left, left, left_length = up, value, length
+            above[j], above_lengths[j] = value, length
+    return np.array(samples, np.uint32).view(F)
+
+
+TYPICAL = (
+    '{"generator":"wavelume 0.1.0","labels":{"0":["1","2","3"]},"request":{"basis":"auto","metadata":true,"policy":"r'
+    'd","target":{"max_relative_error":0.05}},"source":{"content_digest":"b3-6e340b9cffb37a989ca544e6bb780a2c78901d3f'
+    'b33738768511a30617afa01d","dialect":"LM-63-2002, type C, no symmetry","format":"spectral-table","metadata":{"nam'
+    'e":"","description":"","manufacturer":"","date":"","notes":""},"notes":["the header names no quantity, taken as '
+    'spectrum in relative values","no unit stated, taken as 1/sr"],"spectrum_digest":"b3-4bf5122f344554c53bde2ebb8cd2'
+    'b7e3d1600ad631c385a5d7cce23c7785459a"}}{"generator":"wavelume 0.1.0","request":{"basis":"auto","metadata":true,"'
+    'policy":"rd","target":{"er_l2":0.01}},"source":{"content_digest":"b3-dbc1b4c900ffe48d575b5da5c638040125f65db0fe3'
+    'e24494b76ea986457d986","dialect":"","format":"npy","metadata":{},"notes":[],"spectrum_digest":null}}'
+)
+
+
+class Known:
+    """Says the bits of a known text instead of reading them."""
+
+    def __init__(self, data):
+        self.bits_left = [byte >> shift & 1 for byte in reversed(data) for shift in range(8)]
+
+    def bit(self, _):
+        return self.bits_left.pop()
+
+
+def decode_text(r):
+    length = r.varint(MAX_METADATA)
+    model, before, out = Model(), 0, bytearray()
+    typical = TYPICAL.encode()
+    coder = Known(typical)
+    for i in range(len(typical) + length):
+        if i == len(typical):
+            coder = Decoder(r.take(r.left()))
+        node = 1
+        for shift in range(7, -1, -1):
+            contexts = []
+            for k, order in enumerate((before & 0xFF, before & 0xFFFF, before)):
+                mixed = (((order + k) * 0x9E3779B1 & MASK) ^ (node * 0x85EBCA77 & MASK)) * 0xC2B2AE3D & MASK
+                contexts.append((k, mixed >> 16))
+            node = node << 1 | model.mixed(coder, contexts, shift)
+        before = (before << 8 | node & 0xFF) & MASK
+        if i >= len(typical):
+            out.append(node & 0xFF)
+    require(length == 0 and r.left() == 0 or length > 0 and coder.at >= len(coder.data), "bytes after the metadata")
+    return out.decode()
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Geometry: unit vectors in f64, and the integer lattice
+
+
+def dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a, b):
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def plus(a, b):
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+def minus(a, b):
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+def times(a, s):
+    return (a[0] * s, a[1] * s, a[2] * s)
+
+
+def norm(a):
+    return math.sqrt(dot(a, a))
+
+
+def unit(a):
+    return times(a, 1.0 / norm(a))
+
+
+OCTANTS = [((1, 0, 0), (0, 1, 0)), ((0, 1, 0), (-1, 0, 0)), ((-1, 0, 0), (0, -1, 0)), ((0, -1, 0), (1, 0, 0))]
+
+
+def all_triangles(domain, level, size, middle):
+    """The vertices of every triangle in index order."""
+    result = []
+    for base in range(8 if domain == SPHERE else 4):
+        down = domain == LOWER or base >= 4
+        a, b = OCTANTS[base % 4]
+        here = [(times((0, 0, -1 if down else 1), size), times(a, size), times(b, size))]
+        for _ in range(level):
+            finer = []
+            for v0, v1, v2 in here:
+                m01, m12, m02 = middle(v0, v1), middle(v1, v2), middle(v0, v2)
+                finer += [(v0, m01, m02), (m01, v1, m12), (m02, m12, v2), (m12, m02, m01)]
+            here = finer
+        result += here
+    return result
+
+
+def on_sphere(domain, level):
+    return all_triangles(domain, level, 1.0, lambda a, b: unit(plus(a, b)))
+
+
+def on_lattice(domain, level):
+    middle = lambda a, b: tuple((x + y) // 2 for x, y in zip(a, b))
+    return all_triangles(domain, level, 1 << level, middle)
+
+
+def centroids(domain, level):
+    return [unit(plus(plus(a, b), c)) for a, b, c in on_sphere(domain, level)]
+
+
+def solid_angle(vertices):
+    a, b, c = vertices
+    return 2.0 * math.atan2(abs(dot(a, cross(b, c))), 1.0 + dot(a, b) + dot(b, c) + dot(c, a))
+
+
+def neighbours_of(domain, level):
+    mesh, around = on_lattice(domain, level), {}
+    for i, triangle in enumerate(mesh):
+        for vertex in triangle:
+            around.setdefault(vertex, set()).add(i)
+    return [sorted(set().union(*(around[v] for v in t)) - {i}) for i, t in enumerate(mesh)]
+
+
+def symmetries(domain):
+    exchanges = [(0, 1, 2), (1, 0, 2), (0, 2, 1), (1, 2, 0), (2, 0, 1), (2, 1, 0)]
+    both = [(e, (bool(s & 1), bool(s & 2), bool(s & 4))) for e in exchanges for s in range(8)]
+    keeps_z = lambda s: s[0][2] == 2 and not s[1][2]
+    return [s for s in both if keeps_z(s)] + [s for s in both if domain == SPHERE and not keeps_z(s)]
+
+
+def moved(symmetry, point):
+    return tuple(-point[k] if negated else point[k] for k, negated in zip(*symmetry))
+
+
+def product(second, first):
+    """First `first`, then `second`."""
+    exchange = tuple(first[0][k] for k in second[0])
+    return exchange, tuple(n != first[1][k] for k, n in zip(second[0], second[1]))
+
+
+def permutation(symmetry, domain, level):
+    require(symmetry in symmetries(domain), "a symmetry of another domain")
+    sums = [plus(plus(a, b), c) for a, b, c in on_lattice(domain, level)]
+    place = {s: i for i, s in enumerate(sums)}
+    return [place[moved(symmetry, s)] for s in sums]
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Transforms, their trees and norms
+
+LIFTINGS = {
+    "5/3": ([(1, -0.5), (0, 0.25)], 1.4142135),
+    "9/7": ([(1, -1.5861343), (0, -0.05298012), (1, 0.8829111), (0, 0.44350685)], 1.1496044),
+}
+A97 = [0.03782845550726404, -0.023849465019556843, -0.11062440441843718, 0.37740285561283066]
+S97 = [-0.06453888262869706, -0.04068941760916406, 0.41809227322161724]
+BANKS = {
+    "5/3": (
+        [-0.1767766952966369, 0.3535533905932738, 1.0606601717798212, 0.3535533905932738, -0.1767766952966369],
+        [0.3535533905932738, 0.7071067811865476, 0.3535533905932738],
+    ),
+    "9/7": (A97 + [0.8526986790088938] + A97[::-1], S97 + [0.7884856164055829] + S97[::-1]),
+}
+HAAR_NUMBERS, NUMBERS_5_3, NUMBERS_9_7 = (0, 1, 75, 90), (78, 109), (87, 106, 113, 114)
+BIOR44 = (87, 2)
+
+
+def line_kind(transform):
+    number, rule = transform
+    if number in HAAR_NUMBERS and rule == 4:
+        return "haar"
+    if rule == 2 and number in NUMBERS_5_3 + NUMBERS_9_7:
+        return "5/3" if number in NUMBERS_5_3 else "9/7"
+    raise Refused(f"basis {number} under boundary rule {rule}: this reader knows Haar, 5/3 and 9/7 only")
+
+
+def depth_of(n):
+    return (n - 1).bit_length()
+
+
+class Tree:
+    def __init__(self, axis, transform):
+        n = axis.count
+        self.level, self.parent = [0] * n, [None] * n
+        for i in range(n):
+            if transform == "identity":
+                continue
+            if axis.kind == "triangles":
+                within = i % (1 << 2 * axis.level)
+                if within == 0:
+                    continue
+                height = ((within & -within).bit_length() - 1) // 2
+                place = 1 << 2 * height
+                self.level[i] = axis.level - height
+                k = within // place % 4
+                self.parent[i] = i - within if self.level[i] == 1 else i // (16 * place) * (16 * place) + 4 * k * place
+            else:
+                depth = depth_of(n)
+                height = depth if i == 0 else min((i & -i).bit_length() - 1, depth)
+                if height == depth:
+                    continue
+                self.level[i] = depth - height
+                if self.level[i] == 1:
+                    self.parent[i] = i - (1 << height)
+                else:
+                    stride = 2 << height
+                    details = -(-n // stride) // 2
+                    self.parent[i] = (2 * min((i >> height + 1) // 2, details - 1) + 1) * stride
+        self.order = sorted(range(n), key=lambda i: (self.level[i], i))
+        self.before = [None] * n
+        for a, b in zip(self.order, self.order[1:]):
+            if self.level[a] == self.level[b]:
+                self.before[b] = a
+
+
+def coding_order(axes, transforms, classes):
+    """`classes`: by sample, or None where all are live."""
+    if not axes:
+        return natural(1, 1)
+    trees = []
+    for i, (axis, transform) in enumerate(zip(axes, transforms)):
+        tree = Tree(axis, transform)
+        if classes is not None and transform in FIXED[1:]:
+            live = np.isin(classes, (POSITIVE, NEGATIVE)).reshape([a.count for a in axes])
+            live = live.any(axis=tuple(k for k in range(len(axes)) if k != i))
+            coded = np.ones(axis.count, bool)
+            stride = 1
+            for _ in range(axis.level):
+                for node, children in enumerate(live.reshape(-1, 4)):
+                    if children.sum() < 2:
+                        coded[(4 * node + np.arange(1, 4)) * stride] = False
+                live, stride = live.reshape(-1, 4).any(axis=1), 4 * stride
+            tree.order = [i for i in tree.order if coded[i]]
+        trees.append(tree)
+    order, level, neighbours = [0], [0], [[None] * 3]
+    for tree in trees[:-1]:
+        n = len(tree.level)
+        order = [o * n + i for o in order for i in tree.order]
+        next_level, next_neighbours = [], []
+        for o, (outer, (before, parent, _)) in enumerate(zip(level, neighbours)):
+            earlier = before if parent is None else parent
+            for i in range(n):
+                next_level.append(tree.level[i] + (outer > 0))
+                same = [None if k is None else o * n + k for k in (tree.before[i], tree.parent[i])]
+                next_neighbours.append(same + [None if earlier is None else earlier * n + i])
+        level, neighbours = next_level, next_neighbours
+    last = trees[-1]
+    return Rows(order, level, neighbours, last.order, last.level, [list(p) for p in zip(last.parent, last.before)])
+
+
+def octant_areas(level):
+    areas = [[solid_angle(t) for t in on_sphere(HEMISPHERE, level)[: 1 << 2 * level]]]
+    for _ in range(level):
+        a = areas[0]
+        areas.insert(0, [((a[i] + a[i + 1]) + a[i + 2]) + a[i + 3] for i in range(0, len(a), 4)])
+    return areas
+
+
+def reflection(u):
+    v = [u[0] - 1.0, u[1], u[2], u[3]]
+    square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2] + v[3] * v[3]
+    return [[(1.0 if r == c else 0.0) - 2.0 * v[r] * v[c] / square for c in range(4)] for r in range(4)]
+
+
+def inverse_sphere(x, level, basis):
+    """`x[:, n, :]`, in place."""
+    areas = octant_areas(level) if basis != "orthonormal-count" else None
+    if level == 0 and basis == "orthonormal-area":
+        x *= F(1) / F(math.sqrt(areas[0][0]))
+    for l in range(level):
+        place = 1 << 2 * (level - l)
+        for node in range(x.shape[1] // place):
+            a, b, c, d = (x[:, node * place + k * place // 4] for k in range(4))
+            if basis == "orthonormal-count":
+                t = F(0.5) * ((b + c) + (d - a))
+                a += t
+                b -= t
+                c -= t
+                d -= t
+                continue
+            children = areas[l + 1]
+            first = 4 * node % len(children)
+            w = children[first : first + 4]
+            if basis == "bio-haar":
+                w1, w2, w3 = (F(w[k] / w[0]) for k in (1, 2, 3))
+                mean = a.copy()
+                a[...] = mean - (w1 * b + (w2 * c + w3 * d))
+                b += mean
+                c += mean
+                d += mean
+            else:
+                total = ((w[0] + w[1]) + w[2]) + w[3]
+                h = reflection([math.sqrt(v / total) for v in w])
+                g = [math.sqrt(v) if l + 1 == level else 1.0 for v in w]
+                m = [[F(h[r][k] / g[r]) for k in range(4)] for r in range(4)]
+                new = [((m[r][0] * a + m[r][1] * b) + m[r][2] * c) + m[r][3] * d for r in range(4)]
+                a[...], b[...], c[...], d[...] = new
+
+
+def inverse_line(x, transform):
+    """`x[:, n, :]`, in place."""
+    n, kind = x.shape[1], line_kind(transform)
+    for k in range(depth_of(n) - 1, -1, -1):
+        stride = 1 << k
+        if kind == "haar":
+            for left in range(0, n - stride, 2 * stride):
+                right = min(stride, n - left - stride)
+                alpha = F(math.sqrt(stride / (stride + right)))
+                beta = F(math.sqrt(right / (stride + right)))
+                p, q = x[:, left].copy(), x[:, left + stride].copy()
+                x[:, left] = alpha * p + beta * q
+                x[:, left + stride] = beta * p - alpha * q
+            continue
+        steps, low = LIFTINGS[kind]
+        low = F(low)
+        high = F(-1) / low
+        x[:, :: 2 * stride] *= F(1) / low
+        x[:, stride :: 2 * stride] *= F(1) / high
+        for parity, c in reversed(steps):
+            c = -F(c)
+            for i in range(parity * stride, n, 2 * stride):
+                if i >= stride and i + stride < n:
+                    x[:, i] += c * (x[:, i - stride] + x[:, i + stride])
+                elif i >= stride:
+                    x[:, i] += F(2) * c * x[:, i - stride]
+                elif i + stride < n:
+                    x[:, i] += F(2) * c * x[:, i + stride]
+
+
+def inverse(x, axes, transforms):
+    """Coefficients to samples, the last axis first."""
+    x = np.ascontiguousarray(x, F).reshape(-1)
+    inner = 1
+    for axis, transform in reversed(list(zip(axes, transforms))):
+        view = x.reshape(-1, axis.count, inner)
+        if transform in FIXED[1:]:
+            inverse_sphere(view, axis.level, transform)
+        elif transform != "identity":
+            inverse_line(view, transform)
+        inner *= axis.count
+    return x
+
+
+def folded(i, n):
+    if n == 1:
+        return 0
+    i %= 2 * n - 2
+    return i if i < n else 2 * n - 2 - i
+
+
+def line_norms(n, transform):
+    kind = line_kind(transform)
+    if kind == "haar":
+        return [1.0] * n
+    analysis, synthesis = BANKS[kind]
+    reach = len(analysis) // 2
+    low = {k - len(synthesis) // 2: w for k, w in enumerate(synthesis)}
+    # The synthesis high pass: (−1)^k · analysis low pass at 1 − k.
+    high = {1 - (k - reach): (w if (1 - (k - reach)) % 2 == 0 else -w) for k, w in enumerate(analysis)}
+    matrices = []
+    while n > 1:
+        matrix = np.zeros((n, n))
+        for i in range(n):
+            for parity, taps in enumerate((low, high)):
+                for o in range((i - max(taps)) // 2, (i - min(taps)) // 2 + 1):
+                    matrix[i, folded(2 * o + parity, n)] += taps.get(i - 2 * o, 0.0)
+        matrices.append(matrix)
+        n = (n + 1) // 2
+    norms, depth = [], len(matrices)
+    count = matrices[0].shape[0] if matrices else 1
+    for index in range(count):
+        height = depth if index == 0 else min((index & -index).bit_length() - 1, depth)
+        function = np.zeros(-(-count // (1 << height)))
+        function[index >> height] = 1.0
+        if height < depth:
+            function = matrices[height][:, index >> height].copy()
+        for matrix in reversed(matrices[:height]):
+            finer = np.zeros(matrix.shape[0])
+            for o, x in enumerate(function):
+                if x != 0.0:
+                    finer += x * matrix[:, 2 * o]
+            function = finer
+        square = 0.0
+        for x in function:
+            square += float(x) * float(x)
+        norms.append(math.sqrt(square))
+    return norms
+
+
+def norms_of(axis, transform):
+    if transform == "identity":
+        return [1.0] * axis.count
+    if axis.kind != "triangles":
+        return line_norms(axis.count, transform)
+    if transform == "orthonormal-count":
+        return [1.0] * axis.count
+    areas, finest = octant_areas(axis.level), axis.level
+    leaves = lambda level: float(1 << 2 * (finest - level))
+    height = lambda area: 1.0 if transform == "bio-haar" else 1.0 / math.sqrt(area)
+    norms = [0.0] * (1 << 2 * finest)
+    norms[0] = height(areas[0][0]) * math.sqrt(leaves(0))
+    for level in range(1, finest + 1):
+        for parent in range(len(areas[level]) // 4):
+            w = areas[level][4 * parent : 4 * parent + 4]
+            total = ((w[0] + w[1]) + w[2]) + w[3]
+            h = reflection([math.sqrt(v / total) for v in w])
+            if transform == "bio-haar":
+                h = [[-w[c] / w[0] if r == 0 else float(r == c) for c in range(4)] for r in range(4)]
+            for k in range(1, 4):
+                square = 0.0
+                for j in range(4):
+                    value = h[j][k] * height(w[j])
+                    square += value * value * leaves(level)
+                norms[(4 * parent + k) * int(leaves(level))] = math.sqrt(square)
+    return norms * (axis.count >> 2 * finest)
+
+
+OFFSET = F(0.03)
+
+
+def dequantise(q, step, axes, transforms):
+    """Integers `[rows, lanes]` to coefficients."""
+    rows = [1.0]
+    for axis, transform in list(zip(axes, transforms))[:-1]:
+        rows = [row * own for row in rows for own in norms_of(axis, transform)]
+    lanes = norms_of(axes[-1], transforms[-1]) if axes else [1.0]
+    scale = np.array([F(1.0 / n) for n in rows], F)[:, None] * np.array([F(1.0 / n) for n in lanes], F)[None, :]
+    q = q.reshape(len(rows), len(lanes))
+    return (q.astype(F) - np.sign(q).astype(F) * OFFSET) * step * scale
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The data's own spectral basis
+
+
+class Basis:
+    def __init__(self, r, axes, rows, step):
+        start, first = r.at, r.unsigned(1)
+        rank, coarseness = first & 31, first >> 5
+        axis = axes[-1]
+        require(1 <= rank <= min(24, axis.count), "too many or no basis vectors")
+        r.note(start, f"{rank} vectors, coarseness {coarseness}")
+        start, codes = r.at, r.take(rank)
+        spreads = [float(8 + k % 8) * float(1 << k // 8) / float(1 << 23) for k in codes]
+        r.note(start, "root mean squares of their coefficients: " + ", ".join(f"{s:.4g}" for s in spreads))
+        own = float(step) * min(1.5 * float(1 << coarseness) / math.sqrt(float(rows)), 1.0)
+        steps = [F(own)] + [F(own / s) for s in spreads]
+        transform = "identity" if axis.kind == "triangles" else BIOR44
+        order = natural(rank + 1, axis.count)
+        if transform != "identity":
+            lanes = coding_order([axis], [transform], None)
+            order.lane_order, order.lane_level = lanes.lane_order, lanes.lane_level
+            order.lane_neighbours = lanes.lane_neighbours
+        q = decode_coefficients(r.take(r.left(), "range-coded: the mean spectrum and the vectors"), order)
+        decoded = [inverse(dequantise(row, s, [axis], [transform]), [axis], [transform]) for row, s in zip(q, steps)]
+        decoded = [[float(x) for x in row] for row in decoded]
+        self.mean, self.vectors = np.array(decoded[0]), []
+        for vector in decoded[1:]:
+            for other in self.vectors:
+                along = 0.0
+                for a, b in zip(vector, other):
+                    along += a * b
+                vector = [a - along * b for a, b in zip(vector, other)]
+            square = 0.0
+            for x in vector:
+                square += x * x
+            size = math.sqrt(square)
+            scale = 1.0 / size if size > 1e-6 else 0.0
+            self.vectors.append([x * scale for x in vector])
+        self.rank = rank
+
+    def synthesise(self, coefficients):
+        """`[rows, rank]` f32 to `[rows, length]` f32, summed in f64."""
+        sums = np.repeat(self.mean[None, :], len(coefficients), axis=0)
+        for k, vector in enumerate(self.vectors):
+            sums = sums + coefficients[:, k].astype(np.float64)[:, None] * np.array(vector)[None, :]
+        return sums.astype(F)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The pyramid: symmetries, model, predictions, details
+
+
+class Details:
+    """The models of a pyramid, or of the coefficients of a model."""
+
+    def __init__(self):
+        self.model = Model(self.prior)
+
+    @staticmethod
+    def prior(context):
+        table = context[0]
+        if table in ("near", "before"):
+            return NONZERO[context[2]]
+        if table == "both":
+            return (NONZERO[context[1]] + NONZERO[context[2]]) // 2
+        return LARGER[context[2]] if table in ("first", "second") else 32768
+
+    def root(self, coder, first):
+        size = golomb(coder, self.model, ("root", first))
+        return -size if size and coder.even() else size
+
+    def detail(self, coder, level, parent=None, neighbours=None, siblings=None, before=None):
+        level = min(level, 7)
+        known = [(parent, 2), (neighbours, 3), (siblings, 2), (before, 2)]
+        weight = sum(trust for size, trust in known if size is not None)
+        total = sum(trust * min(size, 1 << 20) for size, trust in known if size is not None)
+        near = fine(total // weight if weight else 16)
+        by = fine(next((size for size in (before, neighbours, parent) if size is not None), 16))
+        contexts = [("near", level, near), ("both", by, near), ("before", level, by)]
+        if not self.model.mixed(coder, contexts, ("zero", level)):
+            return 0
+        negative = coder.even()
+        size = magnitude(coder, self.model, near, by, level)
+        return -size if negative else size
+
+
+class Shape:
+    """Blocks of all other axes, leaves of the last triangle axis, rows of the last axis."""
+
+    def __init__(self, axes):
+        at = max(i for i, axis in enumerate(axes) if axis.kind == "triangles")
+        last = len(axes) - 1
+        between = axes[at + 1 : last]
+        self.mesh = axes[at]
+        self.block_axes = axes[:at] + between
+        self.inner = math.prod(axis.count for axis in between)
+        self.length = axes[last].count if at < last else 1
+        self.blocks = math.prod(axis.count for axis in self.block_axes)
+        self.rows = self.blocks * self.mesh.count
+
+    def row(self, block, leaf):
+        return (block // self.inner * self.mesh.count + leaf) * self.inner + block % self.inner
+
+
+class Plan:
+    """What the first number of a pyramid says: the model, and the group of symmetries."""
+
+    def __init__(self, r, shape):
+        known = symmetries(shape.mesh.domain)
+        start, first = r.at, r.varint()
+        self.kind, self.alone, number = first & 3, first >> 2 & 1, first >> 3
+        generators = []
+        while number:
+            digit = number % (len(known) + 1)
+            require(digit > 0, "symmetries with a digit 0")
+            generators.append(known[digit - 1])
+            number //= len(known) + 1
+        identity = known[0]
+        group, at = [identity], 0
+        while at < len(group):
+            for generator in generators:
+                image = product(generator, group[at])
+                if image not in group:
+                    group.append(image)
+            at += 1
+        group.sort()
+        models = ["no model", "isotropic model", "anisotropic model", "zonal model"]
+        r.note(start, f"{models[self.kind]}, {['details', 'no details'][self.alone]}, {len(group)} symmetries")
+        self.leaves = [permutation(s, shape.mesh.domain, shape.mesh.level) for s in group]
+        self.moves = []
+        for s in group:
+            moves = [0]
+            for axis in shape.block_axes:
+                n = axis.count
+                own = permutation(s, axis.domain, axis.level) if axis.kind == "triangles" else range(n)
+                moves = [outer * n + i for outer in moves for i in own]
+            self.moves.append(moves)
+        self.representatives = [b for b in range(shape.blocks) if all(m[b] >= b for m in self.moves)]
+        self.stabilisers = [[k for k, m in enumerate(self.moves) if m[b] == b] for b in self.representatives]
+        self.orbit = [0] * shape.blocks
+        for i, b in enumerate(self.representatives):
+            for m in self.moves:
+                self.orbit[m[b]] = i
+
+
+def live_leaves(shape, plan, classes):
+    """By representative and leaf, or None where all are live."""
+    if classes is None:
+        return None
+    rows = np.isin(classes, (POSITIVE, NEGATIVE)).reshape(-1, shape.length).any(axis=1)
+    if rows.all():
+        return None
+    live = np.zeros((len(plan.representatives), shape.mesh.count), bool)
+    for i, b in enumerate(plan.representatives):
+        for moves, leaves in zip(plan.moves, plan.leaves):
+            live[i] |= np.array([rows[shape.row(moves[b], leaf)] for leaf in leaves])
+    return live
+
+
+def mean_moments(four):
+    mean = [0.0] * 9
+    for moments in four:
+        mean = [m + 0.25 * x for m, x in zip(mean, moments)]
+    return mean
+
+
+def terms_of(moments, a, b):
+    first, (xx, xy, xz, yy, yz, zz) = moments[:3], moments[3:]
+
+    def pair(p, q):
+        row = (
+            xx * q[0] + xy * q[1] + xz * q[2],
+            xy * q[0] + yy * q[1] + yz * q[2],
+            xz * q[0] + yz * q[1] + zz * q[2],
+        )
+        return dot(p, row)
+
+    return [dot(first, a), dot(first, b), pair(a, a), pair(a, b), pair(b, b)]
+
+
+def prediction_weights(i, around, nodes, children):
+    """By corner child 0, 1, 2: the weight of each neighbour, f32."""
+    none = [[F(0)] * len(around)] * 3
+    n = 5 if len(around) >= 7 else 2 if len(around) >= 3 else 0
+    if n == 0:
+        return none
+    normal = unit(nodes[i][:3])
+    a = unit(cross(normal, (1.0, 0.0, 0.0) if abs(normal[0]) < 0.9 else (0.0, 1.0, 0.0)))
+    b = cross(normal, a)
+    distances = [norm(minus(unit(nodes[j][:3]), normal)) for j in around]
+    least = min(distances)
+    a, b = times(a, 1.0 / least), times(b, 1.0 / least)
+    centre = terms_of(nodes[i], a, b)
+    relative = lambda moments: [x - c for x, c in zip(terms_of(moments, a, b), centre)]
+    rows = [relative(nodes[j]) for j in around]
+    trusts = []
+    for d in distances:
+        falling = least / (0.15 * least + d)
+        trusts.append(falling * falling * falling * falling)
+    matrix = [[0.0] * n for _ in range(n)]
+    total = 0.0
+    for row, trust in zip(rows, trusts):
+        for p in range(n):
+            for q in range(n):
+                matrix[p][q] += trust * row[p] * row[q]
+        total += trust
+    for p in range(n):
+        matrix[p][p] += 1e-4 * total
+    factor = [[0.0] * n for _ in range(n)]
+    for p in range(n):
+        for q in range(p + 1):
+            rest = matrix[p][q]
+            for k in range(q):
+                rest -= factor[p][k] * factor[q][k]
+            if p == q:
+                if rest <= 0.0:
+                    return none
+                factor[p][p] = math.sqrt(rest)
+            else:
+                factor[p][q] = rest / factor[q][q]
+    result = []
+    for corner in range(3):
+        x = relative(children[4 * i + corner])[:n]
+        for p in range(n):
+            for k in range(p):
+                x[p] -= factor[p][k] * x[k]
+            x[p] /= factor[p][p]
+        for p in reversed(range(n)):
+            for k in range(p + 1, n):
+                x[p] -= factor[k][p] * x[k]
+            x[p] /= factor[p][p]
+        weights = []
+        for row, trust in zip(rows, trusts):
+            along = 0.0
+            for p in range(n):
+                along += x[p] * row[p]
+            weights.append(F(trust * along))
+        result.append(weights)
+    return result
+
+
+def predictions(mesh):
+    """By level, coarse first: the neighbours of each node and their weights."""
+    products = lambda p: [*p, p[0] * p[0], p[0] * p[1], p[0] * p[2], p[1] * p[1], p[1] * p[2], p[2] * p[2]]
+    children = [products(p) for p in centroids(mesh.domain, mesh.level)]
+    levels = []
+    for level in reversed(range(mesh.level)):
+        nodes = [mean_moments(children[i : i + 4]) for i in range(0, len(children), 4)]
+        around = neighbours_of(mesh.domain, level)
+        levels.insert(0, (around, [prediction_weights(i, around[i], nodes, children) for i in range(len(nodes))]))
+        children = nodes
+    return levels
+
+
+def level_folds(mesh, moves):
+    """By level, coarse first: of each node the node that stands for it, and its children's numbers there."""
+    folds, children = [], moves
+    for level in reversed(range(mesh.level)):
+        nodes = [[c // 4 for c in move[::4]] for move in children]
+        count = len(nodes[0])
+        source, same = list(range(count)), [[0, 1, 2, 3] for _ in range(count)]
+        for t in range(count):
+            for node, child in zip(nodes, children):
+                to, images = node[t], [c % 4 for c in child[4 * t : 4 * t + 4]]
+                if to < source[t]:
+                    source[t], same[t] = to, images
+                elif to == t and source[t] == t:
+                    same[t] = [min(x, y) for x, y in zip(same[t], images)]
+        folds.insert(0, (source, same))
+        children = nodes
+    return folds
+
+
+def householder(details):
+    """The deviations of siblings, one more than details, from their mean."""
+    n = len(details) + 1
+    exact = 1.0 / math.sqrt(float(n))
+    alpha, beta, scale = F(exact), F(exact - 1.0), F(1.0 / (1.0 - exact))
+    along = F(0)
+    for d in details:
+        along = along + d
+    along = along * alpha * scale
+    return [d - along * alpha for d in details] + [-along * beta]
+
+
+def decode_pyramid(coder, shape, plan, live, step, vectors, finest):
+    """`[representatives, vectors, leaves]`, without details below level `finest`."""
+    mesh, size = shape.mesh, lambda q: min(abs(q), 1 << 16)
+    planes = len(plan.representatives) * vectors
+    folds = {}
+    for stabiliser in plan.stabilisers:
+        if tuple(stabiliser) not in folds:
+            folds[tuple(stabiliser)] = level_folds(mesh, [plan.leaves[k] for k in stabiliser])
+    folds = [folds[tuple(stabiliser)] for stabiliser in plan.stabilisers]
+    lives = []
+    if live is not None:
+        here = live
+        for _ in range(mesh.level):
+            lives.insert(0, here.reshape(len(here), -1, 4))
+            here = lives[0].any(axis=2)
+    bases = mesh.count >> 2 * mesh.level
+    details = Details()
+    root_step = step / F(1 << mesh.level)
+    decoded = []
+    for plane in range(planes):
+        source = folds[plane // vectors][0][0] if mesh.level else range(bases)
+        means, last = [], 0
+        for root in range(bases):
+            if source[root] < root:
+                means.append(means[source[root]])
+                continue
+            last += details.root(coder, root == 0)
+            means.append(F(last) * root_step)
+        decoded.append(means)
+    above = None
+    levels = predictions(mesh)
+    for level in range(mesh.level):
+        around, weights = levels[level]
+        own_step = step / F(1 << mesh.level - level - 1)
+        quantised, finer = [], []
+        for plane in range(planes):
+            source, same = folds[plane // vectors][level]
+            means, q, children = decoded[plane], [[0, 0, 0] for _ in around], []
+            before = plane - 1 if plane % vectors else plane - vectors
+            before = quantised[before] if before >= 0 else None
+            for t in range(len(around)):
+                if source[t] < t:
+                    children += [children[4 * source[t] + k] for k in same[t]]
+                    for c in range(3):
+                        if same[t][c] < 3:
+                            q[t][c] = q[source[t]][same[t][c]]
+                    continue
+                alive = lives[level][plane // vectors][t] if lives else [True] * 4
+                siblings = int(sum(alive))
+                if siblings < 2:
+                    children += [means[t]] * 4
+                    continue
+                differences = [means[n] - means[t] for n in around[t]]
+                corners = []
+                for corner in range(3):
+                    x = F(0)
+                    for w, d in zip(weights[t][corner], differences):
+                        x = x + w * d
+                    corners.append(x)
+                predicted = corners + [-(corners[0] + corners[1] + corners[2])]
+                order = [c for c in range(4) if alive[c]] + [c for c in range(4) if not alive[c]]
+                if siblings < 4:
+                    shift = F(0)
+                    for c in order[:siblings]:
+                        shift = shift + predicted[c]
+                    shift = shift / F(siblings)
+                    predicted = [x - shift for x in predicted]
+                known = [n for n in around[t] if n < t]
+                neighbours = 16 * sum(size(x) for n in known for x in q[n]) // (3 * len(known)) if known else None
+                parent = 16 * sum(map(size, above[plane][t // 4])) // 3 if level else None
+                residual = []
+                for m in range(siblings - 1):
+                    twin = same[t][m] if siblings == 4 else m
+                    if twin < m:
+                        q[t][m] = q[t][twin]
+                    elif level < finest:
+                        beside = 16 * sum(map(size, q[t][:m])) // m if m else None
+                        last = None
+                        if before is not None:
+                            last = 16 * (2 * size(before[t][m]) + sum(map(size, before[t]))) // 5
+                        q[t][m] = details.detail(coder, level + 1, parent, neighbours, beside, last)
+                    x = q[t][m]
+                    residual.append((F(x) - F((x > 0) - (x < 0)) * OFFSET) * own_step)
+                deviations = householder(residual)
+                four = [None] * 4
+                for k, c in enumerate(order):
+                    four[c] = means[t] + (predicted[c] + deviations[k] if k < siblings else F(0))
+                children += four
+            quantised.append(q)
+            finer.append(children)
+        decoded, above = finer, quantised
+    return np.array(decoded, F).reshape(len(plan.representatives), vectors, mesh.count)
+
+
+def splines(count, x):
+    """The first of the four cubic B-splines that are not 0 at x, and their values."""
+    spans = count - 3
+    scaled = min(max(x, 0.0), 1.0) * float(spans)
+    span = min(int(scaled), spans - 1)
+    knot = lambda k: float(min(max(span + k, 0), spans))
+    values = [1.0, 0.0, 0.0, 0.0]
+    for degree in (1, 2, 3):
+        saved = 0.0
+        for r in range(degree):
+            right, left = knot(r + 1), knot(r + 1 - degree)
+            share = values[r] / (right - left)
+            values[r] = saved + (right - scaled) * share
+            saved = (scaled - left) * share
+        values[degree] = saved
+    return span, values
+
+
+def degrees(theta):
+    """Sine and cosine."""
+    if theta in (0.0, 90.0):
+        return (0.0, 1.0) if theta == 0.0 else (1.0, 0.0)
+    return math.sin(theta * (math.pi / 180.0)), math.cos(theta * (math.pi / 180.0))
+
+
+class Chart:
+    """A model of scattering: columns for each row, orthonormal through a Cholesky factor."""
+
+    def __init__(self, kind, shape, plan):
+        self.kind, mesh = kind, shape.mesh
+        zonal = kind == 3
+        require(zonal == (mesh.domain == SPHERE) and len(shape.block_axes) == 1, "a model that makes no sense")
+        axis = shape.block_axes[0]
+        if axis.kind == "triangles":
+            require(zonal == (axis.domain == SPHERE), "a model that makes no sense")
+            incoming = centroids(axis.domain, axis.level)
+        else:
+            require(axis.kind == "elevation" and not zonal, "a model that makes no sense")
+            incoming = [(s * 1.0, s * 0.0, c) for s, c in map(degrees, axis.values)]
+        self.incoming = [incoming[b] for b in plan.representatives]
+        self.outgoing = centroids(mesh.domain, mesh.level)
+        self.constants = 0 if zonal or len(self.incoming) > 64 else len(self.incoming)
+        self.columns = self.row(0, 0)[1]
+        self.factor = self.cholesky(self.gram())
+
+    def row(self, block, leaf):
+        """`[(column, value)]`, and how many columns there are."""
+        wi, wo = self.incoming[block], self.outgoing[leaf]
+        angle = math.sqrt(max(1.0 - dot(wi, wo), 0.0) / 2.0)
+        entries = []
+
+        def single(first, count, x):
+            at, values = splines(count, x)
+            entries.extend((first + at + k, v) for k, v in enumerate(values))
+            return first + count
+
+        def both(first, nx, x, ny, y):
+            (ax, vx), (ay, vy) = splines(nx, x), splines(ny, y)
+            entries.extend((first + (ax + i) * ny + ay + j, a * b) for i, a in enumerate(vx) for j, b in enumerate(vy))
+            return first + nx * ny
+
+        if self.kind == 3:
+            return entries, single(0, 32, angle)
+        wo = (wo[0], wo[1], abs(wo[2]))
+        wi = (wi[0], wi[1], abs(wi[2]))
+        h = unit(plus(wi, wo))
+        to_normal = math.sqrt(max(1.0 - h[2], 0.0))
+        difference = math.sqrt(max(1.0 - dot(wi, h), 0.0))
+        height = math.sqrt(wo[2])
+        if block < self.constants:
+            entries.append((block, 1.0))
+        at = self.constants
+        if self.kind == 1:
+            peak = math.sqrt(to_normal)
+            at = single(at, 14, peak)
+            at = single(at, 6, difference)
+            at = single(at, 7, height)
+            at = single(at, 7, angle)
+            at = both(at, 10, peak, 5, difference)
+            at = both(at, 4, height, 5, difference)
+            return entries, at
+        at = single(at, 7, height)
+        at = single(at, 7, angle)
+        at = single(at, 6, difference)
+        across = lambda x: 0.5 + 0.5 * x * 1.06 / math.sqrt(x * x + 0.1236)
+        planar = len(entries)
+        at = both(at, 10, across(h[0]), 10, across(h[1]))
+        centred = difference - 0.5
+        for column, value in entries[planar:]:
+            entries.append((column + 100, value * centred))
+            entries.append((column + 200, value * centred * centred))
+        return entries, at + 200
+
+    def gram(self):
+        rows, leaves = len(self.incoming) * len(self.outgoing), len(self.outgoing)
+        stride = 1 if rows <= 4096 else -(-rows // 4096) | 1
+        gram = np.zeros((self.columns, self.columns))
+        for at in range(0, rows, stride):
+            entries = self.row(at // leaves, at % leaves)[0]
+            columns = np.array([c for c, _ in entries])
+            values = np.array([v for _, v in entries])
+            gram[np.ix_(columns, columns)] += values[:, None] * values[None, :]
+        return (gram * float(stride)).tolist()
+
+    def cholesky(self, gram):
+        lower = [[0.0] * self.columns for _ in gram]
+        for i, row in enumerate(lower):
+            for j in range(i):
+                other = lower[j]
+                if other[j] > 0.0:
+                    along = 0.0
+                    for k in range(j):
+                        along += row[k] * other[k]
+                    row[j] = (gram[i][j] - along) / other[j]
+            square = 0.0
+            for k in range(i):
+                square += row[k] * row[k]
+            left = gram[i][i] - square
+            if left > 1e-4 * gram[i][i]:
+                row[i] = math.sqrt(left)
+            else:
+                row[:] = [0.0] * self.columns
+        return lower
+
+    def decode(self, coder, step, vectors):
+        details, n = Details(), self.columns
+        before = [0] * n
+        planes = np.zeros((len(self.incoming), vectors, len(self.outgoing)), F)
+        coefficients = []
+        for vector in range(vectors):
+            last, x = [64, 64, 64], [0.0] * n
+            for column in range(n):
+                if self.factor[column][column] > 0.0:
+                    around = 16 * (2 * last[0] + last[1] + last[2]) // 4
+                    q = details.detail(coder, 0, None, around, None, 16 * before[column] if vector else None)
+                    size = min(abs(q), 1 << 16)
+                    last, before[column] = [size, last[0], last[1]], size
+                    x[column] = float(q) * float(step)
+            for i in reversed(range(n)):
+                row = self.factor[i]
+                x[i] = x[i] / row[i] if row[i] > 0.0 else 0.0
+                for k in range(i):
+                    x[k] -= row[k] * x[i]
+            coefficients.append(x)
+        for block in range(len(self.incoming)):
+            for leaf in range(len(self.outgoing)):
+                entries = self.row(block, leaf)[0]
+                for vector, x in enumerate(coefficients):
+                    total = 0.0
+                    for column, value in entries:
+                        total += value * x[column]
+                    planes[block, vector, leaf] = F(total)
+        return planes
+
+
+class LevelIndex:
+    """What a pyramid chunk says about the levels below its own."""
+
+    def __init__(self, r, levels):
+        self.ends, self.errors, end = [], [], 0
+        for level in range(levels):
+            start = r.at
+            end += r.varint()
+            k = r.unsigned(1)
+            self.ends.append(end)
+            self.errors.append(0.0 if k == 0 else math.inf if k == 255 else 2.0 ** ((k - 140) / 8))
+            r.note(start, f"level {level}: {end} bytes of what follows the levels, er(L2) {self.errors[-1]:.3g}")
+        start = r.at
+        self.brightness = r.take(r.varint()) if levels else b""
+        r.note(start, f"steps of the brightness, {len(self.brightness)} bytes") if levels else None
+
+    def factors(self, level, representatives):
+        levels = len(self.ends)
+        steps = [0] * (levels * representatives)
+        if self.brightness:
+            coder = Decoder(self.brightness)
+            model = Model(lambda context: 13107 if context[0] == "zero" else 32768)
+            for at in range(len(steps)):
+                beside = steps[at - 1] if at % representatives else None
+                above = steps[at - representatives] if at >= representatives else None
+                state = lambda v: 2 if v is None else int(v != 0)
+                if model.one(coder, ("zero", state(beside), state(above))):
+                    sign = ((beside or 0) > 0) - ((beside or 0) < 0)
+                    negative = model.one(coder, ("sign", sign))
+                    size = golomb(coder, model, "size") + 1
+                    steps[at] = -size if negative else size
+        own = steps[level * representatives : (level + 1) * representatives]
+        return [F(math.exp(float(min(max(k, -5000), 5000)) * 0.015)) if k else None for k in own]
+
+
+def predicted_logs(h, classes, basis, r, finest):
+    shape = Shape(h.axes)
+    require((basis is not None) == (shape.length > 1), "a basis chunk without a spectral axis, or none with one")
+    basis = None if basis is None else Basis(basis, h.axes, shape.rows, h.step)
+    vectors = 1 if basis is None else basis.rank
+    plan = Plan(r, shape)
+    coder = Decoder(r.take(r.left(), "range-coded: the model's coefficients, means and details"))
+    model = Chart(plan.kind, shape, plan).decode(coder, h.step, vectors) if plan.kind else None
+    planes = np.zeros((len(plan.representatives), vectors, shape.mesh.count), F)
+    if not plan.alone:
+        live = live_leaves(shape, plan, classes)
+        planes = decode_pyramid(coder, shape, plan, live, h.step, vectors, finest)
+    if model is not None:
+        planes = planes + model
+    rows = np.zeros((shape.rows, vectors), F)
+    for plane, block in zip(planes, plan.representatives):
+        for moves, leaves in zip(plan.moves, plan.leaves):
+            for leaf, to in enumerate(leaves):
+                rows[shape.row(moves[block], to)] = plane[:, leaf]
+    h.found = (plan.kind, len(plan.leaves), live is not None if not plan.alone else False)
+    logs = rows if basis is None else basis.synthesise(rows)
+    return logs.reshape(-1), shape, plan
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Samples
+
+
+def exponential(logs):
+    x = np.clip(logs.astype(np.float64), -120.0, 100.0)
+    rounder = 6755399441055744.0
+    k = (x * 1.4426950408889634 + rounder) - rounder
+    r = x - k * 0.6931471803691238 - k * 1.9082149292705877e-10
+    total = np.full(x.shape, 1.0 / 362880.0)
+    for factorial in (40320.0, 5040.0, 720.0, 120.0, 24.0, 6.0, 2.0, 1.0, 1.0):
+        total = total * r + 1.0 / factorial
+    return (total * np.ldexp(1.0, k.astype(np.int64))).astype(F)
+
+
+def apply_classes(samples, classes):
+    if classes is not None:
+        samples = np.where(classes == NEGATIVE, -samples, samples)
+        samples = np.where(classes == ZERO, F(0), samples)
+        samples = np.where(classes == MASKED, F(np.nan), samples).astype(F)
+    require(classes is not None or not np.isnan(samples).any(), "a coefficient is not a number")
+    return samples
+
+
+class Material:
+    """A file, or with `level` its first bytes; `samples` are those of the file or of the level."""
+
+    def __init__(self, data, level=None, trace=None):
+        r = Fields(data, trace=trace)
+        require(r.take(4) == b"\x89WLM", "not a material")
+        r.note(0, "magic")
+        version = r.unsigned(1)
+        require(version == 1, f"version {version}")
+        r.note(4, "version 1")
+        self.data, self.trace, self.chunks, self.lengths, self.metadata = data, trace, {}, {}, None
+        h = self.header = read_header(self.chunk(r, "H", level))
+        for letter in announced(h):
+            if level is None or r.left():
+                self.chunks[letter] = self.chunk(r, letter, level)
+        self.payload_end = r.at
+        if r.left():
+            self.chunks["M"] = self.chunk(r, "M", level)
+        require(r.left() == 0, "bytes after the last chunk")
+        lanes = h.shape[-1] if h.shape else 1
+        self.classes = None
+        if "C" in self.chunks:
+            chunk = self.chunks["C"]
+            self.classes = decode_classes(chunk.take(chunk.left(), "range-coded: classes"), h.count, lanes)
+        self.samples = self.decode(h, lanes) if level is None else self.decode_level(h, level)
+        if "M" in self.chunks and level is None:
+            chunk = self.chunks["M"]
+            start = chunk.at
+            self.metadata = decode_text(chunk)
+            chunk.note(start, f"length and range-coded text: {self.metadata}")
+            json.loads(self.metadata)
+
+    def chunk(self, r, letter, level):
+        """The next chunk's payload, its checksum verified; of a prefix the last one may be cut."""
+        start = r.at
+        length = r.varint()
+        payload = r.at
+        r.note(start, f"chunk {letter}: {length} bytes")
+        self.lengths[letter] = length
+        cut = level is not None and r.left() < length + 4
+        if cut:
+            r.at = r.end
+            return Fields(self.data, payload, min(payload + length, r.end))
+        r.take(length)
+        covered = letter.encode() + self.data[start : r.at]
+        own = r.take(4, "checksum")
+        require(own == blake3(covered)[:4], f"chunk {letter} does not match its checksum")
+        return Fields(self.data, payload, payload + length, self.trace)
+
+    def decode(self, h, lanes):
+        transforms, classes = h.transforms, self.classes
+        if h.policy == LOSSLESS:
+            chunk = self.chunks["X"]
+            return apply_classes(decode_exact(chunk.take(chunk.left(), "range-coded: samples"), h.count, lanes), classes)
+        if h.flags & PREDICTED:
+            r = self.chunks["P"]
+            self.index = LevelIndex(r, Shape(h.axes).mesh.level)
+            self.coded_at = r.at
+            logs, self.shape, self.plan = predicted_logs(h, classes, self.chunks.get("B"), r, MAX_LEVEL + 1)
+        else:
+            axes, live, basis = h.axes, classes, None
+            if h.flags & KLT:
+                basis = Basis(self.chunks["B"], axes, h.count // lanes, h.step)
+                axes = axes[:-1] + [Axis("index", basis.rank)]
+                if classes is not None:
+                    rows = np.isin(classes, (POSITIVE, NEGATIVE)).reshape(-1, lanes).any(axis=1)
+                    live = np.repeat(np.where(rows, POSITIVE, MASKED), basis.rank)
+            chunk = self.chunks["Q"]
+            order = coding_order(axes, transforms, live)
+            data = chunk.take(chunk.left(), "range-coded: coefficients")
+            q = decode_coefficients(data, order, floats=h.policy != RD)
+            if h.policy != RD:
+                return apply_classes(inverse(q.astype(np.uint32).view(F), axes, transforms), classes)
+            logs = inverse(dequantise(q, h.step, axes, transforms), axes, transforms)
+            if basis is not None:
+                logs = basis.synthesise(logs.reshape(-1, basis.rank)).reshape(-1)
+        if h.flags & CORRECTIONS:
+            chunk = self.chunks["R"]
+            data = chunk.take(chunk.left(), "range-coded: corrections")
+            steps = decode_coefficients(data, natural(h.count // lanes, lanes)).reshape(-1)
+            logs = logs + steps.astype(F) * h.correction_step
+        return apply_classes(exponential(logs), classes)
+
+    def decode_level(self, h, level):
+        require(h.flags & PREDICTED and "P" in self.chunks, "no levels")
+        r = self.chunks["P"]
+        mesh = Shape(h.axes).mesh
+        index = LevelIndex(r, mesh.level)
+        require(level < mesh.level, "no such level")
+        require(r.left() >= min(index.ends[level], self.lengths["P"] - (r.at - r.start)), "more of the level is needed")
+        logs, shape, plan = predicted_logs(h, self.classes, self.chunks.get("B"), r, level)
+        samples = apply_classes(exponential(logs), self.classes)
+        parts = 1 << 2 * (mesh.level - level)
+        samples = samples.reshape(-1, parts, shape.inner * shape.length)
+        sums, counts = np.zeros((len(samples), samples.shape[2])), np.zeros((len(samples), samples.shape[2]))
+        for k in range(parts):
+            there = ~np.isnan(samples[:, k])
+            sums = np.where(there, sums + samples[:, k].astype(np.float64), sums)
+            counts += there
+        with np.errstate(invalid="ignore"):
+            averages = np.where(counts > 0, sums / counts, np.nan).astype(F)
+        factors = index.factors(level, len(plan.representatives))
+        averages = averages.reshape(-1, shape.length)
+        cells = mesh.count // parts
+        for row in range(len(averages)):
+            block = row // (cells * shape.inner) * shape.inner + row % shape.inner
+            factor = factors[plan.orbit[block]]
+            if factor is not None:
+                averages[row] *= factor
+        return averages.reshape(-1)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The program
+
+
+def dump(data):
+    trace = []
+    Material(data, trace=trace)
+    lines, at = [], 0
+    for start, end, text in sorted(trace):
+        require(start == at, f"byte {at} is not explained")
+        at = end
+        for k in range(start, max(end, start + 1), 16):
+            piece = data[k : min(k + 16, end)].hex(" ")
+            lines.append(f"{k:04x}  {piece:<47}  {text if k == start else ''}".rstrip())
+    require(at == len(data), f"byte {at} is not explained")
+    return "\n".join(lines)
+
+
+def bits(samples):
+    samples = np.array(samples, F)
+    samples[np.isnan(samples)] = F(np.nan)
+    return samples.view(np.uint32) & np.where(np.isnan(samples), 0x7FFFFFFF, MASK).astype(np.uint32)
+
+
+def damaged_files(data):
+    """Files made from a good one that must be refused, and what is wrong with them."""
+
+    def header(change):
+        """With a changed header chunk and its checksum."""
+        length = data[5]
+        payload = bytearray(data[6 : 6 + length])
+        change(payload)
+        covered = bytes([len(payload)]) + bytes(payload)
+        return data[:5] + covered + blake3(b"H" + covered)[:4] + data[6 + length + 4 :]
+
+    def put(at, value):
+        return lambda payload: payload.__setitem__(at, value)
+
+    yield "a later version", data[:4] + b"\x02" + data[5:]
+    yield "an unknown flag", header(put(2, data[8] | 128))
+    yield "an unknown policy", header(put(1, data[7] | 7 << 5))
+    yield "an unknown unit", header(put(1, data[7] | 31))
+    yield "level 9", header(put(3, data[9] & 0xE0 | 9))
+    yield "a byte after the header", header(lambda payload: payload.append(0))
+    yield "a byte after the file", data + b"\0"
+    for at in range(len(data)):
+        yield f"byte {at} flipped", data[:at] + bytes([data[at] ^ 0x10]) + data[at + 1 :]
+    # A file cut in front of its metadata is whole.
+    metadata = len(data) - 17
+    for end in range(len(data)):
+        if end != metadata:
+            yield f"the first {end} bytes", data[:end]
+
+
+def check():
+    golden, failed, found = os.path.join(HERE, "golden"), 0, set()
+    for name in sorted(name for name in os.listdir(golden) if name.endswith(".wlm")):
+        data = open(os.path.join(golden, name), "rb").read()
+        base = os.path.join(golden, name[:-4])
+        material = Material(data)
+        h = material.header
+        runs = [("samples", material.samples, base + ".f32")]
+        if h.flags & PREDICTED and material.index.ends:
+            # The first bytes alone are enough for the level.
+            prefix = data[: min(material.coded_at + material.index.ends[0], material.chunks["P"].end)]
+            runs.append(("level 0", Material(prefix, level=0).samples, base + ".level0.f32"))
+            found.add(("model", h.found[0]))
+            found |= {"symmetries"} if h.found[1] > 1 else set()
+            found |= {"dead triangles"} if h.found[2] else set()
+        for what, samples, path in runs:
+            wanted = np.fromfile(path, "<f4")
+            same = len(wanted) == len(samples) and (bits(wanted) == bits(samples)).all()
+            off = 0 if same else int((bits(wanted) != bits(samples)).sum()) if len(wanted) == len(samples) else "?"
+            print(f"{name}, {what}: {len(wanted)} samples, " + ("every bit" if same else f"{off} DIFFER"))
+            failed += not same
+        found |= set(material.chunks) | {"H"} | {POLICIES[h.policy]} | {str(t) for t in h.transforms}
+    models = {("model", k) for k in range(4)}
+    wanted = models | set("HCBPQRXM") | {"symmetries", "dead triangles", "conventional", "orthonormal-count", "bio-haar"}
+    wanted |= {"(0, 4)", "(78, 2)", "(87, 2)"}
+    for what, damaged in damaged_files(open(os.path.join(golden, DUMPED + ".wlm"), "rb").read()):
+        try:
+            Material(damaged)
+            print(f"not refused: {what}")
+            failed += 1
+        except Refused:
+            pass
+    for missing in sorted(map(str, wanted - found)):
+        print(f"no golden file has: {missing}")
+        failed += 1
+    text = open(DOCUMENT, encoding="utf-8").read()
+    shown = lambda name: text.split(f"<!-- {name} -->\n```text\n")[1].split("\n```\n")[0]
+    if shown("dump") != dump(open(os.path.join(golden, DUMPED + ".wlm"), "rb").read()):
+        print(f"docs/container.md: the dump is not that of {DUMPED}.wlm (reader.py --dump)")
+        failed += 1
+    if shown("typical") != TYPICAL:
+        print("docs/container.md: the text that metadata is expected to look like is not that of the reader")
+        failed += 1
+    sys.exit(1 if failed else 0)
+
+
+def main(arguments):
+    if arguments == ["--check"]:
+        check()
+    elif len(arguments) == 2 and arguments[0] == "--dump":
+        print(dump(open(arguments[1], "rb").read()))
+    elif arguments:
+        material = Material(open(arguments[0], "rb").read())
+        samples = material.samples.reshape(material.header.shape)
+        print(samples.shape, material.metadata or "")
+        if len(arguments) > 1:
+            np.save(arguments[1], samples)
+    else:
+        sys.exit(__doc__)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
