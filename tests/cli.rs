@@ -139,6 +139,36 @@ fn the_first_bytes_of_a_material_decode_to_a_coarser_level() {
 }
 
 #[test]
+fn a_slice_of_a_material_is_that_of_the_whole() {
+    let dir = workshop();
+    let (made, array, whole) = (at(&dir, "brdf.wlm"), at(&dir, "slice.npy"), at(&dir, "whole.npy"));
+    let body = |path: &str| {
+        let bytes = fs::read(path).unwrap();
+        let header = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+        bytes[10 + header..].to_vec()
+    };
+    for options in [&["--random-access"][..], &[]] {
+        done(&[&["compress", &at(&dir, "brdf.npy"), "-o", &made][..], options].concat());
+        let levels = json(&["inspect", &made, "--json"])["levels"].as_array().unwrap().len();
+        assert!(options.is_empty() || levels == 1);
+        done(&["decode", &made, "-o", &whole]);
+        let all = body(&whole);
+        for incoming in 0..INCOMING {
+            let report = json(&["decode", &made, "--incoming", &incoming.to_string(), "-o", &array, "--json"]);
+            assert_eq!(report["shape"], serde_json::json!([OUTGOING, LAMBDAS]));
+            assert_eq!(body(&array), all[incoming * OUTGOING * LAMBDAS * 4..][..OUTGOING * LAMBDAS * 4]);
+        }
+        let beyond = INCOMING.to_string();
+        let refusal = refused(1, &["decode", &made, "--incoming", &beyond, "-o", &array]);
+        assert!(refusal.contains("there is no incoming entry"), "{refusal}");
+        refused(2, &["decode", &made, "--incoming", "0", "--level", "0", "-o", &array]);
+    }
+    let refusal =
+        refused(2, &["compress", &at(&dir, "brdf.npy"), "-o", &made, "--random-access", "--policy", "conventional"]);
+    assert!(refusal.contains("random_access: found policy conventional"), "{refusal}");
+}
+
+#[test]
 fn compress_reports_every_field_of_the_contract() {
     let dir = workshop();
     let out = at(&dir, "m.wlm");

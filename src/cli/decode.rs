@@ -5,7 +5,7 @@ use super::input::read_file;
 use super::output::{Sheet, count, print, print_json, write_file};
 use super::report::{axes_lines, coverage_lines};
 use super::request::ThreadsArgs;
-use crate::compress;
+use crate::compress::{self, DecodedBlock};
 use crate::domain::{Axis, Measurement};
 use crate::formats;
 use crate::projection::Coverage;
@@ -23,6 +23,10 @@ pub(crate) struct Args {
     /// A coarser level of the outgoing triangles, as `inspect` lists them; the first bytes of the file are then enough
     #[arg(long, value_name = "N")]
     level: Option<u8>,
+    /// One entry of the axes before the outgoing triangles, from 0, row-major: a slice [outgoing, wavelength]; of a material
+    /// of --random-access nothing else is decoded
+    #[arg(long, value_name = "I", conflicts_with = "level")]
+    incoming: Option<usize>,
     #[command(flatten)]
     threads: ThreadsArgs,
     /// Print what was written as one line of JSON
@@ -31,7 +35,10 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let measurement = decode(&args.material, args.level, &args.threads)?;
+    let measurement = match args.incoming {
+        Some(block) => decode_slice(&args.material, block, &args.threads)?,
+        None => decode(&args.material, args.level, &args.threads)?,
+    };
     write_array(&args.output, measurement, None, args.json)
 }
 
@@ -41,6 +48,15 @@ pub(crate) fn decode(path: &Path, level: Option<u8>, threads: &ThreadsArgs) -> R
     let decode = || level.map_or_else(|| compress::decode(&bytes), |level| compress::decode_level(&bytes, level));
     let decoded = threads.run(decode)?.map_err(|error| Failure::from(error).about(path))?;
     Ok(decoded.measurement)
+}
+
+/// The slice of the material in `path` behind one entry of the axes before the outgoing triangles.
+fn decode_slice(path: &Path, block: usize, threads: &ThreadsArgs) -> Result<Measurement, Failure> {
+    let bytes = read_file(path)?;
+    let decoded = threads.run(|| compress::decode_block(&bytes, block))?;
+    let DecodedBlock { tensor, summary } = decoded.map_err(|error| Failure::from(error).about(path))?;
+    // A part of what it is: the axes that its quantity asks for are not all there.
+    Ok(Measurement { quantity: summary.quantity, unit: summary.unit, sampling: summary.sampling, tensor })
 }
 
 /// Writes a measurement as an array and its manifest beside it, and says so.

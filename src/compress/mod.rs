@@ -73,8 +73,8 @@ pub struct Settings {
     /// Text for the optional metadata chunk: a JSON object. Labels of index axes are added to it.
     pub metadata: Option<String>,
     /// Whether [`decode_block`] decodes the slice of one incoming direction without the rest. Policy `rd` on the data's own
-    /// basis (`auto` is `klt` then), something before the outgoing triangles, no target that bounds every sample's relative
-    /// error; the file has no coarser levels.
+    /// basis (`auto` is `klt` then), something before the outgoing triangles, no target that bounds every sample; the
+    /// file has no coarser levels.
     pub random_access: bool,
 }
 
@@ -293,6 +293,8 @@ fn basis_of(axes: &[Axis], transforms: &[AxisTransform], klt: bool) -> String {
     }
 }
 
+#[cfg(test)]
+mod block_tests;
 #[cfg(test)]
 mod level_tests;
 #[cfg(test)]
