@@ -8,8 +8,12 @@ use std::collections::BTreeSet;
 const FLIPS: [u8; 3] = [0x01, 0x80, 0xFF];
 
 /// A function of the directions that a model of the lobe serves well.
-fn scattering(quantity: Quantity, domain: Domain, f: impl Fn(Direction, Direction) -> f64) -> Measurement {
-    let mesh = TriangleMesh::new(domain, 1).unwrap();
+fn scattering(
+    quantity: Quantity,
+    (domain, level): (Domain, u8),
+    f: impl Fn(Direction, Direction) -> f64,
+) -> Measurement {
+    let mesh = TriangleMesh::new(domain, level).unwrap();
     let places = (0..mesh.len()).flat_map(|i| (0..mesh.len()).map(move |o| [i, o].map(|t| mesh.centroid(t))));
     let samples = places.map(|[wi, wo]| f(wi, wo) as f32).collect();
     let tensor = Tensor::new(vec![Axis::Triangles(mesh); 2], samples).unwrap();
@@ -35,8 +39,8 @@ fn measurements() -> Vec<Measurement> {
     ];
     let shapes = shapes.map(|(quantity, axes)| measurement(quantity, axes, 0.01));
     let mut all: Vec<Measurement> = shapes.into_iter().flat_map(|m| [hurt(m.clone()), m]).collect();
-    all.push(scattering(Quantity::Phase, sphere, |wi, wo| libm::exp(2.0 * wi.dot(wo))));
-    all.push(scattering(Quantity::Brdf, hemi, |wi, wo| {
+    all.push(scattering(Quantity::Phase, (sphere, 2), |wi, wo| libm::exp(4.0 * wi.dot(wo))));
+    all.push(scattering(Quantity::Brdf, (hemi, 1), |wi, wo| {
         let half: [f64; 3] = std::array::from_fn(|k| wi.xyz()[k] + wo.xyz()[k]);
         let length = half.iter().map(|x| x * x).sum::<f64>().sqrt();
         0.05 + libm::exp(8.0 * (half[2] / length - 1.0))
