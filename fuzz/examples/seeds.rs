@@ -21,7 +21,7 @@ fn main() -> Outcome<()> {
     let corpus = PathBuf::from(std::env::args().nth(1).ok_or("the directory of the corpora is missing")?);
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let materials = materials(&root)?;
-    for target in ["decode", "decode_sealed", "material"] {
+    for target in ["decode", "decode_sealed", "decode_prefix", "decode_block", "material"] {
         save(&corpus.join(target), &materials)?;
     }
     save(&corpus.join("formats"), &files(&root)?)?;
@@ -116,10 +116,19 @@ fn materials(root: &Path) -> Outcome<Vec<Vec<u8>>> {
         policy,
         basis: basis.to_owned(),
         floor: None,
+        albedo_error: None,
+        random_access: false,
         metadata: metadata.then(|| r#"{"generator":"seeds"}"#.to_owned()),
     };
     let floored = Settings { floor: Some(0.2), ..settings(Target::ErL2(0.03), Policy::Rd, "haar", false) };
+    let lit = Settings { albedo_error: Some(1e-4), ..settings(Target::ErL2(0.05), Policy::Rd, "klt", false) };
+    let random = |target| Settings { random_access: true, ..settings(target, Policy::Rd, "auto", false) };
     let wanted = [
+        lit,
+        random(Target::ErL2(0.02)),
+        random(Target::RelativeRmse(0.02)),
+        settings(Target::MaxAbsoluteError(0.01), Policy::Rd, "auto", false),
+        settings(Target::RelativeRmse(0.02), Policy::Rd, "auto", false),
         settings(Target::ErL2(0.03), Policy::Rd, "auto", true),
         settings(Target::ErL2(0.002), Policy::Rd, "klt", false),
         settings(Target::ErL2(0.02), Policy::Rd, "bior4.4", false),

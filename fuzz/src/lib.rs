@@ -49,6 +49,52 @@ pub fn decode(bytes: &[u8]) {
     assert_eq!(tensor.len(), announced(&summary));
 }
 
+/// Decodes every level of `bytes`, once from the whole file and once from as much of it as the level needs: the samples are
+/// the same. Then from the file cut at `cut` of 65,536 parts of it, where they are the same or there are none.
+pub fn decode_prefixes(bytes: &[u8], cut: u16) {
+    match compress::inspect(bytes) {
+        Ok(summary) if announced(&summary) <= MOST_DECODED => {}
+        _ => return,
+    }
+    let Ok(levels) = compress::levels(bytes) else { return };
+    let cut = bytes.len() * usize::from(cut) >> 16;
+    for info in levels {
+        let samples = |bytes: &[u8]| {
+            let decoded = compress::decode_level(bytes, info.level).ok()?;
+            Some(decoded.measurement.tensor.samples().iter().map(|s| s.to_bits()).collect::<Vec<_>>())
+        };
+        let whole = samples(bytes);
+        let needed = usize::try_from(info.bytes).expect("a length").min(bytes.len());
+        assert_eq!(samples(&bytes[..needed]), whole, "level {} from {needed} bytes", info.level);
+        let some = samples(&bytes[..cut]);
+        assert!(some.is_none() || some == whole, "level {} from {cut} bytes", info.level);
+    }
+}
+
+/// Decodes the first, the last and a middle slice of `bytes`: where the whole decodes, they are its samples.
+pub fn decode_blocks(bytes: &[u8]) {
+    let summary = match compress::inspect(bytes) {
+        Ok(summary) if announced(&summary) <= MOST_OPENED => summary,
+        _ => return,
+    };
+    let Some(at) = summary.axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_))) else {
+        assert!(compress::decode_block(bytes, 0).is_err(), "a slice without triangles");
+        return;
+    };
+    let blocks: usize = summary.axes[..at].iter().map(Axis::len).product();
+    let length: usize = summary.axes[at..].iter().map(Axis::len).product();
+    let whole = compress::decode(bytes);
+    assert!(compress::decode_block(bytes, blocks).is_err(), "a slice after the last");
+    for block in [0, blocks / 2, blocks - 1] {
+        let slice = compress::decode_block(bytes, block);
+        let Ok(whole) = &whole else { continue };
+        let slice = slice.expect("a slice of what decodes");
+        let expected = &whole.measurement.tensor.samples()[block * length..][..length];
+        let same = slice.tensor.samples().iter().zip(expected).all(|(a, b)| a.to_bits() == b.to_bits());
+        assert!(same && slice.tensor.len() == length, "other samples in slice {block}");
+    }
+}
+
 /// Separates an array from the manifest that lies beside it.
 pub const SEPARATOR: u8 = 0x1E;
 

@@ -11,18 +11,34 @@ const CHECKSUM: usize = 4;
 pub fn sealed(bytes: &[u8]) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     let mut last = None;
-    while let Err(DecodeError::Checksum { at, .. }) = inspect(&bytes) {
-        assert!(last < Some(at), "the checksum at {at} is not made as it is here");
+    while let Err(DecodeError::Checksum { at, chunk }) = inspect(&bytes) {
+        assert!(last < Some(at), "the checksum of the {chunk} at {at} is not made as it is here");
         last = Some(at);
-        seal_chunk(&mut bytes, at);
+        seal_chunk(&mut bytes, at, letter(chunk));
     }
     bytes
 }
 
-/// The chunk at `at`: kind, varint length, payload, then the checksum of all these.
-fn seal_chunk(bytes: &mut [u8], at: usize) {
+/// The letter that a checksum covers in front of its chunk.
+fn letter(chunk: &str) -> u8 {
+    match chunk {
+        "header chunk" => b'H',
+        "classes chunk" => b'C',
+        "basis chunk" => b'B',
+        "pyramid chunk" => b'P',
+        "coefficients chunk" => b'Q',
+        "light chunk" => b'L',
+        "corrections chunk" => b'R',
+        "exact chunk" => b'X',
+        "metadata chunk" => b'M',
+        other => panic!("the {other} is unknown here"),
+    }
+}
+
+/// The chunk at `at`: varint length, payload, then the checksum of the letter and both.
+fn seal_chunk(bytes: &mut [u8], at: usize, letter: u8) {
     let mut length = 0_usize;
-    let mut end = at + 1;
+    let mut end = at;
     for shift in (0..).step_by(7) {
         let byte = bytes[end];
         end += 1;
@@ -32,6 +48,7 @@ fn seal_chunk(bytes: &mut [u8], at: usize) {
         }
     }
     end += length;
-    let hash = blake3::hash(&bytes[at..end]);
-    bytes[end..end + CHECKSUM].copy_from_slice(&hash.as_bytes()[..CHECKSUM]);
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&[letter]).update(&bytes[at..end]);
+    bytes[end..end + CHECKSUM].copy_from_slice(&hasher.finalize().as_bytes()[..CHECKSUM]);
 }

@@ -103,9 +103,10 @@ pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
     };
     let whole = chunk.length - (r.offset() - chunk.offset);
     let coded = r.take(r.remaining(), "pyramid")?;
-    if coded.len() < entry.end.min(whole) {
-        return Err(CodecError::Truncated { at: bytes.len(), expected: "more of the level" });
-    }
+    // A level is what its own bytes say, however many follow.
+    let coded = coded
+        .get(..entry.end.min(whole))
+        .ok_or(CodecError::Truncated { at: bytes.len(), expected: "more of the level" })?;
     let payload = |kind| container.get(kind).map(|chunk| chunk.payload);
     let classes = classes_of(&header, payload);
     let samples = level_samples(&header, classes.as_deref(), (payload(ChunkKind::Basis), coded), &index, level)?;
