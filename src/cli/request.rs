@@ -57,6 +57,10 @@ pub(crate) struct TargetArgs {
     lossless: bool,
 }
 
+/// Promises that know no light.
+const OTHER_TARGETS: [&str; 8] =
+    ["er_l2", "er_l1", "max_relative_error", "max_absolute_error", "relative_rmse", "ratio", "bytes", "lossless"];
+
 /// How to compress.
 #[derive(Debug, clap::Args)]
 pub(crate) struct RequestArgs {
@@ -65,7 +69,7 @@ pub(crate) struct RequestArgs {
     #[command(flatten)]
     target: TargetArgs,
     /// The illuminant of --delta-e: A, B, C, D50, D65, F11 or E [default: D65]
-    #[arg(long, value_name = "NAME", requires = "delta_e")]
+    #[arg(long, value_name = "NAME", requires = "delta_e", conflicts_with_all = OTHER_TARGETS)]
     illuminant: Option<Illuminant>,
     /// rd: rate-distortion; the paper's: conventional (one threshold), generic (one a space), adaptive
     #[arg(long, default_value_t)]
