@@ -425,10 +425,11 @@ mod tests {
             let whole = Klt::of(&rows, n).unwrap();
             let leading = Klt::leading(&rows, n, 3).unwrap();
             assert_eq!((leading.length(), leading.rank()), (n, 3));
-            for k in 0..3 {
+            // The third of these rows is hardly more than their noise: any vector of the noise has nearly its variance.
+            for (k, tolerance) in [(0, 1e-6), (1, 1e-6), (2, 0.2)] {
                 let product: f64 = whole.vectors[k].iter().zip(&leading.vectors[k]).map(|(a, b)| a * b).sum();
-                assert!(product.abs() > 1.0 - 1e-2, "{count} {n} {k}: {product}");
-                assert!((leading.variances[k] / whole.variances[k] - 1.0).abs() < 1e-2);
+                assert!(k == 2 || product.abs() > 1.0 - tolerance, "{count} {n} {k}: {product}");
+                assert!((leading.variances[k] / whole.variances[k] - 1.0).abs() < tolerance);
             }
         }
         let equal = Klt::leading(&[1.0, 2.0, 3.0, 1.0, 2.0, 3.0], 3, 2).unwrap();
