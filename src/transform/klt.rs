@@ -132,6 +132,10 @@ impl Klt {
             Vec::new()
         };
         for _ in 0..ITERATIONS {
+            if vectors.is_empty() {
+                // All rows are equal.
+                break;
+            }
             vectors = covariance_times(if few.is_empty() { rows } else { &few }, &mean, &vectors);
             orthonormalise(&mut vectors);
         }
