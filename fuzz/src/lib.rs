@@ -57,7 +57,7 @@ pub fn decode_prefixes(bytes: &[u8], cut: u16) {
         _ => return,
     }
     let Ok(levels) = compress::levels(bytes) else { return };
-    let cut = bytes.len() * usize::from(cut) >> 16;
+    let cut = (bytes.len() * usize::from(cut)) >> 16;
     for info in levels {
         let samples = |bytes: &[u8]| {
             let decoded = compress::decode_level(bytes, info.level).ok()?;
