@@ -3,7 +3,7 @@
 //! It is Σ sample · weight over the last triangle axis; the weight is the cell's solid angle, projected for quantities that go
 //! with a cosine. A block is one entry of all axes before the triangles. Masked samples do not count.
 
-use crate::domain::{Axis, Quantity};
+use crate::domain::{Axis, Quantity, TriangleMesh};
 use serde::Serialize;
 
 /// How far the light of the decoded file is from that of the measurement.
@@ -28,12 +28,7 @@ impl Light {
     pub(crate) fn of(quantity: Quantity, axes: &[Axis]) -> Option<Self> {
         let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_)))?;
         let Axis::Triangles(mesh) = axes[at] else { return None };
-        let weights = if quantity.has_cosine() {
-            (0..mesh.len()).map(|cell| mesh.projected_solid_angle(cell)).collect()
-        } else {
-            mesh.solid_angles()
-        };
-        Some(Self { weights, inner: axes[at + 1..].iter().map(Axis::len).product() })
+        Some(Self { weights: weights(quantity, mesh), inner: axes[at + 1..].iter().map(Axis::len).product() })
     }
 
     /// Entries after the triangles.
@@ -105,6 +100,15 @@ impl Light {
                 }
             })
             .collect()
+    }
+}
+
+/// What a cell counts for: its solid angle, projected for quantities that go with a cosine.
+pub(crate) fn weights(quantity: Quantity, mesh: TriangleMesh) -> Vec<f64> {
+    if quantity.has_cosine() {
+        (0..mesh.len()).map(|cell| mesh.projected_solid_angle(cell)).collect()
+    } else {
+        mesh.solid_angles()
     }
 }
 

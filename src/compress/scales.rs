@@ -9,7 +9,7 @@ const DEAD_ZONE: f32 = 0.12;
 /// Other coefficients decode this much closer to 0, where their density is higher.
 const RECONSTRUCTION_OFFSET: f32 = 0.03;
 /// Quantised magnitudes stay below this.
-const LARGEST: f32 = (1 << 30) as f32;
+pub(crate) const LARGEST: f32 = (1 << 30) as f32;
 
 /// The norms of synthesis functions, by row and by lane: a coefficient times both is in units of the error it makes.
 pub(crate) struct Scales {
@@ -107,15 +107,20 @@ impl Scales {
 }
 
 fn quantise(coefficient: f32, scale: Scale, inverse_step: f32) -> i32 {
-    let x = coefficient * scale.norm * inverse_step;
+    integer_of(coefficient * scale.norm * inverse_step)
+}
+
+/// The integer of a coefficient in steps.
+pub(crate) fn integer_of(x: f32) -> i32 {
     let magnitude = (x.abs() + (0.5 - DEAD_ZONE)).min(LARGEST) as i32;
     if x < 0.0 { -magnitude } else { magnitude }
 }
 
+/// The steps that an integer decodes to.
+pub(crate) fn steps_of(quantised: i32) -> f32 {
+    quantised as f32 - quantised.signum() as f32 * RECONSTRUCTION_OFFSET
+}
+
 fn dequantise(quantised: i32, scale: Scale, step: f32) -> f32 {
-    let offset = match quantised.signum() {
-        0 => return 0.0,
-        sign => sign as f32 * RECONSTRUCTION_OFFSET,
-    };
-    (quantised as f32 - offset) * step * scale.inverse
+    steps_of(quantised) * step * scale.inverse
 }

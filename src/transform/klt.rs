@@ -58,19 +58,8 @@ impl Klt {
         if length > MAX_KLT_LENGTH {
             return Err(KltError::Length(length));
         }
-        if length == 0 || rows.is_empty() || !rows.len().is_multiple_of(length) {
-            return Err(KltError::Shape { samples: rows.len(), length });
-        }
-        if let Some(at) = rows.iter().position(|x| !x.is_finite()) {
-            return Err(KltError::NotFinite { row: at / length, entry: at % length });
-        }
+        let mean = mean_of(rows, length)?;
         let count = (rows.len() / length) as f64;
-        let mut mean = sums(rows, length, length, |row, sum| {
-            sum.iter_mut().zip(row).for_each(|(s, &x)| *s += f64::from(x));
-        });
-        for m in &mut mean {
-            *m /= count;
-        }
         let mut covariance = sums(rows, length, length * length, |row, sum| {
             let centred: Vec<f64> = row.iter().zip(&mean).map(|(&x, m)| f64::from(x) - m).collect();
             for (i, &a) in centred.iter().enumerate() {
@@ -105,19 +94,8 @@ impl Klt {
     /// The first `rank` vectors for rows of any length, by subspace iteration (Golub & Van Loan, section 8.2.4) from rows of
     /// the data's own: exact where the rows have no higher rank, and close where later vectors are small.
     pub fn leading(rows: &[f32], length: usize, rank: usize) -> Result<Self, KltError> {
-        if length == 0 || rows.is_empty() || !rows.len().is_multiple_of(length) {
-            return Err(KltError::Shape { samples: rows.len(), length });
-        }
-        if let Some(at) = rows.iter().position(|x| !x.is_finite()) {
-            return Err(KltError::NotFinite { row: at / length, entry: at % length });
-        }
+        let mean = mean_of(rows, length)?;
         let count = rows.len() / length;
-        let mut mean = sums(rows, length, length, |row, sum| {
-            sum.iter_mut().zip(row).for_each(|(s, &x)| *s += f64::from(x));
-        });
-        for m in &mut mean {
-            *m /= count as f64;
-        }
         let start = (rank + SPARE).min(length).min(count);
         let mut vectors: Vec<Vec<f64>> = (0..start)
             .map(|k| {
@@ -291,6 +269,24 @@ fn eigen(mut a: Vec<f64>, n: usize) -> (Vec<f64>, Vec<Vec<f64>>) {
         }
     }
     ((0..n).map(|i| a[i * n + i]).collect(), vectors)
+}
+
+/// The mean of whole rows of finite numbers; refuses any others.
+fn mean_of(rows: &[f32], length: usize) -> Result<Vec<f64>, KltError> {
+    if length == 0 || rows.is_empty() || !rows.len().is_multiple_of(length) {
+        return Err(KltError::Shape { samples: rows.len(), length });
+    }
+    if let Some(at) = rows.iter().position(|x| !x.is_finite()) {
+        return Err(KltError::NotFinite { row: at / length, entry: at % length });
+    }
+    let count = (rows.len() / length) as f64;
+    let mut mean = sums(rows, length, length, |row, sum| {
+        sum.iter_mut().zip(row).for_each(|(s, &x)| *s += f64::from(x));
+    });
+    for m in &mut mean {
+        *m /= count;
+    }
+    Ok(mean)
 }
 
 /// Gram–Schmidt, twice, in order; what depends on the vectors before it is left out.

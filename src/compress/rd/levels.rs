@@ -18,6 +18,7 @@
 use super::super::decode::{apply_classes, classes_of};
 use super::super::file::Parts;
 use super::super::header::Header;
+use super::super::light::weights;
 use super::predictive;
 use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Reader, Writer, code_steps};
 use crate::domain::{Axis, ErrorReport, Measurement, Quantity, TriangleMesh};
@@ -256,11 +257,7 @@ impl Grid {
     /// The light that leaves the blocks of each representative, up to a common factor.
     fn brightness(self, quantity: Quantity, samples: &[f32], orbits: &[u32], representatives: usize) -> Vec<f64> {
         let cells = self.mesh.len();
-        let weights: Vec<f64> = if quantity.has_cosine() {
-            (0..cells).map(|cell| self.mesh.projected_solid_angle(cell)).collect()
-        } else {
-            self.mesh.solid_angles()
-        };
+        let weights = weights(quantity, self.mesh);
         let mut sums = vec![0.0; representatives];
         for (row, samples) in samples.chunks_exact(self.length).enumerate() {
             let sum: f64 = samples.iter().filter(|s| !s.is_nan()).map(|&s| f64::from(s)).sum();

@@ -3,17 +3,13 @@
 //! The prediction error is transformed orthonormally among the children of a node, so that one step serves all levels: an
 //! error of a mean is an error of all its leaves, hence its step is the leaves' divided by the root of their number.
 
+use super::super::scales::{LARGEST, integer_of, steps_of};
 use super::symmetry::{Group, Representative};
 use crate::codec::{BitCoder, DetailCoder, Surroundings};
 use crate::domain::TriangleMesh;
 use crate::transform::{Householder, Prediction};
 use std::ops::Range;
 
-/// Coefficients within half a step and this much more become 0.
-const DEAD_ZONE: f32 = 0.12;
-/// Other coefficients decode this much closer to 0, where their density is higher.
-const RECONSTRUCTION_OFFSET: f32 = 0.03;
-const LARGEST: f32 = (1 << 30) as f32;
 /// Magnitudes in contexts are capped, so that sums cannot overflow.
 const CAP: u32 = 1 << 16;
 
@@ -263,12 +259,12 @@ impl Plane<'_> {
                     0
                 } else {
                     let around = self.surroundings(t, m, prediction, quantised);
-                    let q = details.code(coder, &around, quantise(wanted[m], self.step));
+                    let q = details.code(coder, &around, integer_of(wanted[m] / self.step));
                     kept += u64::from(q != 0);
                     q
                 };
                 quantised[3 * t + m] = q;
-                residual[m] = dequantise(q, self.step);
+                residual[m] = steps_of(q) * self.step;
             }
             let deviations = householder.synthesise(&residual);
             for (k, &c) in order.iter().enumerate() {
@@ -315,16 +311,6 @@ fn live_first(live: u8) -> [usize; 4] {
         }
     }
     order
-}
-
-fn quantise(x: f32, step: f32) -> i32 {
-    let x = x / step;
-    let magnitude = (x.abs() + (0.5 - DEAD_ZONE)).min(LARGEST) as i32;
-    if x < 0.0 { -magnitude } else { magnitude }
-}
-
-fn dequantise(q: i32, step: f32) -> f32 {
-    (q as f32 - q.signum() as f32 * RECONSTRUCTION_OFFSET) * step
 }
 
 /// By level, by node: which children have a live leaf.
