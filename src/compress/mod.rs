@@ -78,6 +78,21 @@ pub struct Settings {
     pub random_access: bool,
 }
 
+impl Default for Settings {
+    /// er(L2) 1 %, policy `rd`, any basis, nothing else asked for.
+    fn default() -> Self {
+        Self {
+            target: Target::ErL2(0.01),
+            policy: Policy::Rd,
+            basis: "auto".to_owned(),
+            floor: None,
+            albedo_error: None,
+            metadata: None,
+            random_access: false,
+        }
+    }
+}
+
 /// A compressed material.
 #[derive(Clone, Debug)]
 pub struct Compressed {

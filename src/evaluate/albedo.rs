@@ -17,7 +17,7 @@ impl Material {
         out: &mut [f32],
     ) -> Result<(), EvaluateError> {
         if self.outgoing.is_none() {
-            return unfit(format!("this {} has no outgoing axis to integrate over", self.measurement.quantity));
+            return unfit(format!("this {} has no outgoing axis to integrate over", self.quantity()));
         }
         let lambdas = self.lambdas();
         if out.len() != lambdas {

@@ -87,12 +87,44 @@ impl MeshLookup {
 
     /// The triangle that holds `direction`; `None` outside the domain.
     pub(super) fn locate(&self, direction: Direction) -> Option<usize> {
-        self.descend(direction).map(|(triangle, _)| triangle)
+        self.locate_vector(direction.xyz())
+    }
+
+    /// The triangle that holds the unit vector `d`; `None` outside the domain.
+    #[inline]
+    pub(super) fn locate_vector(&self, d: Vector) -> Option<usize> {
+        self.descend(d).map(|(triangle, _)| triangle)
+    }
+
+    /// Whether the unit vector `d` is in the domain.
+    #[inline]
+    pub(super) fn holds(&self, [_, _, z]: Vector) -> bool {
+        match self.mesh.domain() {
+            Domain::Hemisphere => z >= 0.0,
+            Domain::Lower => z <= 0.0,
+            Domain::Sphere => true,
+        }
+    }
+
+    /// How many vertices there are.
+    pub(super) fn vertices(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// The vertex numbers of a triangle.
+    pub(super) fn corners(&self, triangle: usize) -> [u32; 3] {
+        self.corners[triangle]
+    }
+
+    /// The triangles around a vertex, and their part of the solid angle around.
+    pub(super) fn ring(&self, vertex: u32) -> impl Iterator<Item = (usize, f32)> + '_ {
+        let ring = self.starts[vertex as usize] as usize..self.starts[vertex as usize + 1] as usize;
+        self.around[ring].iter().map(|&(triangle, weight)| (triangle as usize, weight))
     }
 
     /// The triangles that make the smooth value at `direction`; `None` outside the domain.
     pub(super) fn stencil(&self, direction: Direction) -> Option<Stencil> {
-        let (triangle, folded) = self.descend(direction)?;
+        let (triangle, folded) = self.descend(direction.xyz())?;
         let opposite = &self.opposite[triangle % self.opposite.len()];
         let coordinates = opposite.map(|plane| dot(plane, folded).max(0.0));
         let total = coordinates[0] + coordinates[1] + coordinates[2];
@@ -109,14 +141,8 @@ impl MeshLookup {
         Some(stencil)
     }
 
-    fn descend(&self, direction: Direction) -> Option<(usize, Vector)> {
-        let [x, y, z] = direction.xyz();
-        let outside = match self.mesh.domain() {
-            Domain::Hemisphere => z < 0.0,
-            Domain::Lower => z > 0.0,
-            Domain::Sphere => false,
-        };
-        if outside {
+    fn descend(&self, [x, y, z]: Vector) -> Option<(usize, Vector)> {
+        if !self.holds([x, y, z]) {
             return None;
         }
         let (quadrant, a, b) = match (x, y) {
@@ -161,7 +187,7 @@ pub(super) fn elevation_stencil(values: &[f64], theta: f64) -> Stencil {
     stencil
 }
 
-fn elevation(values: &[f64], theta: f64) -> (usize, f64) {
+pub(super) fn elevation(values: &[f64], theta: f64) -> (usize, f64) {
     let above = values.partition_point(|&v| v <= theta);
     if above == 0 || above == values.len() {
         return (above.saturating_sub(1), 0.0);

@@ -1,17 +1,23 @@
-//! An opened material: the samples, the roles of their axes, and the tables that queries read.
+//! An opened material: the roles of its axes, its planes (or samples), and the tables that queries read.
 
 use super::albedo;
+use super::incoming::{Alignment, Nodes};
 use super::lookup::{MeshLookup, Stencil, elevation_stencil, nearest_elevation};
+use super::planes::Planes;
+use super::reconstruct::Cells;
 use super::sampling::Trees;
+use super::smooth::Smooth;
 use super::{EvaluateError, unfit};
-use crate::compress::{self, Summary};
-use crate::domain::{Axis, Direction, Domain, Measurement, WavelengthGrid};
+use crate::compress::{self, LevelInfo, Summary};
+use crate::domain::{Axis, Direction, Domain, Measurement, Quantity, Sampling, Unit, WavelengthGrid};
 use std::sync::Arc;
 
 /// An opened material; share it between threads by reference.
 #[derive(Debug)]
 pub struct Material {
-    pub(super) measurement: Measurement,
+    quantity: Quantity,
+    unit: Unit,
+    axes: Vec<Axis>,
     summary: Option<Summary>,
     /// The lengths of the leading opaque axes.
     indices: Vec<usize>,
@@ -19,11 +25,20 @@ pub struct Material {
     pub(super) outgoing: Option<Arc<MeshLookup>>,
     /// Entries of the incoming and the outgoing axis, samples of a spectrum; 1 where there is no such axis.
     pub(super) shape: [usize; 3],
-    pub(super) has_masked: bool,
+    pub(super) form: Form,
     /// Present with an outgoing axis.
     pub(super) trees: Option<Trees>,
     /// `[cell, lambda]`; empty without an outgoing axis.
     pub(super) albedos: Vec<f32>,
+}
+
+/// How samples are kept for queries.
+#[derive(Debug)]
+pub(super) enum Form {
+    /// A few planes, and smooth tables.
+    Planes { planes: Planes, smooth: Smooth },
+    /// Every sample.
+    Samples { samples: Vec<f32>, has_masked: bool },
 }
 
 #[derive(Debug)]
@@ -33,15 +48,67 @@ enum Incoming {
     Elevations(Vec<f64>),
 }
 
+/// What an opened material is made of.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct OpenedReport {
+    /// Memory of the opened form in bytes: all of it.
+    pub memory: usize,
+    /// Planes of coefficients; `None` where every sample is kept.
+    pub planes: Option<usize>,
+    /// The largest relative deviation of the planes from the decoded samples (parts of the largest sample where some are
+    /// negative); 0 where every sample is kept.
+    pub deviation: f64,
+    /// How the smooth form goes from one incoming direction to the next.
+    pub alignment: Alignment,
+    /// The relative error, root mean square, with which each incoming direction is predicted from those around it: what lies
+    /// between them is not known better than this, and usually four times better, as the gaps are half as wide.
+    pub left_out_error: Option<f64>,
+}
+
+/// Beyond this error of a left-out incoming direction, incoming directions are too sparse for the lobe between them.
+const SPARSE: f64 = 0.5;
+
+impl OpenedReport {
+    /// A warning where incoming directions are too sparse to say what lies between them.
+    pub fn warning(&self) -> Option<String> {
+        let error = self.left_out_error.filter(|&error| error > SPARSE)?;
+        Some(format!(
+            "incoming directions are too sparse for the lobe: one left out is predicted from those around with an error of {:.0} %",
+            100.0 * error
+        ))
+    }
+}
+
 impl Material {
-    /// Opens a compressed material.
+    /// Opens a compressed material: bytes that were read, or a memory map of the file.
     pub fn open(bytes: &[u8]) -> Result<Self, EvaluateError> {
         let decoded = compress::decode(bytes)?;
         Ok(Self { summary: Some(decoded.summary), ..Self::of(decoded.measurement)? })
     }
 
-    /// Uses a measurement as it is.
+    /// Opens a level of a compressed material: all of its file, or as many of its first bytes as [`compress::levels`] says
+    /// that the level needs.
+    pub fn open_level(bytes: &[u8], level: u8) -> Result<Self, EvaluateError> {
+        let decoded = compress::decode_level(bytes, level)?;
+        Ok(Self { summary: Some(decoded.summary), ..Self::of(decoded.measurement)? })
+    }
+
+    /// The levels that [`Material::open_level`] opens.
+    pub fn levels(bytes: &[u8]) -> Result<Vec<LevelInfo>, EvaluateError> {
+        Ok(compress::levels(bytes)?)
+    }
+
+    /// Uses a measurement as it is; the alignment between incoming directions is found.
     pub fn of(measurement: Measurement) -> Result<Self, EvaluateError> {
+        Self::aligned(measurement, None)
+    }
+
+    /// Uses a measurement with a chosen alignment between incoming directions.
+    pub fn with_alignment(measurement: Measurement, alignment: Alignment) -> Result<Self, EvaluateError> {
+        Self::aligned(measurement, Some(alignment))
+    }
+
+    fn aligned(measurement: Measurement, alignment: Option<Alignment>) -> Result<Self, EvaluateError> {
         let layout = measurement.layout().map_err(|error| EvaluateError::Unfit(error.to_string()))?;
         let axes = measurement.tensor.axes();
         let incoming = match layout.incoming.map(|axis| &axes[axis]) {
@@ -57,16 +124,45 @@ impl Material {
         let indices: Vec<usize> = axes[..layout.indices].iter().map(Axis::len).collect();
         let length = |axis: Option<usize>| axis.map_or(1, |axis| axes[axis].len());
         let shape = [length(layout.incoming), length(layout.outgoing), length(layout.spectral)];
-        let has_masked = measurement.tensor.masked() > 0;
         let trees = outgoing.as_ref().map(|lookup| Trees::new(&measurement, lookup.mesh(), shape[2]));
         let albedos =
             outgoing.as_ref().map(|lookup| albedo::table(&measurement, lookup.mesh(), shape[2])).unwrap_or_default();
-        Ok(Self { measurement, summary: None, indices, incoming, outgoing, shape, has_masked, trees, albedos })
+        let nodes = match &incoming {
+            Incoming::None => Nodes::One,
+            Incoming::Triangles(lookup) => Nodes::triangles(Arc::clone(lookup)),
+            Incoming::Elevations(values) => Nodes::elevations(values),
+        };
+        let entries = indices.iter().product();
+        let candidates = alignment.map_or_else(|| candidates(measurement.quantity), |alignment| vec![alignment]);
+        let form = form(&measurement, shape[2], outgoing.as_deref(), nodes, entries, &candidates);
+        Ok(Self {
+            quantity: measurement.quantity,
+            unit: measurement.unit,
+            axes: axes.to_vec(),
+            summary: None,
+            indices,
+            incoming,
+            outgoing,
+            shape,
+            form,
+            trees,
+            albedos,
+        })
     }
 
-    /// The decoded samples and what they are.
-    pub fn measurement(&self) -> &Measurement {
-        &self.measurement
+    /// What was measured.
+    pub fn quantity(&self) -> Quantity {
+        self.quantity
+    }
+
+    /// The unit of a value.
+    pub fn unit(&self) -> Unit {
+        self.unit
+    }
+
+    /// The axes of the samples.
+    pub fn axes(&self) -> &[Axis] {
+        &self.axes
     }
 
     /// The header of the compressed material, if it was opened from one.
@@ -84,7 +180,22 @@ impl Material {
         self.grid().map(WavelengthGrid::values)
     }
 
-    /// Memory of the opened form in bytes: samples, tables of the meshes, sampling trees, albedo.
+    /// What the opened form is made of.
+    pub fn report(&self) -> OpenedReport {
+        let (planes, deviation, smooth) = match &self.form {
+            Form::Planes { planes, smooth } => (Some(planes.planes), planes.deviation, Some(smooth)),
+            Form::Samples { .. } => (None, 0.0, None),
+        };
+        OpenedReport {
+            memory: self.memory(),
+            planes,
+            deviation,
+            alignment: smooth.map_or(Alignment::None, |smooth| smooth.alignment),
+            left_out_error: smooth.and_then(|smooth| smooth.left_out),
+        }
+    }
+
+    /// Memory of the opened form in bytes: planes or samples, smooth tables, tables of the meshes, sampling trees, albedo.
     pub fn memory(&self) -> usize {
         let incoming = match &self.incoming {
             Incoming::None => 0,
@@ -92,8 +203,12 @@ impl Material {
             Incoming::Triangles(lookup) => lookup.memory(),
             Incoming::Elevations(values) => size_of_val(&**values),
         };
+        let form = match &self.form {
+            Form::Planes { planes, smooth } => planes.memory() + smooth.memory(),
+            Form::Samples { samples, .. } => size_of_val(&**samples),
+        };
         size_of::<Self>()
-            + size_of_val(self.measurement.tensor.samples())
+            + form
             + incoming
             + self.outgoing.as_ref().map_or(0, |lookup| lookup.memory())
             + self.trees.as_ref().map_or(0, Trees::memory)
@@ -101,7 +216,7 @@ impl Material {
     }
 
     pub(super) fn grid(&self) -> Option<&WavelengthGrid> {
-        match self.measurement.tensor.axes().last() {
+        match self.axes.last() {
             Some(Axis::Wavelength(grid)) => Some(grid),
             _ => None,
         }
@@ -123,15 +238,17 @@ impl Material {
     }
 
     /// The entry of the incoming axis for `wi` in the piecewise constant sense; 0 where there is no such axis.
+    #[inline]
     pub(super) fn incoming_entry(&self, wi: Option<Direction>) -> Result<usize, EvaluateError> {
         self.look_up(wi, || 0, MeshLookup::locate, nearest_elevation)
     }
 
-    /// The entries of the incoming axis for `wi` in the smooth sense; entry 0 where there is no such axis.
+    /// The entries of the incoming axis for `wi` in the sense of means around vertices; entry 0 where there is no such axis.
     pub(super) fn incoming_stencil(&self, wi: Option<Direction>) -> Result<Stencil, EvaluateError> {
         self.look_up(wi, || Stencil::one(0), MeshLookup::stencil, elevation_stencil)
     }
 
+    #[inline]
     fn look_up<T>(
         &self,
         wi: Option<Direction>,
@@ -139,31 +256,63 @@ impl Material {
         on_triangles: impl Fn(&MeshLookup, Direction) -> Option<T>,
         on_elevations: impl Fn(&[f64], f64) -> T,
     ) -> Result<T, EvaluateError> {
-        let quantity = self.measurement.quantity;
-        let (wi, domain) = match (&self.incoming, wi) {
+        match (&self.incoming, wi) {
             (Incoming::None, None) => return Ok(none()),
-            (Incoming::None, Some(_)) => {
-                return unfit(format!("wi was given, but this {quantity} has no incoming axis"));
+            (Incoming::Triangles(lookup), Some(wi)) => {
+                if let Some(found) = on_triangles(lookup, wi) {
+                    return Ok(found);
+                }
             }
+            (Incoming::Elevations(values), Some(wi)) if wi.cos_theta() >= 0.0 => {
+                return Ok(on_elevations(values, wi.theta_degrees()));
+            }
+            _ => {}
+        }
+        self.refuse_incoming(wi)
+    }
+
+    /// Why `wi` has no place on the incoming axis.
+    #[cold]
+    pub(super) fn refuse_incoming<T>(&self, wi: Option<Direction>) -> Result<T, EvaluateError> {
+        let quantity = self.quantity;
+        let (wi, domain) = match (&self.incoming, wi) {
+            (Incoming::None, _) => return unfit(format!("wi was given, but this {quantity} has no incoming axis")),
             (_, None) => return unfit(format!("no wi was given, but this {quantity} has an incoming axis")),
-            (Incoming::Triangles(lookup), Some(wi)) => match on_triangles(lookup, wi) {
-                Some(found) => return Ok(found),
-                None => (wi, lookup.mesh().domain()),
-            },
-            (Incoming::Elevations(_), Some(wi)) if wi.cos_theta() < 0.0 => (wi, Domain::Hemisphere),
-            (Incoming::Elevations(values), Some(wi)) => return Ok(on_elevations(values, wi.theta_degrees())),
+            (Incoming::Triangles(lookup), Some(wi)) => (wi, lookup.mesh().domain()),
+            (Incoming::Elevations(_), Some(wi)) => (wi, Domain::Hemisphere),
         };
         unfit(format!("wi has theta = {:.3} degrees, outside the incoming domain `{domain}`", wi.theta_degrees()))
     }
 
+    /// `wi` as nodes know it: turned to azimuth 0 where they are elevations, and anything where there is none.
+    #[inline]
+    pub(super) fn wi_in_plane(&self, wi: Option<Direction>) -> [f64; 3] {
+        let Some(wi) = wi else { return [0.0, 0.0, 1.0] };
+        let [x, y, z] = wi.xyz();
+        if self.is_isotropic() { [(x * x + y * y).sqrt(), 0.0, z] } else { [x, y, z] }
+    }
+
+    pub(super) fn has_no_index(&self) -> bool {
+        self.indices.is_empty()
+    }
+
+    pub(super) fn has_incoming(&self) -> bool {
+        !matches!(self.incoming, Incoming::None)
+    }
+
+    pub(super) fn is_isotropic(&self) -> bool {
+        matches!(self.incoming, Incoming::Elevations(_))
+    }
+
     /// The mesh of the outgoing axis and the direction in it: `wo`, turned back by the azimuth of `wi` where incoming
     /// directions are elevations.
+    #[inline]
     pub(super) fn outgoing(
         &self,
         wi: Option<Direction>,
         wo: Option<Direction>,
     ) -> Result<Option<(&MeshLookup, Direction)>, EvaluateError> {
-        let quantity = self.measurement.quantity;
+        let quantity = self.quantity;
         match (&self.outgoing, wo) {
             (None, None) => Ok(None),
             (None, Some(_)) => unfit(format!("wo was given, but this {quantity} has no outgoing axis")),
@@ -176,15 +325,45 @@ impl Material {
     }
 
     /// Cosine and sine of the azimuth that isotropic data take from `wi`; of 0 otherwise.
+    #[inline]
     pub(super) fn azimuth(&self, wi: Option<Direction>) -> [f64; 2] {
         let (Incoming::Elevations(_), Some(wi)) = (&self.incoming, wi) else { return [1.0, 0.0] };
         let [x, y, _] = wi.xyz();
-        let length = libm::hypot(x, y);
+        let length = (x * x + y * y).sqrt();
         if length > 0.0 { [x / length, y / length] } else { [1.0, 0.0] }
     }
 }
 
+/// How lobes may go from one incoming direction to the next.
+fn candidates(quantity: Quantity) -> Vec<Alignment> {
+    match quantity {
+        Quantity::Brdf | Quantity::Bsdf => vec![Alignment::None, Alignment::HalfVector, Alignment::TurnedHalfVector],
+        Quantity::Btdf | Quantity::Phase => vec![Alignment::None, Alignment::Rotation],
+        _ => vec![Alignment::None],
+    }
+}
+
+/// Planes where a few hold the samples, otherwise the samples.
+fn form(
+    measurement: &Measurement,
+    lambdas: usize,
+    outgoing: Option<&MeshLookup>,
+    nodes: Nodes,
+    entries: usize,
+    candidates: &[Alignment],
+) -> Form {
+    let samples = measurement.tensor.samples();
+    if let Some((lookup, planes)) = outgoing.and_then(|lookup| Some((lookup, Planes::of(samples, lambdas)?)))
+        && let cells = Cells::new(lookup.mesh(), measurement.sampling == Sampling::Average)
+        && let Some(smooth) = Smooth::new(&planes, &cells, lookup, nodes, entries, candidates)
+    {
+        return Form::Planes { planes, smooth };
+    }
+    Form::Samples { samples: samples.to_vec(), has_masked: samples.iter().any(|s| s.is_nan()) }
+}
+
 /// `direction` turned about `+z` by the angle with this cosine and sine.
+#[inline]
 pub(super) fn turned(direction: Direction, cos: f64, sin: f64) -> Direction {
     let [x, y, z] = direction.xyz();
     Direction::from_unit([cos * x - sin * y, sin * x + cos * y, z])

@@ -12,12 +12,19 @@
 //!   the axis take the value of its end.
 
 mod albedo;
+mod elements;
+mod incoming;
+mod kernel;
 mod lookup;
 mod material;
+mod planes;
+mod reconstruct;
 mod sampling;
+mod smooth;
 mod spectrum;
 
-pub use material::Material;
+pub use incoming::Alignment;
+pub use material::{Material, OpenedReport};
 
 use crate::compress::DecodeError;
 use crate::domain::Direction;
@@ -41,6 +48,19 @@ pub enum Interpolation {
     /// Continuous over directions: barycentric between vertex means; linear between incoming elevations.
     #[default]
     Smooth,
+}
+
+/// What there is outside the measured range of wavelengths.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Beyond {
+    /// Nothing is known: NaN.
+    #[default]
+    Masked,
+    /// No light.
+    Zero,
+    /// The sample at the end of the range, as renderers do.
+    Nearest,
 }
 
 /// One importance sample.

@@ -182,7 +182,7 @@ impl Material {
     /// The trees, and the cell of `index` and `wi`.
     fn tree(&self, index: &[usize], wi: Option<Direction>) -> Result<(&Trees, usize), EvaluateError> {
         let Some(trees) = &self.trees else {
-            return unfit(format!("this {} has no outgoing axis to sample", self.measurement.quantity));
+            return unfit(format!("this {} has no outgoing axis to sample", self.quantity()));
         };
         let entry = self.entry(index)?;
         let incoming = self.incoming_entry(wi)?;

@@ -1,0 +1,241 @@
+//! Quadratic elements on the octahedron: from a direction to six nodes and their weights, without search.
+//!
+//! Each octant of directions is a triangle with barycentric coordinates g(|x|), g(|y|), g(|z|) over their sum, where
+//! g(x) = x + 0.15 x³ + 0.42 x⁵ is near the arc of x, so that elements are nearly equal. It is cut into patches of a
+//! regular lattice; each carries a quadratic through its corners and the middles of its edges. Neighbouring patches share
+//! the nodes of their edge, across octants too, so that the whole is continuous.
+
+use crate::domain::vector::{Vector, unit};
+use crate::domain::{Domain, TriangleMesh};
+
+/// From here on two triangles of a mesh share the side of a patch.
+const HALVED_LEVEL: u8 = 6;
+/// Nodes of a patch: three corners, then the middles of the edges 01, 02, 12.
+pub(super) const NODES: usize = 6;
+
+/// Nodes of a patch and their weights, which add up to 1.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Patch {
+    pub(super) nodes: [u32; NODES],
+    pub(super) weights: [f32; NODES],
+    /// Barycentric coordinates between the first three nodes.
+    pub(super) corners: [f32; 3],
+}
+
+/// The lattice of a domain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Elements {
+    domain: Domain,
+    /// Patches along an edge of an octant.
+    patches: u32,
+    octant: u32,
+}
+
+impl Elements {
+    /// As fine as the triangles of `mesh`.
+    pub(super) fn new(mesh: TriangleMesh) -> Self {
+        let level = if mesh.level() < HALVED_LEVEL { mesh.level() } else { mesh.level() - 1 };
+        let patches = 1 << level;
+        let side = 2 * patches;
+        Self { domain: mesh.domain(), patches, octant: (side + 1) * (side + 2) / 2 }
+    }
+
+    fn octants(self) -> usize {
+        if self.domain == Domain::Sphere { 8 } else { 4 }
+    }
+
+    /// How many nodes; those on edges between octants stand once in each.
+    pub(super) fn len(self) -> usize {
+        self.octants() * self.octant as usize
+    }
+
+    /// The direction of every node.
+    pub(super) fn directions(self) -> Vec<Vector> {
+        let side = 2 * self.patches;
+        let mut octant = Vec::with_capacity(self.octant as usize);
+        for p in 0..=side {
+            for q in 0..=side - p {
+                octant.push(direction([p, q, side - p - q].map(|k| f64::from(k) / f64::from(side))));
+            }
+        }
+        (0..self.octants())
+            .flat_map(|which| {
+                let down = self.domain == Domain::Lower || which >= 4;
+                let signs = [which & 1 != 0, which & 2 != 0, down];
+                octant.iter().map(move |d| {
+                    // Zero has no sign, so that equal nodes are equal bit for bit.
+                    [0, 1, 2].map(|k| if signs[k] && d[k] != 0.0 { -d[k] } else { d[k] })
+                })
+            })
+            .collect()
+    }
+
+    /// The patch around the direction (x, y, z), which need not be a unit vector; the sign of z matters on a sphere alone.
+    #[inline]
+    pub(super) fn at(self, [x, y, z]: [f32; 3]) -> Patch {
+        let mut octant = u32::from(x < 0.0) + 2 * u32::from(y < 0.0);
+        if self.domain == Domain::Sphere {
+            octant += 4 * u32::from(z < 0.0);
+        }
+        let [gx, gy, gz] = [arc(x.abs()), arc(y.abs()), arc(z.abs())];
+        let n = self.patches;
+        let scale = n as f32 / (gx + gy + gz);
+        let (u, v) = (gx * scale, gy * scale);
+        // Rounding may carry a point over the far edge: the clamped patch holds it with a coordinate next to 0.
+        let i = (u as u32).min(n - 1);
+        let j = (v as u32).min(n - 1 - i);
+        let (s, t) = ((u - i as f32).clamp(0.0, 1.0), (v - j as f32).clamp(0.0, 1.0));
+        let upward = s + t <= 1.0 || i + j + 1 >= n;
+        let (b0, b1, b2) = if upward { ((1.0 - s - t).max(0.0), s, t) } else { (s + t - 1.0, 1.0 - s, 1.0 - t) };
+        let (p, q) = (2 * i, 2 * j);
+        let base = octant * self.octant;
+        let node = |p: u32, q: u32| base + p * (2 * n + 1) - (p * p - p) / 2 + q;
+        let nodes = if upward {
+            [node(p, q), node(p + 2, q), node(p, q + 2), node(p + 1, q), node(p, q + 1), node(p + 1, q + 1)]
+        } else {
+            [
+                node(p + 2, q + 2),
+                node(p, q + 2),
+                node(p + 2, q),
+                node(p + 1, q + 2),
+                node(p + 2, q + 1),
+                node(p + 1, q + 1),
+            ]
+        };
+        let weights = [
+            b0 * (2.0 * b0 - 1.0),
+            b1 * (2.0 * b1 - 1.0),
+            b2 * (2.0 * b2 - 1.0),
+            4.0 * b0 * b1,
+            4.0 * b0 * b2,
+            4.0 * b1 * b2,
+        ];
+        Patch { nodes, weights, corners: [b0, b1, b2] }
+    }
+}
+
+#[inline]
+fn arc(x: f32) -> f32 {
+    let xx = x * x;
+    x * (1.0 + xx * (0.15 + 0.42 * xx))
+}
+
+/// The direction of the first octant with these barycentric coordinates.
+fn direction(coordinates: Vector) -> Vector {
+    // The sum of squares grows with the sum of arcs, which is 1.57 on an edge and 1.90 in the centre.
+    let (mut below, mut above) = (1.5, 2.0);
+    let at = |sum: f64| coordinates.map(|a| inverse_arc(a * sum));
+    for _ in 0..50 {
+        let middle = f64::midpoint(below, above);
+        if at(middle).iter().map(|x| x * x).sum::<f64>() < 1.0 {
+            below = middle;
+        } else {
+            above = middle;
+        }
+    }
+    unit(at(f64::midpoint(below, above)))
+}
+
+/// g is convex and at least x: Newton's steps from the right fall to the root.
+fn inverse_arc(value: f64) -> f64 {
+    let mut x = value;
+    for _ in 0..7 {
+        let xx = x * x;
+        x -= (x * (1.0 + xx * (0.15 + 0.42 * xx)) - value) / (1.0 + xx * (0.45 + 2.1 * xx));
+    }
+    x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{Rng, RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    fn meshes() -> impl Iterator<Item = TriangleMesh> {
+        Domain::ALL.iter().flat_map(|&domain| (0..=7).map(move |level| TriangleMesh::new(domain, level).unwrap()))
+    }
+
+    fn random_in(domain: Domain, random: &mut impl Rng) -> Vector {
+        loop {
+            let v = [0; 3].map(|_| 2.0 * random.random::<f64>() - 1.0);
+            let length = v.iter().map(|x| x * x).sum::<f64>();
+            if length > 1e-3 && length < 1.0 {
+                let [x, y, z] = unit(v);
+                return match domain {
+                    Domain::Hemisphere => [x, y, z.abs()],
+                    Domain::Lower => [x, y, -z.abs()],
+                    Domain::Sphere => [x, y, z],
+                };
+            }
+        }
+    }
+
+    #[test]
+    fn a_node_is_where_its_weight_is_one() {
+        for mesh in meshes().filter(|mesh| mesh.level() < 5) {
+            let elements = Elements::new(mesh);
+            let directions = elements.directions();
+            assert_eq!(directions.len(), elements.len());
+            for d in &directions {
+                let patch = elements.at(d.map(|x| x as f32));
+                let (best, weight) =
+                    patch.nodes.iter().zip(patch.weights).max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+                assert!((weight - 1.0).abs() < 2e-5 * 128.0, "{mesh:?} {d:?} {patch:?}");
+                let found = directions[*best as usize];
+                assert!(found.iter().zip(d).all(|(a, b)| (a - b).abs() < 1e-6), "{mesh:?} {d:?} {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn weights_add_up_and_quadratics_come_out_nearly_whole() {
+        let mut random = Pcg64Mcg::seed_from_u64(1);
+        for mesh in meshes() {
+            let elements = Elements::new(mesh);
+            let directions = elements.directions();
+            let f = |[x, y, z]: Vector| 1.0 + x - 2.0 * y + 0.5 * z + x * y - z * z;
+            let values: Vec<f64> = directions.iter().map(|&d| f(d)).collect();
+            let mut worst = 0.0_f64;
+            for _ in 0..2000 {
+                let d = random_in(mesh.domain(), &mut random);
+                let patch = elements.at(d.map(|x| x as f32));
+                assert!((patch.weights.iter().sum::<f32>() - 1.0).abs() < 1e-5);
+                assert!(patch.corners.iter().all(|b| (-1e-6..=1.000_001).contains(b)));
+                let found: f64 =
+                    patch.nodes.iter().zip(patch.weights).map(|(&n, w)| values[n as usize] * f64::from(w)).sum();
+                worst = worst.max((found - f(d)).abs());
+            }
+            // Third order in the side of a patch.
+            let side = std::f64::consts::FRAC_PI_2 / f64::from(elements.patches);
+            assert!(worst < 0.5 * side.powi(3) + 1e-5, "{mesh:?}: {worst}");
+        }
+    }
+
+    #[test]
+    fn the_function_is_continuous_over_every_edge() {
+        let mut random = Pcg64Mcg::seed_from_u64(2);
+        for mesh in meshes().filter(|mesh| mesh.level() < 6) {
+            let elements = Elements::new(mesh);
+            // Any values at the nodes, equal where nodes are.
+            let hash = |d: &Vector| (d[0] * 12.9 + d[1] * 78.2 + d[2] * 37.7).sin();
+            let values: Vec<f64> = elements.directions().iter().map(hash).collect();
+            let value = |d: Vector| {
+                let patch = elements.at(d.map(|x| x as f32));
+                patch.nodes.iter().zip(patch.weights).map(|(&n, w)| values[n as usize] * f64::from(w)).sum::<f64>()
+            };
+            for _ in 0..5000 {
+                let d = random_in(mesh.domain(), &mut random);
+                // Across the planes between octants, where they are near.
+                for k in 0..if mesh.domain() == Domain::Sphere { 3 } else { 2 } {
+                    let (mut a, mut b) = (d, d);
+                    (a[k], b[k]) = (1e-6, -1e-6);
+                    assert!((value(unit(a)) - value(unit(b))).abs() < 1e-2, "{mesh:?} {d:?}");
+                }
+                let step = 1e-5;
+                let near = unit([d[0] + step * random.random::<f64>(), d[1], d[2]]);
+                assert!((value(d) - value(near)).abs() < 0.2 * f64::from(elements.patches) * step * 100.0);
+            }
+        }
+    }
+}

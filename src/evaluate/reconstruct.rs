@@ -1,0 +1,175 @@
+//! From averages over cells to values at the nodes of elements: local quadratics that have the cells' averages.
+//!
+//! Around each node a quadratic in the tangent plane is fitted to the averages of the cells nearby (weighted least squares;
+//! the average of a quadratic over a cell is a linear function of its coefficients, so that no averaging is left in it).
+
+use super::elements::Elements;
+use super::lookup::MeshLookup;
+use crate::domain::vector::{Vector, add, cross, dot, scale, unit};
+use crate::domain::{Neighbours, TriangleMesh};
+use rayon::prelude::*;
+
+/// Cells that a fit sees at most.
+const SEEN: usize = 18;
+/// Coefficients of a quadratic in two coordinates.
+const TERMS: usize = 6;
+/// What keeps a fit from extrapolating wildly where cells lie on one side: small beside what the cells say.
+const CALM: f64 = 1e-3;
+
+/// The cells of a mesh as fits see them.
+#[derive(Debug)]
+pub(super) struct Cells {
+    mesh: TriangleMesh,
+    neighbours: Neighbours,
+    /// For each cell, three points with equal weights that give the averages of quadratics: the middles of its edges; its
+    /// centroid thrice where samples were taken there.
+    points: Vec<[Vector; 3]>,
+    vertices: Vec<[Vector; 3]>,
+}
+
+/// As near to an edge as this is on it.
+const ON_EDGE: f64 = 1e-9;
+
+/// Weights of cells.
+pub(super) type Weights = Vec<(u32, f32)>;
+
+impl Cells {
+    /// Of `mesh`; `averages` are over cells, otherwise samples are taken at centroids.
+    pub(super) fn new(mesh: TriangleMesh, averages: bool) -> Self {
+        let middle = |a, b| unit(add(a, b));
+        let vertices = mesh.all_vertices();
+        let of = |&[a, b, c]: &[Vector; 3]| {
+            if averages { [middle(b, c), middle(a, c), middle(a, b)] } else { [unit(add(a, add(b, c))); 3] }
+        };
+        let points = vertices.iter().map(of).collect();
+        Self { mesh, neighbours: Neighbours::new(mesh), points, vertices }
+    }
+
+    pub(super) fn mesh(&self) -> TriangleMesh {
+        self.mesh
+    }
+
+    /// The cells that hold `d`, inside or on their edges.
+    pub(super) fn touching(&self, lookup: &MeshLookup, d: Vector) -> Vec<u32> {
+        let home = lookup.locate_vector(d).unwrap_or(0);
+        let holds = |cell: u32| {
+            let [a, b, c] = self.vertices[cell as usize];
+            let turn = dot(a, cross(b, c)).signum();
+            [cross(a, b), cross(b, c), cross(c, a)].into_iter().all(|plane| turn * dot(plane, d) > -ON_EDGE)
+        };
+        let around = self.neighbours.around(home).iter().copied().filter(|&cell| holds(cell));
+        std::iter::once(home as u32).chain(around).collect()
+    }
+
+    pub(super) fn points(&self, cell: usize) -> [Vector; 3] {
+        self.points[cell]
+    }
+
+    /// The live cells near `d` and their distances, nearest first, and the distance of the first that is left out.
+    fn near(&self, lookup: &MeshLookup, d: Vector, is_live: impl Fn(u32) -> bool) -> (Vec<(f64, u32)>, f64) {
+        let home = lookup.locate_vector(d).unwrap_or(0);
+        let mut cells: Vec<u32> = std::iter::once(home as u32)
+            .chain(self.neighbours.around(home).iter().flat_map(|&j| {
+                std::iter::once(j).chain(self.neighbours.around(j as usize).iter().copied())
+            }))
+            .collect();
+        cells.sort_unstable();
+        cells.dedup();
+        cells.retain(|&cell| is_live(cell));
+        let distance = |cell: u32| {
+            let [a, b, c] = self.points[cell as usize];
+            let centre = unit(add(a, add(b, c)));
+            let apart = add(centre, scale(d, -1.0));
+            dot(apart, apart).sqrt()
+        };
+        let mut near: Vec<(f64, u32)> = cells.into_iter().map(|cell| (distance(cell), cell)).collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let reach = near.get(SEEN).or(near.last()).map_or(1.0, |&(distance, _)| distance) * (1.0 + 1e-9) + 1e-12;
+        near.truncate(SEEN);
+        (near, reach)
+    }
+
+    /// For the value at `d`: the weights of the cells near it; none where there are none.
+    fn weights(&self, d: Vector, near: &[(f64, u32)], reach: f64) -> Weights {
+        let across = if d[2].abs() < 0.9 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
+        let first = unit(cross(across, d));
+        let second = cross(d, first);
+        let mut rows: Vec<(u32, f64, [f64; TERMS])> = Vec::with_capacity(near.len());
+        for &(distance, cell) in near {
+            let t = distance / reach;
+            let weight = (1.0 - t * t).max(1e-6).powi(2);
+            let mut moments = [0.0; TERMS];
+            for point in self.points[cell as usize] {
+                let (x, y) = (dot(point, first) / reach, dot(point, second) / reach);
+                for (moment, term) in moments.iter_mut().zip([1.0, x, y, x * x, x * y, y * y]) {
+                    *moment += term / 3.0;
+                }
+            }
+            rows.push((cell, weight, moments));
+        }
+        let mut normal = [[0.0; TERMS]; TERMS];
+        for (_, weight, moments) in &rows {
+            for i in 0..TERMS {
+                for j in 0..TERMS {
+                    normal[i][j] += weight * moments[i] * moments[j];
+                }
+            }
+        }
+        let total = normal[0][0];
+        for (i, row) in normal.iter_mut().enumerate().skip(1) {
+            row[i] += CALM * total * if i < 3 { 1e-3 } else { 0.1 };
+        }
+        let Some(z) = solve(normal) else { return Vec::new() };
+        rows.iter()
+            .map(|(cell, weight, moments)| {
+                (*cell, (weight * z.iter().zip(moments).map(|(a, b)| a * b).sum::<f64>()) as f32)
+            })
+            .collect()
+    }
+}
+
+/// For each node, the weights of the cells that make its value: of those that `is_live` admits.
+pub(super) fn node_weights(
+    cells: &Cells,
+    lookup: &MeshLookup,
+    elements: Elements,
+    is_live: Option<&(dyn Fn(u32) -> bool + Sync)>,
+) -> Vec<Weights> {
+    elements
+        .directions()
+        .par_iter()
+        .map(|&d| {
+            let (near, reach) = cells.near(lookup, d, |cell| is_live.is_none_or(|live| live(cell)));
+            cells.weights(d, &near, reach)
+        })
+        .collect()
+}
+
+/// The first column of the inverse of a symmetric positive definite matrix, by Cholesky's factor.
+fn solve(mut a: [[f64; TERMS]; TERMS]) -> Option<[f64; TERMS]> {
+    for i in 0..TERMS {
+        for j in 0..=i {
+            let product: f64 = (0..j).map(|k| a[i][k] * a[j][k]).sum();
+            let left = a[i][j] - product;
+            if i == j {
+                if left <= 0.0 {
+                    return None;
+                }
+                a[i][i] = left.sqrt();
+            } else {
+                a[i][j] = left / a[j][j];
+            }
+        }
+    }
+    let mut x = [0.0; TERMS];
+    x[0] = 1.0;
+    for i in 0..TERMS {
+        let product: f64 = (0..i).map(|k| a[i][k] * x[k]).sum();
+        x[i] = (x[i] - product) / a[i][i];
+    }
+    for i in (0..TERMS).rev() {
+        let product: f64 = (i + 1..TERMS).map(|k| a[k][i] * x[k]).sum();
+        x[i] = (x[i] - product) / a[i][i];
+    }
+    Some(x)
+}

@@ -1,0 +1,427 @@
+//! The smooth form: values at nodes over outgoing directions, for nodes over incoming directions.
+//!
+//! * Over **outgoing** directions: quadratic elements ([`super::elements`]) through values that have the cells' averages
+//!   ([`super::reconstruct`]); of logarithms where data are positive, corrected for the average of an exponential being
+//!   more than the exponential of an average.
+//! * Over **incoming** directions: linear between three nodes, each of which is looked up where its own lobe has what is
+//!   asked for ([`super::incoming::Alignment`]). Which alignment there is, is found by leaving out each incoming direction
+//!   and predicting it from those around.
+//! * Cells that are zero or masked have no logarithm: the share of live cells around is interpolated, too.
+
+use super::elements::{Elements, NODES};
+use super::incoming::{Alignment, Around, Nodes, carried};
+use super::lookup::MeshLookup;
+use super::planes::{Cell, MOST_PLANES, Planes};
+use super::reconstruct::{Cells, Weights, node_weights};
+use crate::domain::Domain;
+use crate::domain::vector::Vector;
+use rayon::prelude::*;
+
+/// Corrections for the average of an exponential.
+const CORRECTIONS: usize = 2;
+/// A correction of a logarithm is at most this large: beyond it cells are too steep to say.
+const LARGEST_CORRECTION: f64 = 0.5;
+/// Nodes at which alignments are compared, about.
+const COMPARED: usize = 600;
+/// If carried directions agree this well, one of them serves for all.
+const ALIKE: f64 = 2e-3;
+/// The most numbers in tables.
+pub(super) const MOST_VALUES: usize = 1 << 28;
+
+/// A row of coefficients on the stack.
+pub(super) type Row = [f32; MOST_PLANES];
+
+/// The tables.
+#[derive(Debug)]
+pub(super) struct Smooth {
+    elements: Elements,
+    domain: Domain,
+    pub(super) nodes: Nodes,
+    pub(super) alignment: Alignment,
+    /// The relative error (root mean square) of an incoming direction predicted from those around.
+    pub(super) left_out: Option<f64>,
+    width: usize,
+    node_count: usize,
+    /// `[index entry][incoming node][outgoing node][width]`.
+    values: Vec<f32>,
+    /// Where not all cells are live: `[index entry][incoming node][outgoing node]` of live among those not masked, and of
+    /// those not masked among all.
+    presence: Vec<[f32; 2]>,
+}
+
+/// What is interpolated at a place.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mixed {
+    pub(super) row: Row,
+    /// The share of light; NaN where all is masked.
+    pub(super) presence: f32,
+}
+
+impl Smooth {
+    /// Tables for the cells of `planes`: `[entry][incoming entry][cell]`; `None` if they would be too large.
+    pub(super) fn new(
+        planes: &Planes,
+        cells: &Cells,
+        lookup: &MeshLookup,
+        mut nodes: Nodes,
+        entries: usize,
+        candidates: &[Alignment],
+    ) -> Option<Self> {
+        let mesh = lookup.mesh();
+        let elements = Elements::new(mesh);
+        let (all, own) = nodes.counts();
+        let outgoing = elements.len();
+        let size = [entries, all, outgoing, planes.width].iter().try_fold(1_usize, |n, &k| n.checked_mul(k))?;
+        if size > MOST_VALUES {
+            return None;
+        }
+        let mut smooth = Self {
+            elements,
+            domain: mesh.domain(),
+            alignment: Alignment::None,
+            left_out: None,
+            width: planes.width,
+            node_count: 1,
+            values: Vec::new(),
+            presence: Vec::new(),
+            nodes: Nodes::One,
+        };
+        let (tables, presence) = smooth.reconstruct(planes, cells, lookup, entries * own);
+        smooth.values = tables;
+        smooth.presence = presence;
+        // So far every entry is a node of its own and nothing is between.
+        let directions = elements.directions();
+        let errors: Vec<(f64, Alignment)> = candidates
+            .iter()
+            .filter_map(|&alignment| Some((smooth.left_out(planes, &nodes, own, entries, &directions, alignment)?, alignment)))
+            .collect();
+        if let Some(&(error, alignment)) = errors.iter().min_by(|a, b| a.0.total_cmp(&b.0)) {
+            smooth.alignment = alignment;
+            smooth.left_out = Some(error);
+            if alignment == Alignment::Rotation && error < ALIKE && own > 1 {
+                let first = nodes.direction(0);
+                nodes = Nodes::Same(first);
+                let cell = outgoing * smooth.width;
+                smooth.values = smooth.values.chunks_exact(own * cell).flat_map(|c| &c[..cell]).copied().collect();
+                smooth.presence =
+                    smooth.presence.chunks_exact(own * outgoing).flat_map(|c| &c[..outgoing]).copied().collect();
+            }
+        } else {
+            smooth.alignment = candidates.first().copied().unwrap_or_default();
+        }
+        smooth.add_nodes_between(&nodes, entries, &directions);
+        smooth.node_count = nodes.counts().0;
+        smooth.nodes = nodes;
+        Some(smooth)
+    }
+
+    /// Values at the outgoing nodes, for every incoming entry.
+    fn reconstruct(&self, planes: &Planes, cells: &Cells, lookup: &MeshLookup, incoming: usize) -> (Vec<f32>, Vec<[f32; 2]>) {
+        let leaves = lookup.mesh().len();
+        let (width, used) = (self.width, planes.planes);
+        let whole = node_weights(cells, lookup, self.elements, None);
+        let mut values = vec![0.0; incoming * self.elements.len() * width];
+        let per_entry = self.elements.len() * width;
+        values.par_chunks_mut(per_entry).enumerate().for_each(|(entry, table)| {
+            let is_live = |cell: u32| planes.cell(entry * leaves + cell as usize) == Cell::Live;
+            let all_live = (0..leaves as u32).all(is_live);
+            let own = (!all_live).then(|| node_weights(cells, lookup, self.elements, Some(&is_live)));
+            let weights = own.as_ref().unwrap_or(&whole);
+            let mut averages: Vec<f32> =
+                (0..leaves).flat_map(|cell| &planes.row(entry * leaves + cell)[..]).copied().collect();
+            apply(weights, &averages, width, table);
+            if !planes.logarithms {
+                return;
+            }
+            let original = averages.clone();
+            let mut change = vec![0.0; planes.lambdas];
+            let mut correction = vec![0.0; used];
+            for _ in 0..CORRECTIONS {
+                for cell in 0..leaves {
+                    let own = cell * width..cell * width + width;
+                    self.excess(planes, table, cells.points(cell), &mut change);
+                    planes.project_change(&change, &mut correction);
+                    for ((average, original), c) in averages[own.clone()].iter_mut().zip(&original[own]).zip(&correction) {
+                        *average = original - *c as f32;
+                    }
+                }
+                apply(weights, &averages, width, table);
+            }
+        });
+        let presence = if planes.cells.is_empty() || planes.cells.iter().all(|&cell| cell == Cell::Live) {
+            Vec::new()
+        } else {
+            self.presence_at_nodes(planes, lookup, cells, incoming)
+        };
+        (values, presence)
+    }
+
+    /// By how much the logarithm of a cell's average exceeds the average of its logarithm, to second order: half the
+    /// variance over the cell.
+    fn excess(&self, planes: &Planes, table: &[f32], points: [Vector; 3], change: &mut [f64]) {
+        let rows = points.map(|point| self.gathered(table, point));
+        for (lambda, change) in change.iter_mut().enumerate() {
+            let values = rows.map(|row| f64::from(planes.value(&row[..planes.planes], lambda)));
+            let mean = (values[0] + values[1] + values[2]) / 3.0;
+            let variance = values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / 3.0;
+            *change = (0.5 * variance).min(LARGEST_CORRECTION);
+        }
+    }
+
+    /// One table's row at a direction.
+    fn gathered(&self, table: &[f32], d: Vector) -> Row {
+        let patch = self.elements.at(d.map(|x| x as f32));
+        let mut row = [0.0; MOST_PLANES];
+        for (node, weight) in patch.nodes.iter().zip(patch.weights) {
+            let values = &table[*node as usize * self.width..][..self.width];
+            row.iter_mut().zip(values).for_each(|(sum, v)| *sum += weight * v);
+        }
+        row
+    }
+
+    /// Shares of live cells around every node, and of those not masked.
+    fn presence_at_nodes(&self, planes: &Planes, lookup: &MeshLookup, cells: &Cells, incoming: usize) -> Vec<[f32; 2]> {
+        let mesh = cells.mesh();
+        let (leaves, areas) = (mesh.len(), mesh.solid_angles());
+        let around: Vec<Weights> =
+            self.elements.directions().iter().map(|&d| cells.touching(lookup, d).into_iter().map(|c| (c, areas[c as usize] as f32)).collect()).collect();
+        let share = |entry: usize, around: &Weights| {
+            let (mut live, mut known, mut all) = (0.0, 0.0, 0.0);
+            for &(cell, area) in around {
+                all += area;
+                match planes.cell(entry * leaves + cell as usize) {
+                    Cell::Live => {
+                        live += area;
+                        known += area;
+                    }
+                    Cell::Zero => known += area,
+                    Cell::Masked => {}
+                }
+            }
+            [if known > 0.0 { live / known } else { 0.0 }, known / all]
+        };
+        (0..incoming).into_par_iter().flat_map_iter(|entry| around.iter().map(move |a| share(entry, a))).collect()
+    }
+
+    /// How far an entry is from what those around predict: the root mean square of the differences of logarithms, or in
+    /// parts of the root mean square of the samples.
+    fn left_out(
+        &self,
+        planes: &Planes,
+        nodes: &Nodes,
+        own: usize,
+        entries: usize,
+        directions: &[Vector],
+        alignment: Alignment,
+    ) -> Option<f64> {
+        let stride = (own * directions.len() / COMPARED).clamp(1, 97);
+        let pairs: Vec<(usize, usize)> = (0..own)
+            .filter(|&node| nodes.others(node).is_some())
+            .flat_map(|node| (node % stride..directions.len()).step_by(stride).map(move |d| (node, d)))
+            .collect();
+        let step = pairs.len().div_ceil(64 * COMPARED).max(1);
+        let sums: Vec<(f64, f64, f64)> = pairs
+            .par_iter()
+            .step_by(step)
+            .flat_map_iter(|&(node, d)| (0..entries).map(move |entry| (entry, node, d)))
+            .map(|(entry, node, d)| {
+                let wi = nodes.direction(node);
+                let found = self.looked_up(entry * own + node, directions[d]);
+                let mut mix = Mixture::new();
+                for (other, weight) in nodes.others(node).unwrap_or_default() {
+                    let there = carried(alignment, self.domain, wi, nodes.direction(other), directions[d]);
+                    mix.add(self.looked_up(entry * own + other, there), weight);
+                }
+                let predicted = mix.finish();
+                if !(found.presence > 0.5 && predicted.presence > 0.5) {
+                    return (0.0, 0.0, 0.0);
+                }
+                let rows = found.row.iter().zip(predicted.row);
+                let error: f64 = rows.map(|(a, b)| f64::from(a - b).powi(2)).sum();
+                let power: f64 = found.row.iter().map(|&a| f64::from(a).powi(2)).sum();
+                (error, power, 1.0)
+            })
+            .collect();
+        let (error, power, count) =
+            sums.iter().fold((0.0, 0.0, 0.0), |sum: (f64, f64, f64), s| (sum.0 + s.0, sum.1 + s.1, sum.2 + s.2));
+        let scale = if planes.logarithms { count * planes.lambdas as f64 } else { power };
+        (scale > 0.0).then(|| (error / scale).sqrt())
+    }
+
+    /// Tables of the nodes that are no entries, from those of the entries around.
+    fn add_nodes_between(&mut self, nodes: &Nodes, entries: usize, directions: &[Vector]) {
+        let (all, own) = nodes.counts();
+        if all == own {
+            return;
+        }
+        let outgoing = self.elements.len();
+        let between: Vec<(usize, usize)> = (0..entries).flat_map(|entry| (own..all).map(move |n| (entry, n))).collect();
+        let made: Vec<Vec<Mixed>> = between
+            .par_iter()
+            .map(|&(entry, node)| {
+                let wi = nodes.direction(node);
+                let sources = nodes.sources(node);
+                directions
+                    .iter()
+                    .map(|&d| {
+                        let mut mix = Mixture::new();
+                        for &(source, weight) in &sources {
+                            let there = carried(self.alignment, self.domain, wi, nodes.direction(source), d);
+                            mix.add(self.looked_up(entry * own + source, there), weight);
+                        }
+                        mix.finish()
+                    })
+                    .collect()
+            })
+            .collect();
+        let (width, has_presence) = (self.width, !self.presence.is_empty());
+        let mut values = Vec::with_capacity(entries * all * outgoing * width);
+        let mut presence = Vec::new();
+        for entry in 0..entries {
+            values.extend_from_slice(&self.values[entry * own * outgoing * width..][..own * outgoing * width]);
+            if has_presence {
+                presence.extend_from_slice(&self.presence[entry * own * outgoing..][..own * outgoing]);
+            }
+            for mixed in made[entry * (all - own)..][..all - own].iter().flatten() {
+                values.extend_from_slice(&mixed.row[..width]);
+                if has_presence {
+                    presence.push(if mixed.presence.is_nan() { [0.0, 0.0] } else { [mixed.presence, 1.0] });
+                }
+            }
+        }
+        self.values = values;
+        self.presence = presence;
+    }
+
+    /// The row of one table at a direction, with its presence.
+    fn looked_up(&self, table: usize, d: Vector) -> Mixed {
+        match self.width {
+            4 => self.looked_up_in::<4>(table, d),
+            8 => self.looked_up_in::<8>(table, d),
+            12 => self.looked_up_in::<12>(table, d),
+            _ => self.looked_up_in::<MOST_PLANES>(table, d),
+        }
+    }
+
+    #[inline(always)]
+    fn looked_up_in<const WIDTH: usize>(&self, table: usize, d: Vector) -> Mixed {
+        let patch = self.elements.at(d.map(|x| x as f32));
+        let base = table * self.elements.len();
+        let values = self.values.as_chunks::<WIDTH>().0;
+        let mut sum = [0.0; WIDTH];
+        for k in 0..NODES {
+            let node = &values[base + patch.nodes[k] as usize];
+            for (sum, v) in sum.iter_mut().zip(node) {
+                *sum += patch.weights[k] * v;
+            }
+        }
+        let mut row = [0.0; MOST_PLANES];
+        row[..WIDTH].copy_from_slice(&sum);
+        if self.presence.is_empty() {
+            return Mixed { row, presence: 1.0 };
+        }
+        let (mut live, mut known) = (0.0, 0.0);
+        for k in 0..3 {
+            let [share, known_share] = self.presence[base + patch.nodes[k] as usize];
+            live += patch.corners[k] * share * known_share;
+            known += patch.corners[k] * known_share;
+        }
+        Mixed { row, presence: if known > 0.0 { live / known } else { f32::NAN } }
+    }
+
+    /// The nodes around an incoming direction.
+    #[inline]
+    pub(super) fn around(&self, wi: Vector) -> Option<Around> {
+        self.nodes.around(wi)
+    }
+
+    /// What lies at (wi, wo), `around` the former, in index entry `entry`.
+    #[inline]
+    pub(super) fn at(&self, entry: usize, around: &Around, wi: Vector, wo: Vector) -> Mixed {
+        match self.width {
+            4 => self.at_in::<4>(entry, around, wi, wo),
+            8 => self.at_in::<8>(entry, around, wi, wo),
+            12 => self.at_in::<12>(entry, around, wi, wo),
+            _ => self.at_in::<MOST_PLANES>(entry, around, wi, wo),
+        }
+    }
+
+    #[inline]
+    fn at_in<const WIDTH: usize>(&self, entry: usize, around: &Around, wi: Vector, wo: Vector) -> Mixed {
+        if matches!(self.nodes, Nodes::One) {
+            return self.looked_up_in::<WIDTH>(entry, wo);
+        }
+        let table = entry * self.node_count;
+        if !self.presence.is_empty() {
+            let mut mix = Mixture::new();
+            for (node, weight) in around.iter() {
+                let there = carried(self.alignment, self.domain, wi, self.nodes.direction(node), wo);
+                mix.add(self.looked_up_in::<WIDTH>(table + node, there), weight);
+            }
+            return mix.finish();
+        }
+        let mut row = [0.0; MOST_PLANES];
+        for (node, weight) in around.iter() {
+            let there = carried(self.alignment, self.domain, wi, self.nodes.direction(node), wo);
+            let found = self.looked_up_in::<WIDTH>(table + node, there).row;
+            for k in 0..WIDTH {
+                row[k] += weight * found[k];
+            }
+        }
+        Mixed { row, presence: 1.0 }
+    }
+
+    pub(super) fn memory(&self) -> usize {
+        size_of_val(&*self.values) + size_of_val(&*self.presence) + self.nodes.memory()
+    }
+}
+
+/// Rows mixed by weight and presence; masked ones left out.
+struct Mixture {
+    row: Row,
+    total: f32,
+    live: f32,
+    known: f32,
+}
+
+impl Mixture {
+    #[inline]
+    fn new() -> Self {
+        Self { row: [0.0; MOST_PLANES], total: 0.0, live: 0.0, known: 0.0 }
+    }
+
+    #[inline]
+    fn add(&mut self, mixed: Mixed, weight: f32) {
+        if mixed.presence.is_nan() {
+            return;
+        }
+        self.known += weight;
+        let part = weight * mixed.presence;
+        if part > 0.0 {
+            self.live += part;
+            self.total += part;
+            self.row.iter_mut().zip(mixed.row).for_each(|(sum, v)| *sum += part * v);
+        }
+    }
+
+    #[inline]
+    fn finish(self) -> Mixed {
+        let mut row = self.row;
+        if self.total > 0.0 {
+            let share = 1.0 / self.total;
+            row.iter_mut().for_each(|v| *v *= share);
+        }
+        Mixed { row, presence: if self.known > 0.0 { self.live / self.known } else { f32::NAN } }
+    }
+}
+
+/// Node values from averages `[cell][width]`.
+fn apply(weights: &[Weights], averages: &[f32], width: usize, table: &mut [f32]) {
+    for (weights, row) in weights.iter().zip(table.chunks_exact_mut(width)) {
+        row.fill(0.0);
+        for &(cell, weight) in weights {
+            let values = &averages[cell as usize * width..][..width];
+            row.iter_mut().zip(values).for_each(|(sum, v)| *sum += weight * v);
+        }
+    }
+}
