@@ -1,8 +1,8 @@
 //! `/v1/materials/{id}/export`: a material in a format that others read.
 
 use super::extract::{Id, Query};
+use super::materials::absent;
 use super::problem::{Kind, Problem};
-use super::query::open;
 use super::state::App;
 use crate::formats::{manifest_of, write_npy};
 use axum::extract::State;
@@ -45,14 +45,16 @@ async fn export(State(app): State<App>, Id(id): Id, Query(query): Query<ExportQu
             return Err(Problem::new(Kind::NotAvailable, detail));
         }
     };
-    let material = open(&app, id).await?;
+    if app.engine.archive.catalog.material(id).await?.is_none() {
+        return Err(Problem::new(Kind::NotFound, absent(id)));
+    }
+    let measurement = app.engine.decoded(id).await.map_err(|error| Problem::from(&error))?.measurement;
     let (bytes, media_type, extension) = app
         .engine
         .queries
         .run(move || {
-            let measurement = material.measurement();
             if json {
-                (manifest_of(measurement).to_string().into_bytes(), "application/json", "axes.json")
+                (manifest_of(&measurement).to_string().into_bytes(), "application/json", "axes.json")
             } else {
                 let tensor = &measurement.tensor;
                 (write_npy(&tensor.shape(), tensor.samples()), "application/octet-stream", "npy")

@@ -6,7 +6,7 @@ use super::problem::{Kind, Problem};
 use super::state::App;
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Direction, Unit, WavelengthGrid};
-use crate::evaluate::{Interpolation, Material, Place};
+use crate::evaluate::{Beyond, Interpolation, Material, Place};
 use crate::store::Digest;
 use axum::extract::State;
 use axum::http::{HeaderValue, header};
@@ -202,7 +202,7 @@ async fn get_spectrum(
         let place = Place { index: &index, wi, wo };
         look(&material, place, how, wavelengths.as_deref(), &mut values)?;
         let wavelengths = wavelengths.or_else(|| material.wavelengths());
-        Ok(SpectrumAnswer { wavelengths, values, unit: material.measurement().unit })
+        Ok(SpectrumAnswer { wavelengths, values, unit: material.unit() })
     })
     .await
 }
@@ -235,7 +235,7 @@ async fn evaluate(State(app): State<App>, Id(id): Id, body: JsonBytes) -> Result
             look(&material, Place { index: &request.index, wi, wo }, request.interpolation, asked, row)
         })?;
         let wavelengths = request.wavelengths.or_else(|| material.wavelengths());
-        Ok(EvaluateAnswer { wavelengths, values: Rows { values, width }, unit: material.measurement().unit })
+        Ok(EvaluateAnswer { wavelengths, values: Rows { values, width }, unit: material.unit() })
     })
     .await
 }
@@ -325,7 +325,7 @@ fn look(
         How::Smooth => Interpolation::Smooth,
     };
     match wavelengths {
-        Some(wavelengths) => material.at_wavelengths(place, how, wavelengths, out)?,
+        Some(wavelengths) => material.at_wavelengths(place, how, Beyond::Masked, wavelengths, out)?,
         None => material.spectrum(place, how, out)?,
     }
     Ok(())

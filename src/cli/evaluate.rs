@@ -4,7 +4,7 @@ use super::failure::Failure;
 use super::output::print_json;
 use super::query::{self, List};
 use crate::domain::{Direction, Unit};
-use crate::evaluate::{Interpolation, Place};
+use crate::evaluate::{Beyond, Interpolation, Place};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -27,6 +27,9 @@ pub(crate) struct Args {
     /// The value of the cell, or a continuous function of direction
     #[arg(long, value_enum, default_value_t)]
     interpolation: How,
+    /// What there is outside the measured range of wavelengths
+    #[arg(long, value_enum, default_value_t)]
+    beyond: Outside,
     /// Taken for symmetry with the other commands: the answer is always JSON
     #[arg(long, hide = true)]
     json: bool,
@@ -39,6 +42,17 @@ enum How {
     /// Continuous over directions.
     #[default]
     Smooth,
+}
+
+#[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
+enum Outside {
+    /// Nothing is known: null.
+    #[default]
+    Masked,
+    /// No light.
+    Zero,
+    /// The sample at the end of the range.
+    Nearest,
 }
 
 /// The answer; masked values are null.
@@ -58,13 +72,18 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         How::Constant => Interpolation::Constant,
         How::Smooth => Interpolation::Smooth,
     };
-    let unit = material.measurement().unit;
+    let beyond = match args.beyond {
+        Outside::Masked => Beyond::Masked,
+        Outside::Zero => Beyond::Zero,
+        Outside::Nearest => Beyond::Nearest,
+    };
+    let unit = material.unit();
     let Some(List(wavelengths)) = &args.wavelengths else {
         let mut values = vec![0.0; material.lambdas()];
         material.spectrum(place, how, &mut values).map_err(about)?;
         return print_json(&Answer { wavelengths: material.wavelengths(), values, unit });
     };
     let mut values = vec![0.0; wavelengths.len()];
-    material.at_wavelengths(place, how, wavelengths, &mut values).map_err(about)?;
+    material.at_wavelengths(place, how, beyond, wavelengths, &mut values).map_err(about)?;
     print_json(&Answer { wavelengths: Some(wavelengths.clone()), values, unit })
 }

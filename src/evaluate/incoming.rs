@@ -1,12 +1,17 @@
 //! The incoming directions as nodes: which three lie around a direction, and where a lobe seen from one is seen from another.
 
 use super::lookup::{MeshLookup, elevation};
-use crate::domain::vector::{Vector, cross, dot};
+use super::reconstruct::Cells;
+use crate::domain::vector::{Vector, add, cross, dot, scale, unit};
 use crate::domain::Domain;
 use std::sync::Arc;
 
 /// No cell beyond an edge of the domain.
 const NONE: u32 = u32::MAX;
+
+/// The height above the horizon below which carried directions lose their worth, and what they keep of it.
+const LOW: f64 = 0.1;
+const WORTHLESS: f32 = 1e-3;
 
 /// How the function around one incoming direction is carried to another before two are mixed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -62,8 +67,13 @@ pub(super) struct Triangles {
     cells: usize,
     /// Centroids, then vertices.
     positions: Vec<Vector>,
+    /// The direction whose function a node holds: for a vertex that of the cells around it, which is inside at the rim.
+    seen_from: Vec<Vector>,
     /// The cell beyond the edge opposite to corner k.
     beyond: Vec<[u32; 3]>,
+    /// For each vertex, the cells that make it; for each cell, those that would make it without itself, none at the rim.
+    sources: Vec<Vec<(usize, f32)>>,
+    others: Vec<Vec<(usize, f32)>>,
 }
 
 impl Nodes {
@@ -84,7 +94,7 @@ impl Nodes {
                 positions[mesh.len() + vertex as usize] = position;
             }
         }
-        let beyond = (0..mesh.len())
+        let beyond: Vec<[u32; 3]> = (0..mesh.len())
             .map(|i| {
                 let corners = lookup.corners(i);
                 [0, 1, 2].map(|k| {
@@ -94,7 +104,29 @@ impl Nodes {
                 })
             })
             .collect();
-        Self::Triangles(Triangles { cells: mesh.len(), lookup, positions, beyond })
+        let fits = Cells::new(mesh, false);
+        let quadratic = |d: Vector, left_out: Option<usize>| -> Vec<(usize, f32)> {
+            fits.value_at(&lookup, d, left_out).into_iter().map(|(cell, weight)| (cell as usize, weight)).collect()
+        };
+        let others = (0..mesh.len())
+            .map(|i| if at_rim_of(&beyond, i) { Vec::new() } else { quadratic(positions[i], Some(i)) })
+            .collect();
+        let mut seen_from = positions[..mesh.len()].to_vec();
+        let mut sources = Vec::with_capacity(lookup.vertices());
+        for vertex in 0..lookup.vertices() as u32 {
+            let position = positions[mesh.len() + vertex as usize];
+            let at_rim = mesh.domain() != Domain::Sphere && position[2].abs() < 1e-9;
+            // At the rim nothing is extrapolated: the mean of the cells there, as seen from where they are.
+            if at_rim || mesh.level() == 0 {
+                let sum = |sum: Vector, (cell, weight): (usize, f32)| add(sum, scale(positions[cell], f64::from(weight)));
+                seen_from.push(unit(lookup.ring(vertex).fold([0.0; 3], sum)));
+                sources.push(lookup.ring(vertex).collect());
+            } else {
+                seen_from.push(position);
+                sources.push(quadratic(position, None));
+            }
+        }
+        Self::Triangles(Triangles { cells: mesh.len(), lookup, positions, seen_from, beyond, sources, others })
     }
 
     /// How many nodes, and how many of them are entries of the axis.
@@ -106,13 +138,14 @@ impl Nodes {
         }
     }
 
-    /// The incoming direction of a node.
+    /// The incoming direction whose function a node holds.
+    #[inline]
     pub(super) fn direction(&self, node: usize) -> Vector {
         match self {
             Self::One => [0.0, 0.0, 1.0],
             Self::Same(direction) => *direction,
             Self::Elevations(_, directions) => directions[node],
-            Self::Triangles(triangles) => triangles.positions[node],
+            Self::Triangles(triangles) => triangles.seen_from[node],
         }
     }
 
@@ -120,9 +153,20 @@ impl Nodes {
     pub(super) fn sources(&self, node: usize) -> Vec<(usize, f32)> {
         match self {
             Self::Triangles(triangles) if node >= triangles.cells => {
-                triangles.lookup.ring((node - triangles.cells) as u32).collect()
+                triangles.sources[node - triangles.cells].clone()
             }
             _ => vec![(node, 1.0)],
+        }
+    }
+
+    /// The entries next to entry `node`.
+    pub(super) fn neighbours(&self, node: usize) -> Vec<usize> {
+        match self {
+            Self::One | Self::Same(_) => Vec::new(),
+            Self::Elevations(values, _) => (node + 1 < values.len()).then_some(node + 1).into_iter().collect(),
+            Self::Triangles(triangles) => {
+                triangles.beyond[node].iter().filter(|&&j| j != NONE).map(|&j| j as usize).collect()
+            }
         }
     }
 
@@ -136,8 +180,8 @@ impl Nodes {
                 Some(vec![(node - 1, 1.0 - t), (node + 1, t)])
             }
             Self::Triangles(triangles) => {
-                let beyond = triangles.beyond[node];
-                (!beyond.contains(&NONE)).then(|| beyond.iter().map(|&j| (j as usize, 1.0 / 3.0)).collect())
+                let others = &triangles.others[node];
+                (!others.is_empty()).then(|| others.clone())
             }
         }
     }
@@ -164,9 +208,18 @@ impl Nodes {
         match self {
             Self::One | Self::Same(_) => 0,
             Self::Elevations(values, directions) => size_of_val(&**values) + size_of_val(&**directions),
-            Self::Triangles(triangles) => size_of_val(&*triangles.positions) + size_of_val(&*triangles.beyond),
+            Self::Triangles(triangles) => {
+                size_of_val(&*triangles.positions)
+                    + size_of_val(&*triangles.seen_from)
+                    + size_of_val(&*triangles.beyond)
+            }
         }
     }
+}
+
+/// Whether cell `i` lies at the rim.
+fn at_rim_of(beyond: &[[u32; 3]], i: usize) -> bool {
+    beyond[i].contains(&NONE)
 }
 
 impl Triangles {
@@ -198,17 +251,18 @@ impl Triangles {
     }
 }
 
-/// Where what is seen along `wo` under `wi` is seen under `to`, kept on its side of the surface where `domain` has one.
+/// Where what is seen along `wo` under `wi` is seen under `to`, and how much that is worth: next to nothing where it would
+/// be below the horizon, and is therefore looked up at it.
 #[inline]
-pub(super) fn carried(alignment: Alignment, domain: Domain, wi: Vector, to: Vector, wo: Vector) -> Vector {
+pub(super) fn carried(alignment: Alignment, domain: Domain, wi: Vector, to: Vector, wo: Vector) -> (Vector, f32) {
     let (wi, wo) = if alignment == Alignment::TurnedHalfVector { turned_to(to, wi, wo) } else { (wi, wo) };
     let moved = match alignment {
-        Alignment::None => return wo,
+        Alignment::None => return (wo, 1.0),
         Alignment::HalfVector | Alignment::TurnedHalfVector if wo[2] >= 0.0 => {
             let h = [wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]];
             let square = dot(h, h);
             if square < 1e-12 {
-                return wo;
+                return (wo, WORTHLESS);
             }
             let along = 2.0 * dot(to, h) / square;
             [along * h[0] - to[0], along * h[1] - to[1], along * h[2] - to[2]]
@@ -217,7 +271,7 @@ pub(super) fn carried(alignment: Alignment, domain: Domain, wi: Vector, to: Vect
             let axis = cross(wi, to);
             let cos = dot(wi, to);
             if cos < -0.999 {
-                return wo;
+                return (wo, WORTHLESS);
             }
             let once = cross(axis, wo);
             let twice = cross(axis, once);
@@ -225,12 +279,13 @@ pub(super) fn carried(alignment: Alignment, domain: Domain, wi: Vector, to: Vect
             [0, 1, 2].map(|k| wo[k] + once[k] + share * twice[k])
         }
     };
-    // What would go below the horizon is seen at it.
-    match domain {
-        Domain::Sphere if alignment == Alignment::Rotation => moved,
-        _ if wo[2] >= 0.0 => [moved[0], moved[1], moved[2].max(0.0)],
-        _ => [moved[0], moved[1], moved[2].min(-0.0)],
+    if domain == Domain::Sphere && alignment == Alignment::Rotation {
+        return (moved, 1.0);
     }
+    let side = if wo[2] >= 0.0 { 1.0 } else { -1.0 };
+    let height = side * moved[2];
+    let worth = ((height / LOW) as f32).clamp(WORTHLESS, 1.0);
+    ([moved[0], moved[1], side * height.max(0.0)], worth)
 }
 
 /// `wi` and `wo` turned about the normal until `wi` has the azimuth of `to`; that of the normal is 0.

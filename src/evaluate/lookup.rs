@@ -1,6 +1,7 @@
 //! From a direction to the entries of an axis and their weights: tables of a mesh, without search or allocation.
 
-use crate::domain::vector::{Vector, cross, dot};
+use super::elements::{patch_corners, patch_of};
+use crate::domain::vector::{Vector, add, cross, dot, norm, sub, unit};
 use crate::domain::{Direction, Domain, TriangleMesh};
 
 /// A vertex has at most 6 triangles around it; three vertices have at most this many.
@@ -54,6 +55,109 @@ pub(super) struct MeshLookup {
     starts: Vec<u32>,
     /// Triangles around the vertices, and their part of the solid angle around.
     around: Vec<(u32, f32)>,
+    finder: Finder,
+}
+
+/// What is known of the leaves in a patch of a fine lattice on the octant.
+#[derive(Clone, Copy, Debug)]
+enum Place {
+    /// There is one.
+    Leaf(u32),
+    /// There are two, on the sides of a plane of `cuts`.
+    Either { plane: u32, inside: u32, outside: u32 },
+    /// There may be more.
+    Anywhere,
+}
+
+/// A fine lattice on the octant that says which leaves there are: most directions need no descent.
+#[derive(Debug)]
+struct Finder {
+    side: u32,
+    lower: bool,
+    places: Vec<Place>,
+}
+
+/// Patches of the fine lattice along a side of a leaf, and along the octant at most.
+const FINER: u32 = 4;
+const FINEST: u32 = 256;
+
+impl Finder {
+    fn new(mesh: TriangleMesh, cuts: &[[Vector; 3]]) -> Self {
+        let side = (FINER << mesh.level()).min(FINEST);
+        let lower = mesh.domain() == Domain::Lower;
+        let mut places = vec![Place::Anywhere; 2 * (side * side) as usize];
+        for i in 0..side {
+            for j in 0..side - i {
+                for up in [true, false] {
+                    if up || i + j + 1 < side {
+                        let corners = patch_corners((i, j, up), side);
+                        places[slot(i, j, up, side)] = place(mesh.level(), cuts, corners, lower);
+                    }
+                }
+            }
+        }
+        Self { side, lower, places }
+    }
+
+    #[inline]
+    fn place(&self, [x, y, z]: Vector) -> Place {
+        let z = if self.lower { -z } else { z };
+        let (i, j, up) = patch_of([x as f32, y as f32, z as f32], self.side);
+        self.places[slot(i, j, up, self.side)]
+    }
+}
+
+#[inline]
+fn slot(i: u32, j: u32, up: bool, side: u32) -> usize {
+    (2 * (i * side + j) + u32::from(!up)) as usize
+}
+
+/// The leaves that a patch with these corners may meet; sides of patches are curved, and directions rounded, by less than
+/// what is added.
+fn place(level: u8, cuts: &[[Vector; 3]], corners: [Vector; 3], lower: bool) -> Place {
+    let corners = corners.map(|[x, y, z]| [x, y, if lower { -z } else { z }]);
+    let [a, b, c] = corners;
+    let points = [a, b, c, unit(add(a, b)), unit(add(b, c)), unit(add(a, c))];
+    let size = [sub(a, b), sub(b, c), sub(a, c)].into_iter().map(norm).fold(0.0, f64::max);
+    let slack = 0.25 * size * size + 1e-6;
+    let (mut nodes, mut split) = (vec![0_usize], None);
+    let (mut offset, mut width) = (0, 1);
+    for _ in 0..level {
+        let mut below = Vec::new();
+        for node in nodes {
+            let planes = cuts[offset + node];
+            let sides = planes.map(|plane| {
+                let values = points.map(|point| dot(plane, point));
+                let slack = slack * norm(plane);
+                (values.into_iter().fold(f64::INFINITY, f64::min) - slack, values.into_iter().fold(f64::NEG_INFINITY, f64::max) + slack)
+            });
+            if let Some(k) = sides.iter().position(|&(low, _)| low > 0.0) {
+                below.push(4 * node + k);
+                continue;
+            }
+            let open: Vec<usize> = (0..3).filter(|&k| sides[k].1 > 0.0).collect();
+            below.extend(open.iter().map(|&k| 4 * node + k));
+            below.push(4 * node + 3);
+            if let (&[k], None) = (&*open, split) {
+                split = Some(3 * (offset + node) + k);
+            } else if !open.is_empty() {
+                return Place::Anywhere;
+            }
+        }
+        if below.len() > 2 {
+            return Place::Anywhere;
+        }
+        nodes = below;
+        offset += width;
+        width *= 4;
+    }
+    match (&*nodes, split) {
+        (&[leaf], _) => Place::Leaf(leaf as u32),
+        (&[inside, outside], Some(plane)) => {
+            Place::Either { plane: plane as u32, inside: inside as u32, outside: outside as u32 }
+        }
+        _ => Place::Anywhere,
+    }
 }
 
 impl MeshLookup {
@@ -70,7 +174,8 @@ impl MeshLookup {
             octant(mesh.domain(), mesh.level()).map(|[a, b, c]| [cut(b, c, a), cut(c, a, b), cut(a, b, c)]).collect();
         let (corners, vertices) = corners(mesh);
         let (starts, around) = rings(&corners, vertices, &mesh.solid_angles());
-        Self { mesh, cuts, opposite, corners, starts, around }
+        let finder = Finder::new(mesh, &cuts);
+        Self { mesh, cuts, opposite, corners, starts, around, finder }
     }
 
     pub(super) fn mesh(&self) -> TriangleMesh {
@@ -83,6 +188,7 @@ impl MeshLookup {
             + size_of_val(&*self.corners)
             + size_of_val(&*self.starts)
             + size_of_val(&*self.around)
+            + size_of_val(&*self.finder.places)
     }
 
     /// The triangle that holds `direction`; `None` outside the domain.
@@ -155,6 +261,19 @@ impl MeshLookup {
         let lower = self.mesh.domain() == Domain::Lower;
         let folded = [a, b, if lower { -z.abs() } else { z.abs() }];
         let base = if self.mesh.domain() == Domain::Sphere && z < 0.0 { quadrant + 4 } else { quadrant };
+        let leaf = match self.finder.place(folded) {
+            Place::Leaf(leaf) => leaf as usize,
+            Place::Either { plane, inside, outside } => {
+                let beyond = dot(self.cuts[plane as usize / 3][plane as usize % 3], folded) > 0.0;
+                (if beyond { inside } else { outside }) as usize
+            }
+            Place::Anywhere => self.leaf(folded),
+        };
+        Some(((base << (2 * u32::from(self.mesh.level()))) + leaf, folded))
+    }
+
+    /// The leaf of the first octant that holds `folded`, from the top.
+    fn leaf(&self, folded: Vector) -> usize {
         let (mut node, mut offset, mut width) = (0, 0, 1);
         for _ in 0..self.mesh.level() {
             // All three planes and no branches: which corner it is cannot be predicted.
@@ -166,7 +285,7 @@ impl MeshLookup {
             offset += width;
             width *= 4;
         }
-        Some((base * width + node, folded))
+        node
     }
 }
 

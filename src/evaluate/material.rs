@@ -60,20 +60,24 @@ pub struct OpenedReport {
     pub deviation: f64,
     /// How the smooth form goes from one incoming direction to the next.
     pub alignment: Alignment,
-    /// The relative error, root mean square, with which each incoming direction is predicted from those around it: what lies
-    /// between them is not known better than this, and usually four times better, as the gaps are half as wide.
+    /// How much the shape of the function changes from one incoming direction to its neighbours under each alignment that
+    /// competed: the standard deviation, by light, of the logarithm of the ratio. The least one is taken.
+    pub changes: Vec<(Alignment, f64)>,
+    /// The share of light that goes astray (Σ |error| · cos θo over Σ value · cos θo) where each incoming direction is
+    /// predicted from those around it without itself. Between incoming directions, where gaps are half as wide, it is
+    /// usually some four times less.
     pub left_out_error: Option<f64>,
 }
 
 /// Beyond this error of a left-out incoming direction, incoming directions are too sparse for the lobe between them.
-const SPARSE: f64 = 0.5;
+const SPARSE: f64 = 0.2;
 
 impl OpenedReport {
     /// A warning where incoming directions are too sparse to say what lies between them.
     pub fn warning(&self) -> Option<String> {
         let error = self.left_out_error.filter(|&error| error > SPARSE)?;
         Some(format!(
-            "incoming directions are too sparse for the lobe: one left out is predicted from those around with an error of {:.0} %",
+            "incoming directions are too sparse for the lobe: where one is left out, those around put {:.0} % of its light in the wrong place",
             100.0 * error
         ))
     }
@@ -191,6 +195,7 @@ impl Material {
             planes,
             deviation,
             alignment: smooth.map_or(Alignment::None, |smooth| smooth.alignment),
+            changes: smooth.map_or_else(Vec::new, |smooth| smooth.changes.clone()),
             left_out_error: smooth.and_then(|smooth| smooth.left_out),
         }
     }
@@ -355,7 +360,7 @@ fn form(
     let samples = measurement.tensor.samples();
     if let Some((lookup, planes)) = outgoing.and_then(|lookup| Some((lookup, Planes::of(samples, lambdas)?)))
         && let cells = Cells::new(lookup.mesh(), measurement.sampling == Sampling::Average)
-        && let Some(smooth) = Smooth::new(&planes, &cells, lookup, nodes, entries, candidates)
+        && let Some(smooth) = Smooth::new(&planes, &cells, lookup, nodes, entries, candidates, measurement.quantity.has_cosine())
     {
         return Form::Planes { planes, smooth };
     }

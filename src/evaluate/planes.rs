@@ -118,14 +118,17 @@ impl Planes {
         row.iter_mut().zip(&sums[..self.planes]).for_each(|(c, &sum)| *c = sum as f32);
     }
 
-    /// A correction of all wavelengths, as coefficients.
-    pub(super) fn project_change(&self, change: &[f64], row: &mut [f64]) {
-        row.fill(0.0);
-        for ((value, mean), column) in change.iter().zip(&self.mean).zip(self.columns.chunks_exact(self.planes)) {
-            if *mean > DARK {
-                row.iter_mut().zip(column).for_each(|(sum, &b)| *sum += value * f64::from(b));
+    /// Σ over wavelengths of bᵢ bⱼ bₖ: what the product of planes j and k adds to plane i.
+    pub(super) fn coupling(&self) -> Vec<f64> {
+        let n = self.planes;
+        let mut coupling = vec![0.0; n * n * n];
+        for (column, _) in self.columns.chunks_exact(n).zip(&self.mean).filter(|(_, mean)| **mean > DARK) {
+            for (place, sum) in coupling.iter_mut().enumerate() {
+                let [i, j, k] = [place / (n * n), place / n % n, place % n].map(|plane| f64::from(column[plane]));
+                *sum += i * j * k;
             }
         }
+        coupling
     }
 
     fn deviation_from(&self, samples: &[f32], values: &[f32]) -> f64 {

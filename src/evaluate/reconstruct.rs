@@ -65,6 +65,12 @@ impl Cells {
         self.points[cell]
     }
 
+    /// The weights of cells, but for `left_out`, that make the value at `d`.
+    pub(super) fn value_at(&self, lookup: &MeshLookup, d: Vector, left_out: Option<usize>) -> Weights {
+        let (near, reach) = self.near(lookup, d, |cell| left_out != Some(cell as usize));
+        self.weights(d, &near, reach)
+    }
+
     /// The live cells near `d` and their distances, nearest first, and the distance of the first that is left out.
     fn near(&self, lookup: &MeshLookup, d: Vector, is_live: impl Fn(u32) -> bool) -> (Vec<(f64, u32)>, f64) {
         let home = lookup.locate_vector(d).unwrap_or(0);

@@ -4,8 +4,8 @@
 //!   ([`super::reconstruct`]); of logarithms where data are positive, corrected for the average of an exponential being
 //!   more than the exponential of an average.
 //! * Over **incoming** directions: linear between three nodes, each of which is looked up where its own lobe has what is
-//!   asked for ([`super::incoming::Alignment`]). Which alignment there is, is found by leaving out each incoming direction
-//!   and predicting it from those around.
+//!   asked for ([`super::incoming::Alignment`]). The alignment is the one under which the function keeps its shape best from
+//!   one measured incoming direction to the next.
 //! * Cells that are zero or masked have no logarithm: the share of live cells around is interpolated, too.
 
 use super::elements::{Elements, NODES};
@@ -23,8 +23,12 @@ const CORRECTIONS: usize = 2;
 const LARGEST_CORRECTION: f64 = 0.5;
 /// Nodes at which alignments are compared, about.
 const COMPARED: usize = 600;
+/// Pairs of neighbouring incoming directions that are compared at most, about.
+const MOST_PAIRS: usize = 256;
 /// If carried directions agree this well, one of them serves for all.
 const ALIKE: f64 = 2e-3;
+/// Presence below this is none.
+const NO_LIGHT: f32 = 1e-4;
 /// The most numbers in tables.
 pub(super) const MOST_VALUES: usize = 1 << 28;
 
@@ -36,9 +40,12 @@ pub(super) type Row = [f32; MOST_PLANES];
 pub(super) struct Smooth {
     elements: Elements,
     domain: Domain,
+    has_cosine: bool,
     pub(super) nodes: Nodes,
     pub(super) alignment: Alignment,
-    /// The relative error (root mean square) of an incoming direction predicted from those around.
+    /// The alignments that competed, and how much the function changes under each.
+    pub(super) changes: Vec<(Alignment, f64)>,
+    /// The share of light that goes astray where an incoming direction is predicted from those around.
     pub(super) left_out: Option<f64>,
     width: usize,
     node_count: usize,
@@ -66,6 +73,7 @@ impl Smooth {
         mut nodes: Nodes,
         entries: usize,
         candidates: &[Alignment],
+        has_cosine: bool,
     ) -> Option<Self> {
         let mesh = lookup.mesh();
         let elements = Elements::new(mesh);
@@ -78,8 +86,10 @@ impl Smooth {
         let mut smooth = Self {
             elements,
             domain: mesh.domain(),
+            has_cosine,
             alignment: Alignment::None,
             left_out: None,
+            changes: Vec::new(),
             width: planes.width,
             node_count: 1,
             values: Vec::new(),
@@ -91,14 +101,18 @@ impl Smooth {
         smooth.presence = presence;
         // So far every entry is a node of its own and nothing is between.
         let directions = elements.directions();
-        let errors: Vec<(f64, Alignment)> = candidates
-            .iter()
-            .filter_map(|&alignment| Some((smooth.left_out(planes, &nodes, own, entries, &directions, alignment)?, alignment)))
-            .collect();
-        if let Some(&(error, alignment)) = errors.iter().min_by(|a, b| a.0.total_cmp(&b.0)) {
-            smooth.alignment = alignment;
-            smooth.left_out = Some(error);
-            if alignment == Alignment::Rotation && error < ALIKE && own > 1 {
+        let mut best = (f64::INFINITY, candidates.first().copied().unwrap_or_default());
+        for &alignment in candidates {
+            let change = smooth.change_between(planes, &nodes, own, entries, &directions, alignment);
+            smooth.changes.push((alignment, change));
+            if change < best.0 {
+                best = (change, alignment);
+            }
+        }
+        smooth.alignment = best.1;
+        smooth.left_out = smooth.left_out(planes, &nodes, own, entries, &directions);
+        if let Some(error) = smooth.left_out {
+            if best.1 == Alignment::Rotation && error < ALIKE && own > 1 {
                 let first = nodes.direction(0);
                 nodes = Nodes::Same(first);
                 let cell = outgoing * smooth.width;
@@ -106,8 +120,6 @@ impl Smooth {
                 smooth.presence =
                     smooth.presence.chunks_exact(own * outgoing).flat_map(|c| &c[..outgoing]).copied().collect();
             }
-        } else {
-            smooth.alignment = candidates.first().copied().unwrap_or_default();
         }
         smooth.add_nodes_between(&nodes, entries, &directions);
         smooth.node_count = nodes.counts().0;
@@ -120,6 +132,7 @@ impl Smooth {
         let leaves = lookup.mesh().len();
         let (width, used) = (self.width, planes.planes);
         let whole = node_weights(cells, lookup, self.elements, None);
+        let coupling = planes.coupling();
         let mut values = vec![0.0; incoming * self.elements.len() * width];
         let per_entry = self.elements.len() * width;
         values.par_chunks_mut(per_entry).enumerate().for_each(|(entry, table)| {
@@ -134,15 +147,12 @@ impl Smooth {
                 return;
             }
             let original = averages.clone();
-            let mut change = vec![0.0; planes.lambdas];
-            let mut correction = vec![0.0; used];
             for _ in 0..CORRECTIONS {
                 for cell in 0..leaves {
-                    let own = cell * width..cell * width + width;
-                    self.excess(planes, table, cells.points(cell), &mut change);
-                    planes.project_change(&change, &mut correction);
-                    for ((average, original), c) in averages[own.clone()].iter_mut().zip(&original[own]).zip(&correction) {
-                        *average = original - *c as f32;
+                    let own = cell * width..cell * width + used;
+                    let excess = self.excess(&coupling, used, table, cells.points(cell));
+                    for ((average, original), c) in averages[own.clone()].iter_mut().zip(&original[own]).zip(excess) {
+                        *average = original - c as f32;
                     }
                 }
                 apply(weights, &averages, width, table);
@@ -158,14 +168,26 @@ impl Smooth {
 
     /// By how much the logarithm of a cell's average exceeds the average of its logarithm, to second order: half the
     /// variance over the cell.
-    fn excess(&self, planes: &Planes, table: &[f32], points: [Vector; 3], change: &mut [f64]) {
+    fn excess(&self, coupling: &[f64], planes: usize, table: &[f32], points: [Vector; 3]) -> [f64; MOST_PLANES] {
         let rows = points.map(|point| self.gathered(table, point));
-        for (lambda, change) in change.iter_mut().enumerate() {
-            let values = rows.map(|row| f64::from(planes.value(&row[..planes.planes], lambda)));
-            let mean = (values[0] + values[1] + values[2]) / 3.0;
-            let variance = values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / 3.0;
-            *change = (0.5 * variance).min(LARGEST_CORRECTION);
+        let mut products = [0.0; MOST_PLANES * MOST_PLANES];
+        for row in rows {
+            let apart: Row = std::array::from_fn(|k| row[k] - (rows[0][k] + rows[1][k] + rows[2][k]) / 3.0);
+            for j in 0..planes {
+                for k in 0..planes {
+                    products[j * planes + k] += f64::from(apart[j]) * f64::from(apart[k]) / 3.0;
+                }
+            }
         }
+        let mut excess = [0.0; MOST_PLANES];
+        for (excess, coupling) in excess.iter_mut().zip(coupling.chunks_exact(planes * planes)) {
+            let sum: f64 = coupling.iter().zip(&products).map(|(a, b)| a * b).sum();
+            *excess = 0.5 * sum;
+        }
+        // The first plane is the mean logarithm times the root of the number of wavelengths: too steep a cell says little.
+        let largest = LARGEST_CORRECTION / coupling[0].abs().max(1e-6);
+        let share = (largest / excess[0].abs().max(largest)).min(1.0);
+        excess.map(|e| e * share)
     }
 
     /// One table's row at a direction.
@@ -203,9 +225,10 @@ impl Smooth {
         (0..incoming).into_par_iter().flat_map_iter(|entry| around.iter().map(move |a| share(entry, a))).collect()
     }
 
-    /// How far an entry is from what those around predict: the root mean square of the differences of logarithms, or in
-    /// parts of the root mean square of the samples.
-    fn left_out(
+    /// How much the shape of the function changes from one incoming direction to its neighbours, carried as `alignment`
+    /// says: the standard deviation, by light, of the logarithm of the ratio. A lobe that stays where it is has a small one,
+    /// however much its height changes; one that moves away from under itself has a large one.
+    fn change_between(
         &self,
         planes: &Planes,
         nodes: &Nodes,
@@ -213,6 +236,57 @@ impl Smooth {
         entries: usize,
         directions: &[Vector],
         alignment: Alignment,
+    ) -> f64 {
+        let pairs: Vec<(usize, usize)> =
+            (0..own).flat_map(|node| nodes.neighbours(node).into_iter().map(move |other| (node, other))).collect();
+        let stride = (directions.len() / COMPARED).max(1);
+        let few = pairs.len().div_ceil(MOST_PAIRS).max(1);
+        let sums: Vec<(f64, f64)> = pairs
+            .par_iter()
+            .step_by(few)
+            .flat_map_iter(|&(node, other)| (0..entries).map(move |entry| (entry, node, other)))
+            .map(|(entry, node, other)| {
+                let (from, to) = (nodes.direction(node), nodes.direction(other));
+                let (mut light, mut first, mut second) = (0.0, 0.0, 0.0);
+                for d in directions.iter().step_by(stride) {
+                    let (there, worth) = carried(alignment, self.domain, from, to, *d);
+                    let here = self.brightness(planes, &self.looked_up(entry * own + node, *d));
+                    let there = self.brightness(planes, &self.looked_up(entry * own + other, there));
+                    if here > 0.0 && there > 0.0 && worth > 0.5 {
+                        let weight = here * self.measure(*d);
+                        let ratio = libm::log(here / there);
+                        light += weight;
+                        first += weight * ratio;
+                        second += weight * ratio * ratio;
+                    }
+                }
+                if light > 0.0 { ((second / light - (first / light).powi(2)).max(0.0), 1.0) } else { (0.0, 0.0) }
+            })
+            .collect();
+        // Every pair has the same say, or grazing ones, where lobes are bright, would have it alone.
+        let (variance, count) = sums.iter().fold((0.0, 0.0), |sum: (f64, f64), s| (sum.0 + s.0, sum.1 + s.1));
+        if count > 0.0 { (variance / count).sqrt() } else { 0.0 }
+    }
+
+    /// The mean of three wavelengths.
+    fn brightness(&self, planes: &Planes, mixed: &Mixed) -> f64 {
+        let row = &mixed.row[..planes.planes];
+        let sum: f32 = [1, 2, 3].iter().map(|quarter| planes.sample(row, quarter * (planes.lambdas - 1) / 4)).sum();
+        f64::from(mixed.presence * sum)
+    }
+
+    fn measure(&self, d: Vector) -> f64 {
+        if self.has_cosine { d[2].abs() } else { 1.0 }
+    }
+
+    /// The share of the light of entries that those around put elsewhere.
+    fn left_out(
+        &self,
+        planes: &Planes,
+        nodes: &Nodes,
+        own: usize,
+        entries: usize,
+        directions: &[Vector],
     ) -> Option<f64> {
         let stride = (own * directions.len() / COMPARED).clamp(1, 97);
         let pairs: Vec<(usize, usize)> = (0..own)
@@ -220,32 +294,30 @@ impl Smooth {
             .flat_map(|node| (node % stride..directions.len()).step_by(stride).map(move |d| (node, d)))
             .collect();
         let step = pairs.len().div_ceil(64 * COMPARED).max(1);
-        let sums: Vec<(f64, f64, f64)> = pairs
+        let sums: Vec<(f64, f64)> = pairs
             .par_iter()
             .step_by(step)
             .flat_map_iter(|&(node, d)| (0..entries).map(move |entry| (entry, node, d)))
             .map(|(entry, node, d)| {
                 let wi = nodes.direction(node);
-                let found = self.looked_up(entry * own + node, directions[d]);
                 let mut mix = Mixture::new();
                 for (other, weight) in nodes.others(node).unwrap_or_default() {
-                    let there = carried(alignment, self.domain, wi, nodes.direction(other), directions[d]);
-                    mix.add(self.looked_up(entry * own + other, there), weight);
+                    let (there, worth) =
+                        carried(self.alignment, self.domain, wi, nodes.direction(other), directions[d]);
+                    mix.add(self.looked_up(entry * own + other, there), weight * worth);
                 }
-                let predicted = mix.finish();
-                if !(found.presence > 0.5 && predicted.presence > 0.5) {
-                    return (0.0, 0.0, 0.0);
+                let found = self.brightness(planes, &self.looked_up(entry * own + node, directions[d]));
+                let predicted = self.brightness(planes, &mix.finish());
+                let measure = self.measure(directions[d]);
+                if found.is_nan() || predicted.is_nan() {
+                    (0.0, 0.0)
+                } else {
+                    ((found - predicted).abs() * measure, found.abs() * measure)
                 }
-                let rows = found.row.iter().zip(predicted.row);
-                let error: f64 = rows.map(|(a, b)| f64::from(a - b).powi(2)).sum();
-                let power: f64 = found.row.iter().map(|&a| f64::from(a).powi(2)).sum();
-                (error, power, 1.0)
             })
             .collect();
-        let (error, power, count) =
-            sums.iter().fold((0.0, 0.0, 0.0), |sum: (f64, f64, f64), s| (sum.0 + s.0, sum.1 + s.1, sum.2 + s.2));
-        let scale = if planes.logarithms { count * planes.lambdas as f64 } else { power };
-        (scale > 0.0).then(|| (error / scale).sqrt())
+        let (astray, light) = sums.iter().fold((0.0, 0.0), |sum: (f64, f64), s| (sum.0 + s.0, sum.1 + s.1));
+        (light > 0.0).then(|| astray / light)
     }
 
     /// Tables of the nodes that are no entries, from those of the entries around.
@@ -266,8 +338,9 @@ impl Smooth {
                     .map(|&d| {
                         let mut mix = Mixture::new();
                         for &(source, weight) in &sources {
-                            let there = carried(self.alignment, self.domain, wi, nodes.direction(source), d);
-                            mix.add(self.looked_up(entry * own + source, there), weight);
+                            let to = nodes.direction(source);
+                            let (there, worth) = carried(self.alignment, self.domain, wi, to, d);
+                            mix.add(self.looked_up(entry * own + source, there), weight * worth);
                         }
                         mix.finish()
                     })
@@ -355,19 +428,23 @@ impl Smooth {
         if !self.presence.is_empty() {
             let mut mix = Mixture::new();
             for (node, weight) in around.iter() {
-                let there = carried(self.alignment, self.domain, wi, self.nodes.direction(node), wo);
-                mix.add(self.looked_up_in::<WIDTH>(table + node, there), weight);
+                let (there, worth) = carried(self.alignment, self.domain, wi, self.nodes.direction(node), wo);
+                mix.add(self.looked_up_in::<WIDTH>(table + node, there), weight * worth);
             }
             return mix.finish();
         }
-        let mut row = [0.0; MOST_PLANES];
+        let (mut row, mut total) = ([0.0; MOST_PLANES], 0.0);
         for (node, weight) in around.iter() {
-            let there = carried(self.alignment, self.domain, wi, self.nodes.direction(node), wo);
+            let (there, worth) = carried(self.alignment, self.domain, wi, self.nodes.direction(node), wo);
             let found = self.looked_up_in::<WIDTH>(table + node, there).row;
+            let weight = weight * worth;
+            total += weight;
             for k in 0..WIDTH {
                 row[k] += weight * found[k];
             }
         }
+        let share = 1.0 / total;
+        row[..WIDTH].iter_mut().for_each(|c| *c *= share);
         Mixed { row, presence: 1.0 }
     }
 
@@ -379,7 +456,6 @@ impl Smooth {
 /// Rows mixed by weight and presence; masked ones left out.
 struct Mixture {
     row: Row,
-    total: f32,
     live: f32,
     known: f32,
 }
@@ -387,7 +463,7 @@ struct Mixture {
 impl Mixture {
     #[inline]
     fn new() -> Self {
-        Self { row: [0.0; MOST_PLANES], total: 0.0, live: 0.0, known: 0.0 }
+        Self { row: [0.0; MOST_PLANES], live: 0.0, known: 0.0 }
     }
 
     #[inline]
@@ -396,10 +472,9 @@ impl Mixture {
             return;
         }
         self.known += weight;
-        let part = weight * mixed.presence;
-        if part > 0.0 {
+        if mixed.presence > 0.0 {
+            let part = weight * mixed.presence;
             self.live += part;
-            self.total += part;
             self.row.iter_mut().zip(mixed.row).for_each(|(sum, v)| *sum += part * v);
         }
     }
@@ -407,11 +482,13 @@ impl Mixture {
     #[inline]
     fn finish(self) -> Mixed {
         let mut row = self.row;
-        if self.total > 0.0 {
-            let share = 1.0 / self.total;
+        // Weights of a fit may be negative, and what is left of them next to nothing.
+        if self.live > NO_LIGHT {
+            let share = 1.0 / self.live;
             row.iter_mut().for_each(|v| *v *= share);
         }
-        Mixed { row, presence: if self.known > 0.0 { self.live / self.known } else { f32::NAN } }
+        let presence = if self.live > NO_LIGHT { (self.live / self.known).clamp(0.0, 1.0) } else { 0.0 };
+        Mixed { row, presence: if self.known > NO_LIGHT { presence } else { f32::NAN } }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Values, masks and refusals; samples against their density.
 
-use super::{DirectionSample, EvaluateError, Interpolation, Material, Place};
+use super::material::Form;
+use super::{Beyond, DirectionSample, EvaluateError, Interpolation, Material, Place};
 use crate::domain::{
     Axis, Direction, Domain, Measurement, Quantity, Sampling, Tensor, TriangleMesh, Unit, WavelengthGrid,
 };
@@ -63,6 +64,12 @@ fn at(wi: Option<Direction>, wo: Option<Direction>) -> Place<'static> {
     Place { index: &[], wi, wo }
 }
 
+/// Of a material whose spectra are no few planes.
+fn samples(m: &Material) -> &[f32] {
+    let Form::Samples { samples, .. } = &m.form else { panic!("expected samples") };
+    samples
+}
+
 fn spectrum(m: &Material, place: Place<'_>, how: Interpolation) -> Vec<f32> {
     let mut out = vec![-1.0; m.lambdas()];
     m.spectrum(place, how, &mut out).unwrap();
@@ -87,7 +94,7 @@ fn constant_lookup_is_the_row_of_the_triangles() {
     for i in 0..16 {
         for o in 0..256 {
             let place = at(Some(incoming.centroid(i)), Some(outgoing.centroid(o)));
-            let row = &m.measurement().tensor.samples()[(i * 256 + o) * 2..][..2];
+            let row = &samples(&m)[(i * 256 + o) * 2..][..2];
             assert_eq!(spectrum(&m, place, Interpolation::Constant), row);
         }
     }
@@ -122,7 +129,7 @@ fn smooth_at_a_vertex_is_the_mean_around_it() {
         let total: f64 = around.iter().map(|&j| sphere.solid_angle(j)).sum();
         let found = spectrum(&m, at(None, Direction::new(v[0], v[1], v[2])), Interpolation::Smooth);
         for (l, value) in found.iter().enumerate() {
-            let sample = |j: usize| f64::from(m.measurement().tensor.samples()[3 * j + l]);
+            let sample = |j: usize| f64::from(samples(&m)[3 * j + l]);
             let expected = around.iter().map(|&j| sphere.solid_angle(j) * sample(j)).sum::<f64>() / total;
             assert!((f64::from(*value) - expected).abs() < 1e-6, "{value} {expected}");
         }
@@ -135,7 +142,7 @@ fn smooth_is_continuous_and_constant_is_not() {
     for m in [edf(), isotropic(), brdf()] {
         let mut largest = [0.0_f32; 2];
         for (which, how) in [Interpolation::Smooth, Interpolation::Constant].into_iter().enumerate() {
-            let wi = |t: f64| (m.measurement().quantity == Quantity::Brdf).then(|| angles(20.0 + t, 0.0));
+            let wi = |t: f64| (m.quantity() == Quantity::Brdf).then(|| angles(20.0 + t, 0.0));
             // Bisect to where the path crosses an edge.
             let finest = mesh(Domain::Sphere, 3);
             let wo = |t: f64| angles(5.0 + 80.0 * t, 720.0 * t);
@@ -188,7 +195,7 @@ fn masks_are_left_out_and_all_masked_is_masked() {
     let constant = spectrum(&m, at(None, Some(mesh(Domain::Sphere, 1).centroid(4))), Interpolation::Constant);
     assert!(constant[0] == 2.0 && constant[1].is_nan() && constant[2].is_nan());
     let mut out = [0.0; 2];
-    m.at_wavelengths(at(None, Some(angles(33.0, 44.0))), Interpolation::Smooth, &[405.0, 400.0], &mut out).unwrap();
+    m.at_wavelengths(at(None, Some(angles(33.0, 44.0))), Interpolation::Smooth, Beyond::Masked, &[405.0, 400.0], &mut out).unwrap();
     assert!(out[0].is_nan() && (out[1] - 2.0).abs() < 1e-6);
 }
 
@@ -199,7 +206,7 @@ fn wavelengths_between_samples_are_linear_and_outside_masked() {
     for how in [Interpolation::Constant, Interpolation::Smooth] {
         let whole = spectrum(&m, place, how);
         let mut out = [0.0; 5];
-        m.at_wavelengths(place, how, &[400.0, 402.5, 410.0, 399.9, 410.1], &mut out).unwrap();
+        m.at_wavelengths(place, how, Beyond::Masked, &[400.0, 402.5, 410.0, 399.9, 410.1], &mut out).unwrap();
         assert!((out[0] - whole[0]).abs() < 1e-6 && (out[2] - whole[1]).abs() < 1e-6);
         assert!((out[1] - 0.75 * whole[0] - 0.25 * whole[1]).abs() < 1e-6);
         assert!(out[3].is_nan() && out[4].is_nan());
@@ -214,7 +221,7 @@ fn nothing_goes_outside_the_outgoing_domain() {
     assert_eq!(spectrum(&m, at(wi, Some(below)), Interpolation::Smooth), [0.0, 0.0]);
     assert_eq!(m.pdf(&[], wi, below, None).unwrap(), 0.0);
     let mut out = [1.0; 2];
-    m.at_wavelengths(at(wi, Some(below)), Interpolation::Smooth, &[405.0, 1000.0], &mut out).unwrap();
+    m.at_wavelengths(at(wi, Some(below)), Interpolation::Smooth, Beyond::Masked, &[405.0, 1000.0], &mut out).unwrap();
     assert!(out[0] == 0.0 && out[1].is_nan());
     assert_eq!(spectrum(&btdf(), at(wi, Some(angles(20.0, 0.0))), Interpolation::Constant), [0.0; 3]);
     assert!(btdf().pdf(&[], wi, angles(160.0, 0.0), None).unwrap() > 0.0);
@@ -252,12 +259,12 @@ fn refusals_name_their_reason() {
     is_unfit(isotropic().spectrum(at(Some(angles(95.0, 0.0)), wo), how, &mut out), below);
     is_unfit(m.sample(&[], Some(angles(95.0, 0.0)), [0.5; 2], None), below);
     is_unfit(m.pdf(&[], None, angles(5.0, 0.0), None), "no wi was given, but this brdf");
-    is_unfit(m.at_wavelengths(at(wi, wo), how, &[400.0], &mut out), "room for 2 samples, expected 1");
+    is_unfit(m.at_wavelengths(at(wi, wo), how, Beyond::Masked, &[400.0], &mut out), "room for 2 samples, expected 1");
     is_unfit(m.sample(&[], wi, [0.5, 1.5], None), "u = [0.5, 1.5], expected");
     is_unfit(m.sample(&[], wi, [f64::NAN, 0.5], None), "u = [NaN, 0.5], expected");
     is_unfit(edf().spectrum(at(wi, wo), how, &mut [0.0; 3]), "wi was given, but this edf");
     is_unfit(
-        btdf().at_wavelengths(at(wi, wo), how, &[400.0], &mut out[..1]),
+        btdf().at_wavelengths(at(wi, wo), how, Beyond::Masked, &[400.0], &mut out[..1]),
         "wavelengths were asked for, but this btdf",
     );
     let one = material(Quantity::Reflectance, vec![triangles(Domain::Hemisphere, 0), lambda(2)], rough);
@@ -270,7 +277,7 @@ fn refusals_name_their_reason() {
 }
 
 fn m_row(m: &Material, row: usize) -> &[f32] {
-    &m.measurement().tensor.samples()[row * m.lambdas()..][..m.lambdas()]
+    &samples(&m)[row * m.lambdas()..][..m.lambdas()]
 }
 
 #[test]
@@ -278,7 +285,7 @@ fn an_opened_material_tells_what_it_is() {
     let m = brdf();
     assert_eq!((m.lambdas(), m.wavelengths()), (2, Some(vec![400.0, 410.0])));
     assert!(m.summary().is_none() && btdf().wavelengths().is_none());
-    let samples = size_of_val(m.measurement().tensor.samples());
+    let samples = size_of_val(samples(&m));
     // Samples, trees (16 × 4/3 × 256 sums of 4 bytes), tables of the meshes.
     assert!(m.memory() > samples + 16 * 340 * 4 && m.memory() < 4 * samples + 60_000, "{}", m.memory());
 }
@@ -368,7 +375,7 @@ fn albedo_by_hand(m: &Material, incoming: usize, outgoing: TriangleMesh) -> f64 
         .map(|o| {
             let row = m_row(m, incoming * outgoing.len() + o);
             let mean = row.iter().map(|&s| f64::from(s)).sum::<f64>() / row.len() as f64;
-            let cosine = m.measurement().quantity.has_cosine();
+            let cosine = m.quantity().has_cosine();
             mean * if cosine { outgoing.projected_solid_angle(o) } else { outgoing.solid_angle(o) }
         })
         .sum()

@@ -8,6 +8,7 @@ use super::maths::{Maths, MathsError};
 use super::presence::Presence;
 use super::request::JobRequest;
 use crate::catalog::{CatalogError, Enqueued, JobRow, NewJob};
+use crate::compress::{Decoded, decode};
 use crate::evaluate::{EvaluateError, Material};
 use crate::store::{Digest, StoreError, StoreExt};
 use std::sync::Arc;
@@ -122,6 +123,12 @@ impl Engine {
                 Ok(Arc::new(material))
             })
             .await
+    }
+
+    /// A material decoded to all its samples, which nothing keeps.
+    pub async fn decoded(&self, id: Digest) -> Result<Decoded, OpenError> {
+        let bytes = self.archive.store.get(id).await?;
+        Ok(self.queries.run(move || decode(&bytes)).await?.map_err(EvaluateError::from)?)
     }
 
     /// The opened form of a material, if it is open.
