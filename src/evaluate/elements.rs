@@ -245,7 +245,7 @@ mod tests {
             for _ in 0..5000 {
                 let d = random_in(mesh.domain(), &mut random);
                 // Across the planes between octants, where they are near.
-                for k in 0..if mesh.domain() == Domain::Sphere { 3 } else { 2 } {
+                for k in (0..if mesh.domain() == Domain::Sphere { 3 } else { 2 }).filter(|&k| d[k].abs() < 0.9) {
                     let (mut a, mut b) = (d, d);
                     (a[k], b[k]) = (1e-6, -1e-6);
                     assert!((value(unit(a)) - value(unit(b))).abs() < 1e-2, "{mesh:?} {d:?}");

@@ -42,9 +42,6 @@ impl Around {
         Self { nodes: [node, 0, 0], weights: [1.0, 0.0, 0.0], count: 1 }
     }
 
-    pub(super) fn iter(&self) -> impl Iterator<Item = (usize, f32)> + '_ {
-        self.nodes[..self.count].iter().zip(self.weights).map(|(&node, weight)| (node as usize, weight))
-    }
 }
 
 /// The nodes of an incoming axis: its entries first, then those made from entries around.

@@ -77,13 +77,14 @@ struct Finder {
     places: Vec<Place>,
 }
 
-/// Patches of the fine lattice along a side of a leaf, and along the octant at most.
+/// Patches of the fine lattice along a side of a leaf, and along the octant at least and at most.
 const FINER: u32 = 4;
+const COARSEST: u32 = 32;
 const FINEST: u32 = 256;
 
 impl Finder {
     fn new(mesh: TriangleMesh, cuts: &[[Vector; 3]]) -> Self {
-        let side = (FINER << mesh.level()).min(FINEST);
+        let side = (FINER << mesh.level()).clamp(COARSEST, FINEST);
         let lower = mesh.domain() == Domain::Lower;
         let mut places = vec![Place::Anywhere; 2 * (side * side) as usize];
         for i in 0..side {
@@ -119,7 +120,7 @@ fn place(level: u8, cuts: &[[Vector; 3]], corners: [Vector; 3], lower: bool) -> 
     let [a, b, c] = corners;
     let points = [a, b, c, unit(add(a, b)), unit(add(b, c)), unit(add(a, c))];
     let size = [sub(a, b), sub(b, c), sub(a, c)].into_iter().map(norm).fold(0.0, f64::max);
-    let slack = 0.25 * size * size + 1e-6;
+    let slack = 0.06 * size * size + 1e-6;
     let (mut nodes, mut split) = (vec![0_usize], None);
     let (mut offset, mut width) = (0, 1);
     for _ in 0..level {
@@ -515,5 +516,34 @@ mod tests {
         assert_eq!(at(30.0), [(1, 0.75), (2, 0.25)]);
         let nearest = [0.0, 14.0, 15.0, 16.0, 39.0, 41.0, 90.0].map(|theta| nearest_elevation(&values, theta));
         assert_eq!(nearest, [0, 0, 0, 1, 1, 2, 2]);
+    }
+}
+#[cfg(test)]
+mod finder_tests {
+    use super::*;
+
+    #[test]
+    fn most_patches_of_the_fine_lattice_need_no_descent() {
+        for level in 1..=5 {
+            let lookup = MeshLookup::new(TriangleMesh::new(Domain::Hemisphere, level).unwrap());
+            let side = lookup.finder.side;
+            let mut counts = [0; 3];
+            for i in 0..side {
+                for j in 0..side - i {
+                    for up in [true, false] {
+                        if up || i + j + 1 < side {
+                            match lookup.finder.places[slot(i, j, up, side)] {
+                                Place::Leaf(_) => counts[0] += 1,
+                                Place::Either { .. } => counts[1] += 1,
+                                Place::Anywhere => counts[2] += 1,
+                            }
+                        }
+                    }
+                }
+            }
+            println!("{level} {counts:?}");
+            let total: i32 = counts.iter().sum();
+            assert!(counts[2] * 8 < total, "level {level}: {counts:?}");
+        }
     }
 }

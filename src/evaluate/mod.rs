@@ -12,6 +12,7 @@
 //!   the axis take the value of its end.
 
 mod albedo;
+mod batch;
 mod elements;
 mod incoming;
 mod kernel;
@@ -23,6 +24,7 @@ mod sampling;
 mod smooth;
 mod spectrum;
 
+pub use batch::{Directions, Pairs};
 pub use incoming::Alignment;
 pub use material::{Material, OpenedReport};
 

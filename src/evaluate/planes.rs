@@ -4,6 +4,7 @@
 //! stand as they are. The basis of logarithms begins with a constant: brightness is a plane of its own.
 
 use super::kernel::{LANES, combine, exp};
+use super::smooth::Mixed;
 use crate::transform::Klt;
 use rayon::prelude::*;
 
@@ -183,6 +184,16 @@ impl Planes {
             }
             values.iter_mut().for_each(|v| *v *= scale);
             out.copy_from_slice(&values[..out.len()]);
+        }
+    }
+
+    /// The spectrum of what was found.
+    #[inline]
+    pub(super) fn expand(&self, mixed: &Mixed, out: &mut [f32]) {
+        match mixed.presence {
+            presence if presence.is_nan() => out.fill(f32::NAN),
+            presence if presence <= 0.0 => out.fill(0.0),
+            presence => self.spectrum(&mixed.row, presence, out),
         }
     }
 

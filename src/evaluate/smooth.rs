@@ -8,7 +8,7 @@
 //!   one measured incoming direction to the next.
 //! * Cells that are zero or masked have no logarithm: the share of live cells around is interpolated, too.
 
-use super::elements::{Elements, NODES};
+use super::elements::{Elements, NODES, Patch};
 use super::incoming::{Alignment, Around, Nodes, carried};
 use super::lookup::MeshLookup;
 use super::planes::{Cell, MOST_PLANES, Planes};
@@ -56,12 +56,38 @@ pub(super) struct Smooth {
     presence: Vec<[f32; 2]>,
 }
 
+/// Where a value stands: up to three tables, a patch in each, and their weights.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lookup {
+    count: usize,
+    tables: [usize; 3],
+    patches: [Patch; 3],
+    weights: [f32; 3],
+}
+
+impl Lookup {
+    /// In no table.
+    pub(super) const NOWHERE: Self = {
+        let none = Patch { nodes: [0; NODES], weights: [0.0; NODES], corners: [0.0; 3] };
+        Self { count: 0, tables: [0; 3], patches: [none; 3], weights: [0.0; 3] }
+    };
+
+    pub(super) fn is_nowhere(&self) -> bool {
+        self.count == 0
+    }
+}
+
 /// What is interpolated at a place.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mixed {
     pub(super) row: Row,
     /// The share of light; NaN where all is masked.
     pub(super) presence: f32,
+}
+
+impl Mixed {
+    /// No light.
+    pub(super) const NOTHING: Self = Self { row: [0.0; MOST_PLANES], presence: 0.0 };
 }
 
 impl Smooth {
@@ -368,38 +394,12 @@ impl Smooth {
 
     /// The row of one table at a direction, with its presence.
     fn looked_up(&self, table: usize, d: Vector) -> Mixed {
-        match self.width {
-            4 => self.looked_up_in::<4>(table, d),
-            8 => self.looked_up_in::<8>(table, d),
-            12 => self.looked_up_in::<12>(table, d),
-            _ => self.looked_up_in::<MOST_PLANES>(table, d),
-        }
+        self.gather(&Lookup { count: 1, tables: [table; 3], patches: [self.patch(d); 3], weights: [1.0; 3] })
     }
 
-    #[inline(always)]
-    fn looked_up_in<const WIDTH: usize>(&self, table: usize, d: Vector) -> Mixed {
-        let patch = self.elements.at(d.map(|x| x as f32));
-        let base = table * self.elements.len();
-        let values = self.values.as_chunks::<WIDTH>().0;
-        let mut sum = [0.0; WIDTH];
-        for k in 0..NODES {
-            let node = &values[base + patch.nodes[k] as usize];
-            for (sum, v) in sum.iter_mut().zip(node) {
-                *sum += patch.weights[k] * v;
-            }
-        }
-        let mut row = [0.0; MOST_PLANES];
-        row[..WIDTH].copy_from_slice(&sum);
-        if self.presence.is_empty() {
-            return Mixed { row, presence: 1.0 };
-        }
-        let (mut live, mut known) = (0.0, 0.0);
-        for k in 0..3 {
-            let [share, known_share] = self.presence[base + patch.nodes[k] as usize];
-            live += patch.corners[k] * share * known_share;
-            known += patch.corners[k] * known_share;
-        }
-        Mixed { row, presence: if known > 0.0 { live / known } else { f32::NAN } }
+    #[inline]
+    fn patch(&self, d: Vector) -> Patch {
+        self.elements.at(d.map(|x| x as f32))
     }
 
     /// The nodes around an incoming direction.
@@ -408,44 +408,79 @@ impl Smooth {
         self.nodes.around(wi)
     }
 
-    /// What lies at (wi, wo), `around` the former, in index entry `entry`.
+    /// Where the value at (wi, wo) stands, `around` the former, in index entry `entry`.
     #[inline]
-    pub(super) fn at(&self, entry: usize, around: &Around, wi: Vector, wo: Vector) -> Mixed {
+    pub(super) fn lookup(&self, entry: usize, around: &Around, wi: Vector, wo: Vector) -> Lookup {
+        let table = entry * self.node_count;
+        let mut found = Lookup { count: around.count, ..Lookup::NOWHERE };
+        for k in 0..around.count {
+            let node = around.nodes[k] as usize;
+            let (there, worth) = match self.nodes {
+                Nodes::One => (wo, 1.0),
+                _ => carried(self.alignment, self.domain, wi, self.nodes.direction(node), wo),
+            };
+            found.tables[k] = table + node;
+            found.patches[k] = self.patch(there);
+            found.weights[k] = around.weights[k] * worth;
+        }
+        found
+    }
+
+    /// What stands there.
+    #[inline]
+    pub(super) fn gather(&self, found: &Lookup) -> Mixed {
         match self.width {
-            4 => self.at_in::<4>(entry, around, wi, wo),
-            8 => self.at_in::<8>(entry, around, wi, wo),
-            12 => self.at_in::<12>(entry, around, wi, wo),
-            _ => self.at_in::<MOST_PLANES>(entry, around, wi, wo),
+            4 => self.gather_in::<4>(found),
+            8 => self.gather_in::<8>(found),
+            12 => self.gather_in::<12>(found),
+            _ => self.gather_in::<MOST_PLANES>(found),
         }
     }
 
-    #[inline]
-    fn at_in<const WIDTH: usize>(&self, entry: usize, around: &Around, wi: Vector, wo: Vector) -> Mixed {
-        if matches!(self.nodes, Nodes::One) {
-            return self.looked_up_in::<WIDTH>(entry, wo);
-        }
-        let table = entry * self.node_count;
-        if !self.presence.is_empty() {
-            let mut mix = Mixture::new();
-            for (node, weight) in around.iter() {
-                let (there, worth) = carried(self.alignment, self.domain, wi, self.nodes.direction(node), wo);
-                mix.add(self.looked_up_in::<WIDTH>(table + node, there), weight * worth);
+    #[inline(always)]
+    fn gather_in<const WIDTH: usize>(&self, found: &Lookup) -> Mixed {
+        let rows = self.values.as_chunks::<WIDTH>().0;
+        let (mut sum, mut live, mut known) = ([0.0; WIDTH], 0.0, 0.0);
+        for k in 0..found.count {
+            let (patch, base) = (&found.patches[k], found.tables[k] * self.elements.len());
+            let (mut weight, mut own_live) = (found.weights[k], 1.0);
+            if !self.presence.is_empty() {
+                let (share, known_share) = self.presence_in(base, patch);
+                weight = if known_share > 0.0 { weight } else { 0.0 };
+                own_live = share;
             }
-            return mix.finish();
+            known += weight;
+            weight *= own_live;
+            live += weight;
+            for n in 0..NODES {
+                let factor = weight * patch.weights[n];
+                for (sum, v) in sum.iter_mut().zip(&rows[base + patch.nodes[n] as usize]) {
+                    *sum += factor * v;
+                }
+            }
         }
-        let (mut row, mut total) = ([0.0; MOST_PLANES], 0.0);
-        for (node, weight) in around.iter() {
-            let (there, worth) = carried(self.alignment, self.domain, wi, self.nodes.direction(node), wo);
-            let found = self.looked_up_in::<WIDTH>(table + node, there).row;
-            let weight = weight * worth;
-            total += weight;
+        let mut row = [0.0; MOST_PLANES];
+        // Weights of a fit may be negative, and what is left of them next to nothing.
+        if live > NO_LIGHT {
+            let share = 1.0 / live;
             for k in 0..WIDTH {
-                row[k] += weight * found[k];
+                row[k] = share * sum[k];
             }
         }
-        let share = 1.0 / total;
-        row[..WIDTH].iter_mut().for_each(|c| *c *= share);
-        Mixed { row, presence: 1.0 }
+        let presence = if live > NO_LIGHT { (live / known).clamp(0.0, 1.0) } else { 0.0 };
+        Mixed { row, presence: if known > NO_LIGHT { presence } else { f32::NAN } }
+    }
+
+    /// The share of light in a patch of a table, and the share that is known.
+    #[inline]
+    fn presence_in(&self, base: usize, patch: &Patch) -> (f32, f32) {
+        let (mut live, mut known) = (0.0, 0.0);
+        for k in 0..3 {
+            let [share, known_share] = self.presence[base + patch.nodes[k] as usize];
+            live += patch.corners[k] * share * known_share;
+            known += patch.corners[k] * known_share;
+        }
+        (if known > 0.0 { live / known } else { 0.0 }, known)
     }
 
     pub(super) fn memory(&self) -> usize {
@@ -453,7 +488,7 @@ impl Smooth {
     }
 }
 
-/// Rows mixed by weight and presence; masked ones left out.
+/// Rows mixed by weight and presence; masked ones left out. Weights of a fit may be negative.
 struct Mixture {
     row: Row,
     live: f32,
@@ -461,12 +496,10 @@ struct Mixture {
 }
 
 impl Mixture {
-    #[inline]
     fn new() -> Self {
         Self { row: [0.0; MOST_PLANES], live: 0.0, known: 0.0 }
     }
 
-    #[inline]
     fn add(&mut self, mixed: Mixed, weight: f32) {
         if mixed.presence.is_nan() {
             return;
@@ -479,10 +512,8 @@ impl Mixture {
         }
     }
 
-    #[inline]
     fn finish(self) -> Mixed {
         let mut row = self.row;
-        // Weights of a fit may be negative, and what is left of them next to nothing.
         if self.live > NO_LIGHT {
             let share = 1.0 / self.live;
             row.iter_mut().for_each(|v| *v *= share);

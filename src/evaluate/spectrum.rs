@@ -3,7 +3,7 @@
 use super::lookup::Stencil;
 use super::material::Form;
 use super::planes::{Cell, MOST_PLANES, Planes};
-use super::smooth::{Mixed, Smooth};
+use super::smooth::{Lookup, Mixed, Smooth};
 use super::{Beyond, EvaluateError, Interpolation, Material, Place, unfit};
 use crate::domain::WavelengthGrid;
 
@@ -38,11 +38,7 @@ impl Material {
             Found::Outside => out.fill(0.0),
             Found::Cell(row) => out.copy_from_slice(row),
             Found::Rows(rows) => self.sum(&rows, out),
-            Found::Planes(planes, mixed) => match mixed.presence {
-                presence if presence.is_nan() => out.fill(f32::NAN),
-                presence if presence <= 0.0 => out.fill(0.0),
-                presence => planes.spectrum(&mixed.row, presence, out),
-            },
+            Found::Planes(planes, mixed) => planes.expand(&mixed, out),
         }
         Ok(())
     }
@@ -151,17 +147,27 @@ impl Material {
     /// The smooth row at a place; `None` if `wo` is outside the outgoing domain.
     #[inline]
     fn mixed(&self, smooth: &Smooth, entry: usize, place: Place<'_>) -> Result<Option<Mixed>, EvaluateError> {
+        Ok(self.lookup(smooth, entry, place)?.map(|found| smooth.gather(&found)))
+    }
+
+    /// Where the smooth row of a place stands; `None` if `wo` is outside the outgoing domain.
+    #[inline]
+    pub(super) fn lookup(
+        &self,
+        smooth: &Smooth,
+        entry: usize,
+        place: Place<'_>,
+    ) -> Result<Option<Lookup>, EvaluateError> {
         if place.wi.is_some() != self.has_incoming() {
             return self.refuse_incoming(place.wi);
         }
         let wi = self.wi_in_plane(place.wi);
-        let Some(around) = smooth.around(wi) else { return self.refuse_incoming(place.wi) };
-        if self.is_isotropic() && wi[2] < 0.0 {
+        let Some(around) = smooth.around(wi).filter(|_| !(self.is_isotropic() && wi[2] < 0.0)) else {
             return self.refuse_incoming(place.wi);
-        }
+        };
         let Some((lookup, wo)) = self.outgoing(place.wi, place.wo)? else { return Ok(None) };
         let wo = wo.xyz();
-        Ok(lookup.holds(wo).then(|| smooth.at(entry, &around, wi, wo)))
+        Ok(lookup.holds(wo).then(|| smooth.lookup(entry, &around, wi, wo)))
     }
 
     /// One sample of the sum of rows; NaN if all its cells are masked.

@@ -1,0 +1,137 @@
+//! Many places at once: directions as arrays of coordinates, values as rows.
+//!
+//! A block of places is first located, then gathered, then expanded: the gathers of different places do not wait for one
+//! another, which hides most of the memory's latency where a material is larger than the caches.
+
+use super::material::Form;
+use super::smooth::{Lookup, Mixed};
+use super::{EvaluateError, Interpolation, Material, Place, unfit};
+use crate::domain::Direction;
+use rayon::prelude::*;
+
+/// Places worked on together.
+const BLOCK: usize = 64;
+/// Places that a thread takes at a time.
+const SHARE: usize = 4096;
+
+/// Directions as arrays of their Cartesian coordinates; any length is normalised.
+#[derive(Clone, Copy, Debug)]
+pub struct Directions<'a> {
+    /// Towards the reference direction.
+    pub x: &'a [f32],
+    /// At a right angle to both.
+    pub y: &'a [f32],
+    /// Along the normal.
+    pub z: &'a [f32],
+}
+
+impl<'a> Directions<'a> {
+    /// How many.
+    #[allow(clippy::len_without_is_empty, reason = "an empty batch is no special case")]
+    pub fn len(&self) -> usize {
+        self.x.len()
+    }
+
+    fn at(&self, i: usize) -> Result<Direction, EvaluateError> {
+        let [x, y, z] = [self.x[i], self.y[i], self.z[i]];
+        Direction::new(f64::from(x), f64::from(y), f64::from(z)).map_or_else(
+            || unfit(format!("direction {i} is ({x}, {y}, {z}), expected finite coordinates that are not all 0")),
+            Ok,
+        )
+    }
+
+    fn part(&self, from: usize, to: usize) -> Directions<'a> {
+        Directions { x: &self.x[from..to], y: &self.y[from..to], z: &self.z[from..to] }
+    }
+
+    fn check(&self, name: &str, count: usize) -> Result<(), EvaluateError> {
+        if [self.x.len(), self.y.len(), self.z.len()] != [count; 3] {
+            return unfit(format!(
+                "{name} has {}, {} and {} coordinates, expected {count} of each",
+                self.x.len(),
+                self.y.len(),
+                self.z.len()
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Places side by side: pair i is (wi[i], wo[i]).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Pairs<'a> {
+    /// One entry for each leading opaque axis, the same for all.
+    pub index: &'a [usize],
+    /// Incoming directions, for quantities that have them.
+    pub wi: Option<Directions<'a>>,
+    /// Outgoing directions, for quantities that have them.
+    pub wo: Option<Directions<'a>>,
+}
+
+impl<'a> Pairs<'a> {
+    fn place(&self, i: usize) -> Result<Place<'a>, EvaluateError> {
+        let at = |directions: Option<Directions<'_>>| directions.map(|directions| directions.at(i)).transpose();
+        Ok(Place { index: self.index, wi: at(self.wi)?, wo: at(self.wo)? })
+    }
+
+    fn part(&self, from: usize, to: usize) -> Self {
+        let part = |directions: Option<Directions<'a>>| directions.map(|directions| directions.part(from, to));
+        Self { index: self.index, wi: part(self.wi), wo: part(self.wo) }
+    }
+}
+
+impl Material {
+    /// The spectra at `pairs` into `out`, `[pair][lambda]`, on the calling thread, as [`Material::spectrum`] gives them;
+    /// no allocation. The first pair that is refused ends it.
+    pub fn spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
+        let count = self.check_pairs(pairs, out)?;
+        let lambdas = self.lambdas();
+        let Form::Planes { planes, smooth } = &self.form else {
+            return (0..count).try_for_each(|i| {
+                self.spectrum(pairs.place(i)?, how, &mut out[i * lambdas..][..lambdas])
+            });
+        };
+        if how == Interpolation::Constant {
+            return (0..count).try_for_each(|i| {
+                self.spectrum(pairs.place(i)?, how, &mut out[i * lambdas..][..lambdas])
+            });
+        }
+        let entry = self.entry(pairs.index)?;
+        let mut found = [Lookup::NOWHERE; BLOCK];
+        let mut mixed = [Mixed::NOTHING; BLOCK];
+        for start in (0..count).step_by(BLOCK) {
+            let length = BLOCK.min(count - start);
+            for (i, found) in found[..length].iter_mut().enumerate() {
+                *found = self.lookup(smooth, entry, pairs.place(start + i)?)?.unwrap_or(Lookup::NOWHERE);
+            }
+            for (mixed, found) in mixed[..length].iter_mut().zip(&found) {
+                *mixed = if found.is_nowhere() { Mixed::NOTHING } else { smooth.gather(found) };
+            }
+            for (mixed, out) in mixed[..length].iter().zip(out[start * lambdas..].chunks_exact_mut(lambdas)) {
+                planes.expand(mixed, out);
+            }
+        }
+        Ok(())
+    }
+
+    /// [`Material::spectra`] on all threads.
+    pub fn par_spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
+        let count = self.check_pairs(pairs, out)?;
+        out.par_chunks_mut(SHARE * self.lambdas()).enumerate().try_for_each(|(share, out)| {
+            let from = share * SHARE;
+            self.spectra(pairs.part(from, (from + SHARE).min(count)), how, out)
+        })
+    }
+
+    fn check_pairs(&self, pairs: Pairs<'_>, out: &[f32]) -> Result<usize, EvaluateError> {
+        let lambdas = self.lambdas();
+        let count = pairs.wo.or(pairs.wi).map_or(1, |directions| directions.len());
+        for (name, directions) in [("wi", pairs.wi), ("wo", pairs.wo)] {
+            directions.map_or(Ok(()), |directions| directions.check(name, count))?;
+        }
+        if count.checked_mul(lambdas) != Some(out.len()) {
+            return unfit(format!("room for {} samples, expected {count} spectra of {lambdas}", out.len()));
+        }
+        Ok(count)
+    }
+}
