@@ -188,7 +188,7 @@ impl Nodes {
         match self {
             Self::One | Self::Same(_) => Some(Around::one(0)),
             Self::Elevations(values, _) => {
-                let (below, t) = elevation(values, libm::atan2(libm::hypot(wi[0], wi[1]), wi[2]).to_degrees());
+                let (below, t) = elevation(values, libm::acos(wi[2].clamp(-1.0, 1.0)).to_degrees());
                 let t = t as f32;
                 let one = Around::one(below as u32);
                 if t > 0.0 {

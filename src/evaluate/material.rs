@@ -61,7 +61,7 @@ pub struct OpenedReport {
     /// How the smooth form goes from one incoming direction to the next.
     pub alignment: Alignment,
     /// How much the shape of the function changes from one incoming direction to its neighbours under each alignment that
-    /// competed: the standard deviation, by light, of the logarithm of the ratio. The least one is taken.
+    /// competed: the standard deviation, by the square of the light, of the logarithm of the ratio. The least one is taken.
     pub changes: Vec<(Alignment, f64)>,
     /// The share of light that goes astray (Σ |error| · cos θo over Σ value · cos θo) where each incoming direction is
     /// predicted from those around it without itself. Between incoming directions, where gaps are half as wide, it is

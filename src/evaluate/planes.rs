@@ -187,6 +187,19 @@ impl Planes {
         }
     }
 
+    /// The samples of up to [`LANES`] wavelengths of `row`, times `scale`.
+    #[inline]
+    pub(super) fn few(&self, row: &[f32], scale: f32, lambdas: &[usize]) -> [f32; LANES] {
+        let mut values = [0.0; LANES];
+        for (value, &lambda) in values.iter_mut().zip(lambdas) {
+            *value = self.value(row, lambda);
+        }
+        if self.logarithms {
+            values.iter_mut().for_each(|v| *v = exp(*v));
+        }
+        values.map(|v| v * scale)
+    }
+
     /// The spectrum of what was found.
     #[inline]
     pub(super) fn expand(&self, mixed: &Mixed, out: &mut [f32]) {

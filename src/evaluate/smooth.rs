@@ -252,7 +252,7 @@ impl Smooth {
     }
 
     /// How much the shape of the function changes from one incoming direction to its neighbours, carried as `alignment`
-    /// says: the standard deviation, by light, of the logarithm of the ratio. A lobe that stays where it is has a small one,
+    /// says: the standard deviation, by the square of the light, of the logarithm of the ratio. A lobe that stays where it is has a small one,
     /// however much its height changes; one that moves away from under itself has a large one.
     fn change_between(
         &self,
@@ -279,7 +279,8 @@ impl Smooth {
                     let here = self.brightness(planes, &self.looked_up(entry * own + node, *d));
                     let there = self.brightness(planes, &self.looked_up(entry * own + other, there));
                     if here > 0.0 && there > 0.0 && worth > 0.5 {
-                        let weight = here * self.measure(*d);
+                        // By the square of the light: lobes decide, not what lies around them.
+                        let weight = here * here * self.measure(*d);
                         let ratio = libm::log(here / there);
                         light += weight;
                         first += weight * ratio;

@@ -2,6 +2,7 @@
 
 use super::lookup::Stencil;
 use super::material::Form;
+use super::kernel::LANES;
 use super::planes::{Cell, MOST_PLANES, Planes};
 use super::smooth::{Lookup, Mixed, Smooth};
 use super::{Beyond, EvaluateError, Interpolation, Material, Place, unfit};
@@ -68,7 +69,9 @@ impl Material {
             Found::Planes(planes, mixed) => {
                 let presence = mixed.presence;
                 if presence > 0.0 {
-                    between(grid, beyond, wavelengths, out, |lambda| presence * planes.sample(&mixed.row, lambda));
+                    for (lambdas, out) in wavelengths.chunks(LANES / 2).zip(out.chunks_mut(LANES / 2)) {
+                        few(planes, &mixed, (grid, beyond), lambdas, out);
+                    }
                 } else {
                     between(grid, beyond, wavelengths, out, |_| presence);
                 }
@@ -232,6 +235,35 @@ impl Material {
                 *sum = if total > 0.0 { *sum / total } else { f32::NAN };
             }
         }
+    }
+}
+
+/// Up to half of [`LANES`] wavelengths of a row of planes: the samples below and above each are expanded together.
+#[inline]
+fn few(
+    planes: &Planes,
+    mixed: &Mixed,
+    (grid, beyond): (&WavelengthGrid, Beyond),
+    wavelengths: &[f64],
+    out: &mut [f32],
+) {
+    let mut around = [0; LANES];
+    let (mut shares, mut within) = ([0.0; LANES / 2], [false; LANES / 2]);
+    let last = grid.len() - 1;
+    for (i, &lambda) in wavelengths.iter().enumerate() {
+        let found = grid.locate(lambda);
+        within[i] = found.is_some();
+        let (below, t) = found.unwrap_or((if lambda < grid.at(0) { 0 } else { last }, 0.0));
+        (around[2 * i], around[2 * i + 1], shares[i]) = (below, (below + 1).min(last), t as f32);
+    }
+    let samples = planes.few(&mixed.row[..planes.planes], mixed.presence, &around[..2 * wavelengths.len()]);
+    for (i, (value, &lambda)) in out.iter_mut().zip(wavelengths).enumerate() {
+        *value = match beyond {
+            _ if within[i] => samples[2 * i] + shares[i] * (samples[2 * i + 1] - samples[2 * i]),
+            Beyond::Nearest if !lambda.is_nan() => samples[2 * i],
+            Beyond::Zero => 0.0,
+            _ => f32::NAN,
+        };
     }
 }
 
