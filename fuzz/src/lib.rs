@@ -12,8 +12,7 @@ use wavelume::domain::Axis;
 use wavelume::formats::{self, Acquisition, Interpretation, Samples};
 use wavelume::projection::{self, AxesRequest};
 
-/// Samples that a header may announce to be decoded here: a valid one may announce 2^28, which only costs time (a sphere
-/// at level 8 with all its symmetries, 2^19 samples, takes seconds in this build).
+/// Samples that a header may announce to be decoded here: a valid one may announce 2^28, which only costs time.
 pub const MOST_DECODED: usize = 1 << 18;
 /// Samples of a material that is opened: the tables of its meshes and trees are made for every input.
 pub const MOST_OPENED: usize = 1 << 16;

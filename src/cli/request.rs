@@ -52,14 +52,26 @@ pub(crate) struct TargetArgs {
     /// At most this many bytes, metadata included
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     bytes: Option<u64>,
+    /// No promise: this quantiser step in natural logarithms; nothing is searched, errors are measured (policy rd)
+    #[arg(long, value_name = "S", value_parser = positive)]
+    step: Option<f64>,
     /// Every bit
     #[arg(long)]
     lossless: bool,
 }
 
 /// Promises that know no light.
-const OTHER_TARGETS: [&str; 8] =
-    ["er_l2", "er_l1", "max_relative_error", "max_absolute_error", "relative_rmse", "ratio", "bytes", "lossless"];
+const OTHER_TARGETS: [&str; 9] = [
+    "er_l2",
+    "er_l1",
+    "max_relative_error",
+    "max_absolute_error",
+    "relative_rmse",
+    "ratio",
+    "bytes",
+    "step",
+    "lossless",
+];
 
 /// How to compress.
 #[derive(Debug, clap::Args)]
@@ -126,6 +138,7 @@ impl TargetArgs {
         let named = named.or(self.delta_e.map(|at_most| Target::DeltaE(DeltaE { at_most, illuminant })));
         let named = named.or(self.ratio.map(Target::Ratio));
         let named = named.or(self.bytes.map(Target::Bytes));
+        let named = named.or(self.step.map(Target::Step));
         named.or(self.lossless.then_some(Target::Lossless)).unwrap_or(DEFAULT_TARGET)
     }
 }
@@ -206,6 +219,7 @@ mod tests {
             (&["--max-relative-error", "0.02"], Target::MaxRelativeError(0.02)),
             (&["--ratio", "64"], Target::Ratio(64.0)),
             (&["--bytes", "4096"], Target::Bytes(4096)),
+            (&["--step", "0.02"], Target::Step(0.02)),
             (&["--lossless"], Target::Lossless),
         ] {
             assert_eq!(request(line).unwrap().target, target);

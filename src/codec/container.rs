@@ -15,7 +15,8 @@
 //! the same material without its metadata. The file's BLAKE3 digest is its name; the *payload digest* is that of the
 //! file without its M chunk.
 //!
-//! A *prefix* is the beginning of a file: chunks that are whole are verified, the one that is cut cannot be.
+//! A *prefix* is the beginning of a file: chunks that are whole are verified, the one that is cut cannot be. A header may
+//! state a chunk's length: then no damage to the length in front of it makes a prefix of a whole file.
 
 use super::bytes::{Reader, Writer};
 use super::error::CodecError;
@@ -80,6 +81,15 @@ impl ChunkKind {
     }
 }
 
+/// A chunk that a header announces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Announced {
+    /// Its kind.
+    pub kind: ChunkKind,
+    /// How long its payload is, where the header says so.
+    pub length: Option<usize>,
+}
+
 /// One chunk of a file.
 #[derive(Clone, Copy, Debug)]
 pub struct Chunk<'a> {
@@ -142,17 +152,17 @@ impl<'a> Container<'a> {
     /// Takes `bytes` apart and verifies every checksum; `header` reads the header and says which chunks it announces.
     pub fn read<H>(
         bytes: &'a [u8],
-        header: impl FnOnce(&mut Reader<'a>) -> Result<(H, Vec<ChunkKind>), CodecError>,
+        header: impl FnOnce(&mut Reader<'a>) -> Result<(H, Vec<Announced>), CodecError>,
     ) -> Result<(H, Self), CodecError> {
         let mut r = start(bytes)?;
-        let first = read_chunk(&mut r, ChunkKind::Header)?;
+        let first = read_chunk(&mut r, ChunkKind::Header.into())?;
         let (header, announced) = header(&mut first.reader())?;
         let mut chunks = vec![first];
-        for kind in announced {
-            chunks.push(read_chunk(&mut r, kind)?);
+        for chunk in announced {
+            chunks.push(read_chunk(&mut r, chunk)?);
         }
         if r.remaining() > 0 {
-            chunks.push(read_chunk(&mut r, ChunkKind::Metadata)?);
+            chunks.push(read_chunk(&mut r, ChunkKind::Metadata.into())?);
         }
         r.end("file")?;
         Ok((header, Self { bytes, chunks }))
@@ -161,16 +171,16 @@ impl<'a> Container<'a> {
     /// The same for the first bytes of a file: the header must be whole, the last chunk may be cut.
     pub fn prefix<H>(
         bytes: &'a [u8],
-        header: impl FnOnce(&mut Reader<'a>) -> Result<(H, Vec<ChunkKind>), CodecError>,
+        header: impl FnOnce(&mut Reader<'a>) -> Result<(H, Vec<Announced>), CodecError>,
     ) -> Result<(H, Self), CodecError> {
         let mut r = start(bytes)?;
-        let first = read_chunk(&mut r, ChunkKind::Header)?;
+        let first = read_chunk(&mut r, ChunkKind::Header.into())?;
         let (header, mut announced) = header(&mut first.reader())?;
-        announced.push(ChunkKind::Metadata);
+        announced.push(ChunkKind::Metadata.into());
         let mut chunks = vec![first];
-        for kind in announced {
-            let Some(cut) = cut_chunk(&r, kind) else {
-                chunks.push(read_chunk(&mut r, kind)?);
+        for chunk in announced {
+            let Some(cut) = cut_chunk(&r, chunk)? else {
+                chunks.push(read_chunk(&mut r, chunk)?);
                 if r.remaining() == 0 {
                     break;
                 }
@@ -218,12 +228,13 @@ fn start(bytes: &[u8]) -> Result<Reader<'_>, CodecError> {
     Ok(r)
 }
 
-fn read_chunk<'a>(r: &mut Reader<'a>, kind: ChunkKind) -> Result<Chunk<'a>, CodecError> {
+fn read_chunk<'a>(r: &mut Reader<'a>, announced: Announced) -> Result<Chunk<'a>, CodecError> {
+    let kind = announced.kind;
     let start = r.offset();
     if r.remaining() == 0 {
         return Err(CodecError::Truncated { at: start, expected: kind.name() });
     }
-    let length = r.size(usize::MAX >> 1, "chunk length")?;
+    let length = announced.read_length(r)?;
     let offset = r.offset();
     let payload = r.take(length, "chunk payload")?;
     let covered = r.since(start);
@@ -236,22 +247,42 @@ fn read_chunk<'a>(r: &mut Reader<'a>, kind: ChunkKind) -> Result<Chunk<'a>, Code
 
 /// What is there of the next chunk if the bytes end before it does; `Some(None)` if not even its length is there.
 #[allow(clippy::option_option, reason = "whether it is cut, and what is left of it")]
-fn cut_chunk<'a>(r: &Reader<'a>, kind: ChunkKind) -> Option<Option<Chunk<'a>>> {
+fn cut_chunk<'a>(r: &Reader<'a>, announced: Announced) -> Result<Option<Option<Chunk<'a>>>, CodecError> {
     let mut r = r.clone();
     let start = r.offset();
-    let length = match r.size(usize::MAX >> 1, "chunk length") {
+    let length = match announced.read_length(&mut r) {
         Ok(length) => length,
-        Err(CodecError::Truncated { .. }) => return Some(None),
-        Err(_) => return None,
+        Err(CodecError::Truncated { .. }) => return Ok(Some(None)),
+        Err(error) => return Err(error),
     };
     let offset = r.offset();
     let there = r.remaining();
     if there >= length.saturating_add(CHECKSUM) {
-        return None;
+        return Ok(None);
     }
-    let payload = r.take(length.min(there), "chunk payload").ok()?;
+    let payload = r.take(length.min(there), "chunk payload")?;
     let end = offset.saturating_add(length).saturating_add(CHECKSUM);
-    Some(Some(Chunk { kind, payload, length, offset, span: (start, end) }))
+    Ok(Some(Some(Chunk { kind: announced.kind, payload, length, offset, span: (start, end) })))
+}
+
+impl From<ChunkKind> for Announced {
+    fn from(kind: ChunkKind) -> Self {
+        Self { kind, length: None }
+    }
+}
+
+impl Announced {
+    /// Reads the length in front of the payload, which must be that of the header.
+    fn read_length(self, r: &mut Reader<'_>) -> Result<usize, CodecError> {
+        let length = r.size(usize::MAX >> 1, "chunk length")?;
+        match self.length {
+            Some(stated) if stated != length => {
+                let name = self.kind.name();
+                Err(r.malformed(format!("the length of the {name} is {length}, expected {stated} as in the header")))
+            }
+            _ => Ok(length),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -266,8 +297,8 @@ mod tests {
         write_container(&chunks)
     }
 
-    fn header(r: &mut Reader<'_>) -> Result<(u8, Vec<ChunkKind>), CodecError> {
-        Ok((r.u8("first")?, vec![ChunkKind::Coefficients]))
+    fn header(r: &mut Reader<'_>) -> Result<(u8, Vec<Announced>), CodecError> {
+        Ok((r.u8("first")?, vec![ChunkKind::Coefficients.into()]))
     }
 
     fn read(bytes: &[u8]) -> Result<Container<'_>, CodecError> {
@@ -336,6 +367,24 @@ mod tests {
         let mut longer = bytes;
         longer.push(0);
         assert!(matches!(Container::prefix(&longer, header), Err(CodecError::Malformed { .. })));
+    }
+
+    #[test]
+    fn a_length_that_a_header_states_is_that_of_the_chunk() {
+        let bytes = sample(false);
+        let stated = |length| {
+            move |r: &mut Reader<'_>| {
+                let chunk = Announced { kind: ChunkKind::Coefficients, length: Some(length) };
+                Ok((r.u8("first")?, vec![chunk]))
+            }
+        };
+        assert!(Container::read(&bytes, stated(200)).is_ok());
+        assert!(matches!(Container::read(&bytes, stated(199)), Err(CodecError::Malformed { at: 15, .. })));
+        for end in 13..=bytes.len() {
+            assert!(Container::prefix(&bytes[..end], stated(200)).is_ok());
+            let other = Container::prefix(&bytes[..end], stated(201));
+            assert_eq!(other.is_err(), end >= 15, "{end}");
+        }
     }
 
     #[test]

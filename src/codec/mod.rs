@@ -22,7 +22,7 @@ pub use axes::{read_axes, write_axes};
 pub use bytes::{Reader, Writer};
 pub use classes::{Class, code_classes};
 pub use coefficients::{NONE, Payload, Rows, code_coefficients, code_corrections};
-pub use container::{Chunk, ChunkKind, Container, MAGIC, VERSION, write_container};
+pub use container::{Announced, Chunk, ChunkKind, Container, MAGIC, VERSION, write_container};
 pub use details::{DetailCoder, Surroundings};
 pub use error::CodecError;
 pub use exact::code_exact;

@@ -1,7 +1,8 @@
 //! Text as bytes: every bit predicted from the one, two and four bytes before it, by models that know typical metadata.
 //!
 //! ```text
-//! text   varint length in bytes, then the range-coded bytes, high bit first
+//! text   varint length in bytes, then the range-coded bytes, high bit first, in at least length / 1024 bytes: zeros are
+//!        added to what is shorter, so that a few bytes cannot announce much work
 //! ```
 //! Metadata is short, and its first bytes would cost most: the models start as if [`TYPICAL`] had been coded before. That
 //! text is part of the format.
@@ -22,6 +23,8 @@ const TYPICAL: &str = concat!(
     r#"policy":"rd","target":{"er_l2":0.01}},"source":{"content_digest":"b3-dbc1b4c900ffe48d575b5da5c638040125f65db0fe3"#,
     r#"e24494b76ea986457d986","dialect":"","format":"npy","metadata":{},"notes":[],"spectrum_digest":null}}"#,
 );
+/// Bytes of text that a coded byte may stand for.
+const MOST_PER_BYTE: usize = 1 << 10;
 /// Hashed contexts of each order, a power of two.
 const CONTEXTS: usize = 1 << 16;
 
@@ -79,7 +82,9 @@ pub fn write_text(text: &str) -> Vec<u8> {
     for byte in text.bytes() {
         models.code(&mut encoder, byte);
     }
-    w.raw(&encoder.finish());
+    let mut coded = encoder.finish();
+    coded.resize(coded.len().max(text.len() / MOST_PER_BYTE), 0);
+    w.raw(&coded);
     w.into_bytes()
 }
 
@@ -87,13 +92,19 @@ pub fn write_text(text: &str) -> Vec<u8> {
 pub fn read_text(r: &mut Reader<'_>, limit: usize) -> Result<String, CodecError> {
     let length = r.size(limit, "length of the metadata")?;
     let coded = r.take(r.remaining(), "metadata")?;
+    let least = length / MOST_PER_BYTE;
+    if coded.len() < least {
+        let text = format!("{length} bytes of metadata in {}, expected at least {least}", coded.len());
+        return Err(r.malformed(text));
+    }
     let mut models = TextCoder::new();
     let mut decoder = Decoder::new(coded);
     let mut bytes = Vec::with_capacity(length);
     for _ in 0..length {
         bytes.push(models.code(&mut decoder, 0));
     }
-    if !decoder.is_exhausted() {
+    let unused = coded.get(decoder.position()..).unwrap_or_default();
+    if !unused.is_empty() && (coded.len() > least || unused.iter().any(|&byte| byte != 0)) {
         return Err(r.malformed("bytes after the end of the metadata"));
     }
     String::from_utf8(bytes).map_err(|_| r.malformed("metadata is no UTF-8 text"))
@@ -136,6 +147,25 @@ mod tests {
         longer.extend([1; 8]);
         assert!(matches!(read(&longer), Err(CodecError::Malformed { .. })));
         assert!(matches!(read(&[]), Err(CodecError::Truncated { .. })));
+    }
+
+    #[test]
+    fn a_few_bytes_do_not_announce_a_long_text() {
+        // A long text of nothing new takes fewer bytes than it may announce: they are filled up.
+        let text = " ".repeat(LIMIT);
+        let bytes = write_text(&text);
+        assert_eq!(bytes.len(), 3 + LIMIT / MOST_PER_BYTE);
+        assert_eq!(bytes.last(), Some(&0));
+        assert_eq!(read(&bytes).unwrap(), text);
+        assert!(matches!(read(&bytes[..bytes.len() - 1]), Err(CodecError::Malformed { .. })));
+        assert!(read(&[bytes.as_slice(), &[0]].concat()).is_err(), "no more than that");
+        let mut other = bytes;
+        *other.last_mut().unwrap() = 1;
+        assert!(read(&other).is_err(), "the rest are zeros");
+        let mut few = Writer::default();
+        few.varint(LIMIT as u64);
+        few.raw(&[7; 63]);
+        assert!(matches!(read(&few.into_bytes()), Err(CodecError::Malformed { .. })));
     }
 
     proptest! {

@@ -69,9 +69,11 @@ fn chunks(bytes: &[u8]) -> Vec<(ChunkKind, Vec<u8>)> {
     std::iter::once((ChunkKind::Header, header.write())).chain(present).collect()
 }
 
-/// A file with another pyramid, its checksum made good.
+/// A file with another pyramid, its length in the header and its checksum made good.
 fn with_pyramid(bytes: &[u8], pyramid: Vec<u8>) -> Vec<u8> {
     let mut chunks = chunks(bytes);
+    let header = header::Header::read(&mut crate::codec::Reader::new(&chunks[0].1, 0)).unwrap();
+    chunks[0].1 = header::Header { pyramid_length: pyramid.len(), ..header }.write();
     chunks.iter_mut().find(|(kind, _)| *kind == ChunkKind::Pyramid).unwrap().1 = pyramid;
     write_container(&chunks)
 }

@@ -12,7 +12,7 @@ use super::rows::{coding_order, lanes};
 use super::scales::Scales;
 use super::{Policy, Summary};
 use crate::codec::{
-    ChunkKind, Class, CodecError, Container, Decoder, Payload, Reader, code_classes, code_coefficients,
+    Announced, ChunkKind, Class, CodecError, Container, Decoder, Payload, Reader, code_classes, code_coefficients,
     code_corrections, code_exact, code_steps, read_text,
 };
 use crate::domain::{Axis, Measurement, Tensor};
@@ -65,10 +65,10 @@ pub fn levels(bytes: &[u8]) -> Result<Vec<LevelInfo>, CodecError> {
     if header.predicted {
         let chunk = container.require(ChunkKind::Pyramid)?;
         let mut r = chunk.reader();
-        let index = LevelIndex::read(&mut r, header.finest_level())?;
+        let index = LevelIndex::read(&mut r, header.finest_level(), chunk.length)?;
         infos.extend((0..).zip(&index.entries).map(|(level, entry)| LevelInfo {
             level,
-            bytes: (r.offset() + entry.end.min(r.remaining())) as u64,
+            bytes: (r.offset() + entry.end) as u64,
             er_l2: entry.er_l2(),
         }));
     }
@@ -96,17 +96,15 @@ pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
     }
     let chunk = container.require(ChunkKind::Pyramid)?;
     let mut r = chunk.reader();
-    let index = LevelIndex::read(&mut r, finest)?;
+    let index = LevelIndex::read(&mut r, finest, chunk.length)?;
     let Some(entry) = index.entries.get(usize::from(level)) else {
         let reason = format!("there is no level {level} in a material of random access, expected {finest}");
         return Err(CodecError::Malformed { at: bytes.len(), reason });
     };
-    let whole = chunk.length - (r.offset() - chunk.offset);
-    let coded = r.take(r.remaining(), "pyramid")?;
     // A level is what its own bytes say, however many follow.
-    let coded = coded
-        .get(..entry.end.min(whole))
-        .ok_or(CodecError::Truncated { at: bytes.len(), expected: "more of the level" })?;
+    let coded = r
+        .take(entry.end, "bytes of the level")
+        .map_err(|_| CodecError::Truncated { at: bytes.len(), expected: "more of the level" })?;
     let payload = |kind| container.get(kind).map(|chunk| chunk.payload);
     let classes = classes_of(&header, payload);
     let samples = level_samples(&header, classes.as_deref(), (payload(ChunkKind::Basis), coded), &index, level)?;
@@ -166,7 +164,7 @@ pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecErr
 fn random_pyramid<'a>(header: &Header, payload: Option<&'a [u8]>) -> Result<Option<&'a [u8]>, CodecError> {
     let Some(payload) = payload.filter(|_| header.predicted && header.correction_step == 0.0) else { return Ok(None) };
     let mut r = Reader::new(payload, 0);
-    LevelIndex::read(&mut r, header.finest_level())?;
+    LevelIndex::read(&mut r, header.finest_level(), payload.len())?;
     let coded = r.take(r.remaining(), "pyramid")?;
     Ok(predictive::is_random(&header.axes, coded)?.then_some(coded))
 }
@@ -187,7 +185,7 @@ fn open(bytes: &[u8]) -> Result<(Header, Container<'_>), CodecError> {
 }
 
 /// The header and the chunks that follow it.
-fn announced(r: &mut Reader<'_>) -> Result<(Header, Vec<ChunkKind>), CodecError> {
+fn announced(r: &mut Reader<'_>) -> Result<(Header, Vec<Announced>), CodecError> {
     let header = Header::read(r)?;
     let chunks = header.announced();
     Ok((header, chunks))
@@ -238,11 +236,15 @@ pub(crate) fn samples_of<'a>(
     let coefficients = payload(ChunkKind::Coefficients);
     let mut samples = match header.policy {
         Policy::Rd => {
+            // Where nothing is added to the logarithms, equal ones are made samples once.
+            let alone = header.light_step == 0.0 && header.correction_step == 0.0;
             let mut logs = if header.predicted {
-                let mut r = Reader::new(payload(ChunkKind::Pyramid), 0);
-                LevelIndex::read(&mut r, header.finest_level())?;
+                let pyramid = payload(ChunkKind::Pyramid);
+                let mut r = Reader::new(pyramid, 0);
+                LevelIndex::read(&mut r, header.finest_level(), pyramid.len())?;
                 let chunks = (chunk(ChunkKind::Basis), r.take(r.remaining(), "pyramid")?);
-                predictive::decode(&header.axes, classes.as_deref(), header.step, chunks, usize::MAX)?.0
+                let finish = alone.then(|| header.values());
+                predictive::decode(&header.axes, classes.as_deref(), header.step, chunks, usize::MAX, finish)?.0
             } else if header.klt {
                 let chunks = (payload(ChunkKind::Basis), coefficients);
                 adaptive::decode(&header.axes, &header.transforms, classes.as_deref(), header.step, chunks)?
@@ -258,7 +260,9 @@ pub(crate) fn samples_of<'a>(
                 code_corrections(&mut corrections, lanes(&header.axes), &mut steps);
                 add_corrections(header.correction_step, &steps, &mut logs);
             }
-            header.values().finish(&mut logs);
+            if !(alone && header.predicted) {
+                header.values().finish(&mut logs);
+            }
             logs
         }
         Policy::Conventional | Policy::Generic | Policy::Adaptive => {

@@ -27,7 +27,9 @@ pub(crate) fn classes_chunk(axes: &[Axis], classes: &mut [Class]) -> Option<(Chu
 
 /// The file of `parts` with the errors its header holds now.
 pub(crate) fn assemble(parts: &Parts, metadata: Option<&str>) -> Vec<u8> {
-    let mut chunks = vec![(ChunkKind::Header, parts.header.write())];
+    let pyramid_length = parts.chunk(ChunkKind::Pyramid).map_or(0, <[u8]>::len);
+    let header = Header { pyramid_length, ..parts.header.clone() };
+    let mut chunks = vec![(ChunkKind::Header, header.write())];
     chunks.extend(parts.chunks.iter().cloned());
     if let Some(text) = metadata {
         chunks.push((ChunkKind::Metadata, write_text(text)));

@@ -13,6 +13,8 @@
 //! not policy 2, not flag 2: varint a transform for each axis (flag 1: but the last):
 //!               0 identity, 1 bio-Haar, 2 orthonormal by area, 3 orthonormal by count,
 //!               16 + the number of a basis on a line, followed by u8 its boundary rule
+//! flag 2: varint  length of the pyramid chunk: without it a flipped bit in that chunk's own length could make a whole file
+//!               the prefix of another one
 //! policy 0:     u16 step: the high 16 bits of an f32;  flag 256: f32 step of the light;
 //!               flag 16: f32 correction step
 //! flag 8: f32   absolute floor
@@ -24,7 +26,7 @@
 
 use super::values::Values;
 use super::{Policy, Summary, basis_of};
-use crate::codec::{ChunkKind, CodecError, Reader, Writer, read_axes, write_axes};
+use crate::codec::{Announced, ChunkKind, CodecError, Reader, Writer, read_axes, write_axes};
 use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
 use crate::transform::{AxisTransform, Boundary, LineBasis, SphereBasis, Weights};
 
@@ -43,6 +45,8 @@ pub(crate) struct Header {
     pub(crate) klt: bool,
     /// Whether the last triangle axis is predicted; all transforms are then identities.
     pub(crate) predicted: bool,
+    /// The length of the pyramid chunk's payload, 0 without one.
+    pub(crate) pyramid_length: usize,
     /// Whether samples are approximated rather than logarithms.
     pub(crate) linear: bool,
     pub(crate) step: f32,
@@ -167,6 +171,9 @@ impl Header {
         for &transform in self.transforms.iter().take(written) {
             write_transform(&mut w, transform);
         }
+        if self.predicted {
+            w.varint(self.pyramid_length as u64);
+        }
         if self.policy == Policy::Rd {
             w.low_bytes(self.step.to_bits() >> 16, 2);
         }
@@ -219,6 +226,7 @@ impl Header {
         if policy != Policy::Lossless {
             transforms.resize(axes.len(), AxisTransform::Identity);
         }
+        let pyramid_length = if predicted { r.size(usize::MAX >> 1, "length of the pyramid")? } else { 0 };
         let step = if policy == Policy::Rd { f32::from_bits(r.low_bytes(2, "step")? << 16) } else { 1.0 };
         let light_step = if flags.has(Flags::LIGHT) { r.f32("step of the light")? } else { 0.0 };
         let correction_step = if flags.has(Flags::CORRECTIONS) { r.f32("correction step")? } else { 0.0 };
@@ -244,6 +252,7 @@ impl Header {
             transforms,
             klt,
             predicted,
+            pyramid_length,
             linear: flags.has(Flags::LINEAR),
             step: if policy == Policy::Rd { step } else { 0.0 },
             light_step,
@@ -282,7 +291,7 @@ impl Header {
     }
 
     /// The chunks that follow, without metadata, in the order of a file.
-    pub(crate) fn announced(&self) -> Vec<ChunkKind> {
+    pub(crate) fn announced(&self) -> Vec<Announced> {
         let lossless = self.policy == Policy::Lossless;
         let all = [
             (ChunkKind::Classes, self.has_classes),
@@ -293,7 +302,9 @@ impl Header {
             (ChunkKind::Corrections, self.correction_step != 0.0),
             (ChunkKind::Exact, lossless),
         ];
-        all.into_iter().filter(|(_, announced)| *announced).map(|(kind, _)| kind).collect()
+        let length = |kind| (kind == ChunkKind::Pyramid).then_some(self.pyramid_length);
+        let announced = all.into_iter().filter(|(_, announced)| *announced);
+        announced.map(|(kind, _)| Announced { kind, length: length(kind) }).collect()
     }
 
     /// The header as its users see it.
@@ -389,6 +400,7 @@ mod tests {
             axes,
             klt: true,
             predicted: true,
+            pyramid_length: 300,
             step: 0.015_625,
             linear: false,
             light_step: 0.0,
@@ -416,9 +428,15 @@ mod tests {
     #[test]
     fn a_header_is_small_and_is_read_as_it_was_written() {
         let plain = folded();
-        assert!(plain.write().len() <= 30, "{}", plain.write().len());
-        let mut full =
-            Header { correction_step: 0.02, has_classes: true, floor: 0.25, predicted: false, ..plain.clone() };
+        assert!(plain.write().len() <= 32, "{}", plain.write().len());
+        let mut full = Header {
+            correction_step: 0.02,
+            has_classes: true,
+            floor: 0.25,
+            predicted: false,
+            pyramid_length: 0,
+            ..plain.clone()
+        };
         full.transforms[1] = AxisTransform::Sphere(SphereBasis::BioHaar);
         full.errors.max_absolute_error_unscored = 0.5;
         full.errors.zero_samples = 100;
@@ -429,6 +447,7 @@ mod tests {
             transforms: vec![],
             klt: false,
             predicted: false,
+            pyramid_length: 0,
             step: 0.0,
             kept: 0,
             errors: ErrorReport { samples: 1_228_800, scored_samples: 1_228_800, ..ErrorReport::default() },

@@ -155,6 +155,7 @@ fn the_index_of_a_folded_material_is_small() {
     assert!(header.predicted);
     let mut r = container.require(crate::codec::ChunkKind::Pyramid).unwrap().reader();
     let start = r.offset();
-    rd::levels::LevelIndex::read(&mut r, 4).unwrap();
+    let length = r.remaining();
+    rd::levels::LevelIndex::read(&mut r, 4, length).unwrap();
     assert!(r.offset() - start <= 14, "{}", r.offset() - start);
 }

@@ -34,6 +34,7 @@ pub(crate) fn compress(
         transforms: Vec::new(),
         klt: false,
         predicted: false,
+        pyramid_length: 0,
         linear: false,
         step: 0.0,
         light_step: 0.0,

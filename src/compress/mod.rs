@@ -243,7 +243,9 @@ fn stateable(target: Target) -> Result<Target, CompressError> {
         Target::MaxAbsoluteError(error) => Target::MaxAbsoluteError(kept(error)?),
         Target::RelativeRmse(error) => Target::RelativeRmse(kept(error)?),
         // A header states no colours.
-        Target::DeltaE(_) | Target::Ratio(_) | Target::Bytes(_) | Target::Auto | Target::Lossless => target,
+        Target::DeltaE(_) | Target::Ratio(_) | Target::Bytes(_) | Target::Step(_) | Target::Auto | Target::Lossless => {
+            target
+        }
     })
 }
 

@@ -1,7 +1,7 @@
 //! Promises: which can be made of a measurement, and the last gate that a file passes before it is handed out.
 
 use super::light::Light;
-use super::rd::predictive::Shape;
+use super::rd::shape::Shape;
 use super::{CompressError, Compressed, DeltaE, Policy, Settings, Target, decode};
 use crate::domain::colour::{ColourReport, SpectraColours};
 use crate::domain::{Axis, Measurement};
@@ -11,6 +11,11 @@ pub(crate) fn check(measurement: &Measurement, settings: &Settings) -> Result<()
     if settings.target == Target::Auto && settings.policy != Policy::Rd {
         let text = format!("er_l2 auto: the {} policy does not weigh noise, expected policy rd", settings.policy);
         return Err(CompressError::Setting(text));
+    }
+    if let (Target::Step(_), policy) = (settings.target, settings.policy)
+        && policy != Policy::Rd
+    {
+        return Err(CompressError::Setting(format!("step: the {policy} policy has no quantiser, expected policy rd")));
     }
     if let Some(bound) = settings.albedo_error {
         check_albedo(measurement, settings, bound).map_err(CompressError::Setting)?;

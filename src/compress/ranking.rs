@@ -34,6 +34,9 @@ pub(crate) fn candidates(
     let spectra = measurement.tensor.len() / wavelengths;
     let own = settings.policy == Policy::Rd && wavelengths <= MOST_FOR_KLT && spectra >= LEAST_FOR_KLT;
     let wavelets = match settings.target {
+        // Nothing is tried that seldom wins.
+        Target::Step(_) if own => Vec::new(),
+        Target::Step(_) => vec![LineBasis::BIOR44],
         Target::Ratio(_) | Target::Bytes(_) if measurement.tensor.len() <= SMALL => LineBasis::distinct().collect(),
         Target::Ratio(ratio) => finalists(measurement, wavelengths, ratio, progress)?,
         Target::Bytes(bytes) => {

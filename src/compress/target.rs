@@ -25,6 +25,9 @@ pub enum Target {
     Ratio(f64),
     /// At most this many bytes, metadata included.
     Bytes(u64),
+    /// No promise: this step of the quantiser, in natural logarithms of the samples, policy `rd`. For experts and for speed:
+    /// nothing is searched; the errors are measured as for any other target. er(L2) is about 0.2 to 0.3 times the step.
+    Step(f64),
     /// As near to the truth as the noise of the measurement lets one tell: er(L2) stops where what is left is noise.
     Auto,
     /// Every bit.
@@ -60,6 +63,8 @@ impl Bound {
 
 /// Relative errors above this say nothing.
 const MOST_RELATIVE: f64 = 10.0;
+/// Steps below this are below what float32 logarithms hold.
+const LEAST_STEP: f64 = 1e-6;
 /// From black to white.
 const MOST_DELTA_E: f64 = 100.0;
 
@@ -73,7 +78,7 @@ impl Target {
             Self::MaxAbsoluteError(most) => ("max_absolute_error", most, |e| e.max_absolute_error),
             Self::RelativeRmse(most) => ("relative_rmse", most, |e| e.relative_rmse),
             Self::Lossless => ("lossless: largest error", 0.0, |e| e.max_absolute_error),
-            Self::DeltaE(_) | Self::Ratio(_) | Self::Bytes(_) | Self::Auto => return None,
+            Self::DeltaE(_) | Self::Ratio(_) | Self::Bytes(_) | Self::Step(_) | Self::Auto => return None,
         };
         Some(Bound { name, at_most, figure })
     }
@@ -95,6 +100,9 @@ impl Target {
             }
             Self::Ratio(ratio) if !(ratio >= 1.0 && ratio.is_finite()) => {
                 Err(format!("ratio is {ratio}, expected at least 1 sample per coefficient"))
+            }
+            Self::Step(step) if !(LEAST_STEP..=MOST_RELATIVE).contains(&step) => {
+                Err(format!("step is {step}, expected {LEAST_STEP} to {MOST_RELATIVE}, in natural logarithms"))
             }
             _ => Ok(()),
         }
@@ -161,6 +169,7 @@ mod tests {
             (r#"{"delta_e":0.5}"#, delta_e(0.5, Illuminant::D65)),
             (r#"{"delta_e":{"at_most":0.5}}"#, delta_e(0.5, Illuminant::D65)),
             (r#"{"delta_e":{"at_most":2,"illuminant":"A"}}"#, delta_e(2.0, Illuminant::A)),
+            (r#"{"step":0.02}"#, Target::Step(0.02)),
             (r#""lossless""#, Target::Lossless),
             (r#""auto""#, Target::Auto),
         ] {

@@ -274,6 +274,7 @@ impl<'a> Work<'a> {
             transforms: self.transforms.clone(),
             klt: false,
             predicted: false,
+            pyramid_length: 0,
             linear: false,
             step: 0.0,
             light_step: 0.0,

@@ -296,10 +296,7 @@ fn orthonormalise(vectors: &mut Vec<Vec<f64>>) {
         let size = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         let before = size(&vector);
         for _ in 0..2 {
-            for other in &kept {
-                let product: f64 = vector.iter().zip(other).map(|(a, b)| a * b).sum();
-                vector.iter_mut().zip(other).for_each(|(x, o)| *x -= product * o);
-            }
+            take_away(&mut vector, &kept);
         }
         let after = size(&vector);
         if after > 1e-9 * before && after > 0.0 {
@@ -310,6 +307,14 @@ fn orthonormalise(vectors: &mut Vec<Vec<f64>>) {
         }
     }
     *vectors = kept;
+}
+
+/// Takes from `vector` what lies along each of `others`, which have length 1, one after another (Gram–Schmidt).
+pub fn take_away(vector: &mut [f64], others: &[Vec<f64>]) {
+    for other in others {
+        let product: f64 = vector.iter().zip(other).map(|(a, b)| a * b).sum();
+        vector.iter_mut().zip(other).for_each(|(x, o)| *x -= product * o);
+    }
 }
 
 /// The covariance of `rows` times each vector, but for a factor.

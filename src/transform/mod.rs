@@ -32,7 +32,7 @@ mod tree;
 
 pub use basis::{AxisTransform, BasisInfo, Space, SphereBasis, Weights, bases};
 pub use boundary::Boundary;
-pub use klt::{Klt, KltError, MAX_KLT_LENGTH};
+pub use klt::{Klt, KltError, MAX_KLT_LENGTH, take_away};
 pub use lines::LineBasis;
 pub use partial::Part;
 pub use plan::{Plan, PlanError};

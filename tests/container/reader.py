@@ -426,6 +426,10 @@ def read_header(r):
             require(code < 4 or h.transforms[i][1] < 5, "an unknown boundary rule")
             require(code == 0 or (code < 4) == (h.axes[i].kind == "triangles"), "a transform that does not fit")
             r.note(start, f"transform of axis {i}: {h.transforms[i]}")
+    h.pyramid_length = None
+    if h.flags & PREDICTED:
+        start, h.pyramid_length = r.at, r.varint()
+        r.note(start, f"length of chunk P {h.pyramid_length}")
     h.step = h.light_step = h.correction_step = h.floor = F(0)
     if h.policy == RD:
         h.step = np.array([r.unsigned(2) << 16], np.uint32).view(F)[0]
@@ -630,6 +634,8 @@ class Known:
 
 def decode_text(r):
     length = r.varint(MAX_METADATA)
+    least = length // 1024
+    require(r.left() >= least, "much text in few bytes")
     model, before, out = Model(), 0, bytearray()
     typical = TYPICAL.encode()
     coder = Known(typical)
@@ -646,7 +652,8 @@ def decode_text(r):
         before = (before << 8 | node & 0xFF) & MASK
         if i >= len(typical):
             out.append(node & 0xFF)
-    require(length == 0 and r.left() == 0 or length > 0 and coder.at >= len(coder.data), "bytes after the metadata")
+    unused = coder.data[coder.at :] if length else r.take(r.left())
+    require(not unused or len(coder.data) == least and not any(unused), "bytes after the metadata")
     return out.decode()
 
 
@@ -1507,9 +1514,9 @@ class Chart:
         planar = len(entries)
         at = both(at, 10, across(h[0]), 10, across(h[1]))
         centred = difference - 0.5
-        for column, value in entries[planar:]:
-            entries.append((column + 100, value * centred))
-            entries.append((column + 200, value * centred * centred))
+        first = entries[planar:]
+        entries.extend((column + 100, value * centred) for column, value in first)
+        entries.extend((column + 200, value * centred * centred) for column, value in first)
         return entries, at + 200
 
     def gram(self):
@@ -1577,7 +1584,7 @@ class Chart:
 class LevelIndex:
     """What a pyramid chunk says about the levels below its own."""
 
-    def __init__(self, r, levels):
+    def __init__(self, r, levels, length):
         self.ends, self.errors, end = [], [], 0
         self.brightness = b""
         for level in range(levels):
@@ -1594,6 +1601,7 @@ class LevelIndex:
         if levels:
             self.brightness = r.take(r.varint())
             r.note(start, f"steps of the brightness, {len(self.brightness)} bytes")
+        require(end <= length - (r.at - r.start), "a level that needs more than there is")
 
     def factors(self, level, representatives):
         count = len(self.ends) * representatives
@@ -1631,7 +1639,11 @@ def predicted_logs(h, classes, basis, r, finest):
         planes = planes + model
     rows = np.zeros((shape.rows, vectors), F)
     for plane, block in zip(planes, plan.representatives):
+        there = set()
         for moves, leaves in zip(plan.moves, plan.leaves):
+            if moves[block] in there:
+                continue
+            there.add(moves[block])
             for leaf, to in enumerate(leaves):
                 rows[shape.row(moves[block], to)] = plane[:, leaf]
     h.found = (plan.kind, len(plan.leaves), not plan.alone and live is not None, plan.random)
@@ -1708,6 +1720,7 @@ class Material:
         length = r.varint()
         payload = r.at
         r.note(start, f"chunk {letter}: {length} bytes")
+        require(letter != "P" or length == self.header.pyramid_length, "a chunk P of another length than in the header")
         self.lengths[letter] = length
         cut = level is not None and r.left() < length + 4
         if cut:
@@ -1726,7 +1739,7 @@ class Material:
             return apply_classes(decode_exact(chunk.take(chunk.left(), "range-coded: samples"), h.count, lanes), classes)
         if h.flags & PREDICTED:
             r = self.chunks["P"]
-            self.index = LevelIndex(r, Shape(h.axes).mesh.level)
+            self.index = LevelIndex(r, Shape(h.axes).mesh.level, self.lengths["P"])
             self.coded_at = r.at
             logs, self.shape, self.plan = predicted_logs(h, classes, self.chunks.get("B"), r, MAX_LEVEL + 1)
         else:
@@ -1764,9 +1777,10 @@ class Material:
         require(h.flags & PREDICTED and "P" in self.chunks, "no levels")
         r = self.chunks["P"]
         mesh = Shape(h.axes).mesh
-        index = LevelIndex(r, mesh.level)
+        index = LevelIndex(r, mesh.level, self.lengths["P"])
         require(level < len(index.ends), "no such level")
-        require(r.left() >= min(index.ends[level], self.lengths["P"] - (r.at - r.start)), "more of the level is needed")
+        require(r.left() >= index.ends[level], "more of the level is needed")
+        r.end = r.at + index.ends[level]
         logs, shape, plan = predicted_logs(h, self.classes, self.chunks.get("B"), r, level)
         samples = apply_classes(finish(h, logs), self.classes)
         parts = 1 << 2 * (mesh.level - level)
@@ -1854,7 +1868,7 @@ def check():
         runs = [("samples", material.samples, base + ".f32")]
         if h.flags & PREDICTED and material.index.ends:
             # The first bytes alone are enough for the level.
-            prefix = data[: min(material.coded_at + material.index.ends[0], material.chunks["P"].end)]
+            prefix = data[: material.coded_at + material.index.ends[0]]
             runs.append(("level 0", Material(prefix, level=0).samples, base + ".level0.f32"))
         if h.flags & PREDICTED:
             found.add(("model", h.found[0]))
@@ -1881,6 +1895,19 @@ def check():
             failed += 1
         except Refused:
             pass
+    # Without its metadata a file whose chunk P has another length could be the prefix of another file.
+    whole = open(os.path.join(golden, DUMPED + ".wlm"), "rb").read()
+    whole = whole[: Material(whole).payload_end]
+    right = bits(Material(whole, level=0).samples)
+    for at in range(len(whole)):
+        for bit in range(8):
+            try:
+                coarse = Material(whole[:at] + bytes([whole[at] ^ 1 << bit]) + whole[at + 1 :], level=0)
+            except Refused:
+                continue
+            if len(coarse.samples) != len(right) or (bits(coarse.samples) != right).any():
+                print(f"bit {bit} of byte {at} flipped: other samples of level 0")
+                failed += 1
     for missing in sorted(map(str, wanted - found)):
         print(f"no golden file has: {missing}")
         failed += 1

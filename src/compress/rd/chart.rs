@@ -9,8 +9,8 @@
 //! The columns are made orthonormal on the coded rows (Cholesky's factor of their Gram matrix, f64, in order), so that the
 //! pyramid's step serves their coefficients too. Square roots and divisions only: the same columns on any machine.
 
-use super::predictive::Shape;
-use super::symmetry::Representative;
+use super::shape::Shape;
+use super::symmetry::Representatives;
 use crate::codec::{BitCoder, DetailCoder, Surroundings};
 use crate::domain::vector::{Vector, add, dot, unit};
 use crate::domain::{Axis, Direction, Domain};
@@ -37,8 +37,10 @@ impl ChartKind {
     }
 }
 
-/// Entries of a row that are not zero, at most.
-const MOST_ENTRIES: usize = 80;
+/// Cubic splines that are not zero at a place.
+const RUN: usize = 4;
+/// Runs of columns of a row that are not zero, at most.
+const MOST_RUNS: usize = 16;
 /// Rows on which the columns are made orthonormal: few, because a decoder does it, too.
 const GRAM_ROWS: usize = 1 << 12;
 /// Rows to which the model is fitted.
@@ -73,21 +75,27 @@ struct Factor {
 impl Factor {
     /// Of a Gram matrix; columns that depend on those before them are left out, and those that `keep` does not want.
     fn new(n: usize, gram: &[f64], keep: impl Fn(usize) -> bool) -> Self {
-        let mut lower = vec![0.0; n * n];
+        let (mut lower, mut columns) = (vec![0.0; n * n], vec![0.0; n * n]);
+        let mut sums = vec![0.0; n];
         for i in (0..n).filter(|&i| keep(i)) {
-            let (done, row) = lower.split_at_mut(i * n);
-            let row = &mut row[..n];
-            for j in 0..i {
-                let other = &done[j * n..][..=j];
-                if other[j] > 0.0 {
-                    let product: f64 = row.iter().zip(&other[..j]).map(|(a, b)| a * b).sum();
-                    row[j] = (gram[i * n + j] - product) / other[j];
+            let row = &mut lower[i * n..][..n];
+            // Σ_k L_ik · L_jk of all j at once, in the order of k.
+            sums.fill(0.0);
+            for k in 0..i {
+                let column = &columns[k * n..][..i];
+                if columns[k * n + k] > 0.0 {
+                    let own = (gram[i * n + k] - sums[k]) / columns[k * n + k];
+                    row[k] = own;
+                    if own != 0.0 {
+                        sums[k + 1..i].iter_mut().zip(&column[k + 1..]).for_each(|(sum, other)| *sum += own * other);
+                    }
                 }
             }
             let own = gram[i * n + i];
             let left = own - row[..i].iter().map(|a| a * a).sum::<f64>();
             if left > INDEPENDENT * own {
                 row[i] = left.sqrt();
+                (0..=i).for_each(|k| columns[k * n + i] = row[k]);
             } else {
                 row.fill(0.0);
             }
@@ -126,46 +134,93 @@ impl Factor {
     }
 }
 
-/// One row's columns that are not zero.
+/// One row's columns that are not zero, in ascending order: a constant, then runs of four columns.
 struct Entries {
+    /// The column of a constant 1.
+    constant: Option<usize>,
     length: usize,
-    all: [(usize, f64); MOST_ENTRIES],
+    runs: [(usize, [f64; RUN]); MOST_RUNS],
 }
 
 impl Entries {
     fn new() -> Self {
-        Self { length: 0, all: [(0, 0.0); MOST_ENTRIES] }
+        Self { constant: None, length: 0, runs: [(0, [0.0; RUN]); MOST_RUNS] }
     }
 
-    fn push(&mut self, column: usize, value: f64) {
-        if let Some(entry) = self.all.get_mut(self.length) {
-            *entry = (column, value);
+    fn clear(&mut self) {
+        self.constant = None;
+        self.length = 0;
+    }
+
+    fn push(&mut self, column: usize, values: [f64; RUN]) {
+        if let Some(run) = self.runs.get_mut(self.length) {
+            *run = (column, values);
             self.length += 1;
         }
     }
 
-    fn get(&self) -> &[(usize, f64)] {
-        &self.all[..self.length]
+    fn runs(&self) -> &[(usize, [f64; RUN])] {
+        &self.runs[..self.length]
     }
 
     /// Adds the splines of `x` in 0 … 1 from column `first`; returns the next free column.
     fn splines(&mut self, first: usize, count: usize, x: f64) -> usize {
         let (at, values) = spline(count, x);
-        for (k, &value) in values.iter().enumerate() {
-            self.push(first + at + k, value);
-        }
+        self.push(first + at, values);
         first + count
     }
 
     /// Adds products of splines of `x` and of `y`.
     fn products(&mut self, first: usize, (nx, x): (usize, f64), (ny, y): (usize, f64)) -> usize {
         let ((ax, vx), (ay, vy)) = (spline(nx, x), spline(ny, y));
-        for (i, a) in vx.iter().enumerate() {
-            for (j, b) in vy.iter().enumerate() {
-                self.push(first + (ax + i) * ny + ay + j, a * b);
-            }
+        for (i, a) in vx.into_iter().enumerate() {
+            self.push(first + (ax + i) * ny + ay, vy.map(|b| a * b));
         }
         first + nx * ny
+    }
+
+    /// Adds value · value to the lower triangle of a matrix of rows of `n`.
+    fn add_products(&self, n: usize, matrix: &mut [f64]) {
+        if let Some(constant) = self.constant {
+            matrix[constant * n + constant] += 1.0;
+        }
+        for (number, &(row, a)) in self.runs().iter().enumerate() {
+            for (i, a) in a.into_iter().enumerate() {
+                let row = &mut matrix[(row + i) * n..][..n];
+                if let Some(constant) = self.constant {
+                    row[constant] += a;
+                }
+                // Above the diagonal of the last run is what nobody reads.
+                for &(column, b) in &self.runs[..=number] {
+                    row[column..column + RUN].iter_mut().zip(b).for_each(|(sum, b)| *sum += a * b);
+                }
+            }
+        }
+    }
+
+    /// Adds value · `x` to every column's sum.
+    fn add(&self, x: f64, sums: &mut [f64]) {
+        if let Some(constant) = self.constant {
+            sums[constant] += x;
+        }
+        for &(column, values) in self.runs() {
+            sums[column..column + RUN].iter_mut().zip(values).for_each(|(sum, value)| *sum += value * x);
+        }
+    }
+
+    /// Adds Σ value · coefficient, in the order of the columns, to a sum of each vector; coefficients by column and vector.
+    fn add_up(&self, coefficients: &[f64], sums: &mut [f64]) {
+        let vectors = sums.len();
+        let mut add = |column: usize, value: f64| {
+            let coefficients = &coefficients[column * vectors..][..vectors];
+            sums.iter_mut().zip(coefficients).for_each(|(sum, c)| *sum += value * c);
+        };
+        if let Some(constant) = self.constant {
+            add(constant, 1.0);
+        }
+        for &(column, values) in self.runs() {
+            values.into_iter().enumerate().for_each(|(i, value)| add(column + i, value));
+        }
     }
 }
 
@@ -193,9 +248,10 @@ fn spline(count: usize, x: f64) -> (usize, [f64; 4]) {
 
 impl Chart {
     /// The model of `kind` on the representatives of `shape`; `None` where it makes no sense.
-    pub(crate) fn new(kind: ChartKind, shape: &Shape, representatives: &[Representative]) -> Option<Self> {
+    pub(crate) fn new(kind: ChartKind, shape: &Shape, representatives: &Representatives) -> Option<Self> {
         let incoming = incoming(shape, kind)?;
-        let incoming = representatives.iter().map(|r| incoming.get(r.block).copied()).collect::<Option<Vec<_>>>()?;
+        let incoming = (0..representatives.len()).map(|k| incoming.get(representatives.block(k)).copied());
+        let incoming = incoming.collect::<Option<Vec<_>>>()?;
         let mesh = shape.mesh();
         let outgoing: Vec<Vector> = (0..mesh.len()).map(|i| mesh.centroid(i).xyz()).collect();
         let constants = if kind == ChartKind::Zonal || incoming.len() > MOST_CONSTANTS { 0 } else { incoming.len() };
@@ -230,7 +286,7 @@ impl Chart {
 
     /// Fills in the columns of a row; returns how many columns there are.
     fn row(&self, block: usize, leaf: usize, entries: &mut Entries) -> usize {
-        entries.length = 0;
+        entries.clear();
         let wi = self.incoming[block];
         let mut wo = self.outgoing[leaf];
         let angle = ((1.0 - dot(wi, wo)).max(0.0) / 2.0).sqrt();
@@ -246,9 +302,7 @@ impl Chart {
         let difference = (1.0 - dot(wi, h)).max(0.0).sqrt();
         let height = wo[2].sqrt();
         let mut next = self.constants;
-        if block < self.constants {
-            entries.push(block, 1.0);
-        }
+        entries.constant = (block < self.constants).then_some(block);
         if self.kind == ChartKind::Isotropic {
             let peak = to_normal.sqrt();
             next = entries.splines(next, 14, peak);
@@ -269,9 +323,12 @@ impl Chart {
         let columns = planar - next;
         let centred = difference - 0.5;
         for at in first..entries.length {
-            let (column, value) = entries.all[at];
-            entries.push(column + columns, value * centred);
-            entries.push(column + 2 * columns, value * centred * centred);
+            let (column, values) = entries.runs[at];
+            entries.push(column + columns, values.map(|value| value * centred));
+        }
+        for at in first..first + RUN {
+            let (column, values) = entries.runs[at];
+            entries.push(column + 2 * columns, values.map(|value| value * centred * centred));
         }
         planar + 2 * columns
     }
@@ -290,12 +347,7 @@ impl Chart {
         let mut entries = Entries::new();
         for at in (0..self.rows()).step_by(stride) {
             self.row(at / self.outgoing.len(), at % self.outgoing.len(), &mut entries);
-            for &(i, a) in entries.get() {
-                let row = &mut gram[i * n..][..n];
-                for &(j, b) in entries.get() {
-                    row[j] += a * b;
-                }
-            }
+            entries.add_products(n, &mut gram);
         }
         for entry in &mut gram {
             *entry *= stride as f64;
@@ -317,9 +369,7 @@ impl Chart {
                     self.row(block, leaf, &mut entries);
                     for (plane, sums) in planes.chunks_exact(leaves).zip(sums.chunks_exact_mut(n)) {
                         let x = f64::from(plane[leaf]) * stride as f64;
-                        for &(column, value) in entries.get() {
-                            sums[column] += value * x;
-                        }
+                        entries.add(x, sums);
                     }
                 }
                 sums
@@ -351,13 +401,18 @@ impl Chart {
     ) -> Vec<f32> {
         let (n, leaves) = (self.columns, self.outgoing.len());
         coefficients.chunks_exact_mut(n).for_each(|c| self.factor.solve_transposed(c));
+        let by_column: Vec<f64> =
+            (0..n).flat_map(|column| coefficients.iter().skip(column).step_by(n).copied()).collect();
         let mut planes = vec![0.0; representatives.len() * leaves * vectors];
         planes.par_chunks_mut(vectors * leaves).enumerate().for_each(|(block, planes)| {
             let mut entries = Entries::new();
+            let mut sums = vec![0.0; vectors];
             for leaf in 0..leaves {
                 self.row(representatives.start + block, leaf, &mut entries);
-                for (plane, c) in planes.chunks_exact_mut(leaves).zip(coefficients.chunks_exact(n)) {
-                    plane[leaf] = entries.get().iter().map(|&(column, value)| value * c[column]).sum::<f64>() as f32;
+                sums.fill(0.0);
+                entries.add_up(&by_column, &mut sums);
+                for (plane, &sum) in planes.chunks_exact_mut(leaves).zip(&sums) {
+                    plane[leaf] = sum as f32;
                 }
             }
         });

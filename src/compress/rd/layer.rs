@@ -3,6 +3,7 @@
 use super::super::SpectralBasis;
 use super::super::rows::{clear_uncoded, coding_order};
 use super::super::scales::Scales;
+use super::super::values::Values;
 use crate::codec::{ChunkKind, Class, Encoder, Payload, Rows, code_coefficients};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan, PlanError, SphereBasis, Weights};
@@ -34,6 +35,11 @@ impl Fineness {
 pub(crate) trait FirstLayer {
     /// What a decoder has at `fineness`, into `logs`.
     fn approximate(&self, fineness: Fineness, logs: &mut [f32]);
+    /// The same, made magnitudes of samples.
+    fn magnitudes(&self, fineness: Fineness, values: Values, magnitudes: &mut [f32]) {
+        self.approximate(fineness, magnitudes);
+        values.finish(magnitudes);
+    }
     /// The chunks at `fineness`, in the order of a file.
     fn chunks(&self, fineness: Fineness) -> Vec<(ChunkKind, Vec<u8>)>;
     /// Coefficients that are not 0 at `fineness`.

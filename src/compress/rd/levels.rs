@@ -5,7 +5,8 @@
 //!
 //! ```text
 //! levels   for each level of the last triangle axis below its own, coarse first:
-//!            varint  how many bytes of what follows the levels it needs, less those of the level before
+//!            varint  how many bytes of what follows the levels it needs, no more than there are, less those of the level
+//!                    before
 //!            u8 k    er(L2) of the level, rounded up to 2^((k − 140) / 8); 0 is 0, 255 more
 //!          a first varint 0 ends the index: there are no coarser levels, because every block is decoded by itself;
 //!          then, if there are such levels: varint length, range-coded steps of the brightness: for each of these levels and
@@ -59,8 +60,9 @@ impl LevelEntry {
 }
 
 impl<'a> LevelIndex<'a> {
-    /// Reads the index of a pyramid of `levels` levels.
-    pub(crate) fn read(r: &mut Reader<'a>, levels: u8) -> Result<Self, CodecError> {
+    /// Reads the index of a pyramid of `levels` levels, at the start of a payload of `length` bytes.
+    pub(crate) fn read(r: &mut Reader<'a>, levels: u8, length: usize) -> Result<Self, CodecError> {
+        let start = r.offset();
         let mut entries: Vec<LevelEntry> = Vec::new();
         for _ in 0..levels {
             let before = entries.last().map_or(0, |entry| entry.end);
@@ -72,8 +74,15 @@ impl<'a> LevelIndex<'a> {
             let error = r.u8("error of a level")?;
             entries.push(LevelEntry { end: before.saturating_add(more), error });
         }
-        let length = if levels > 0 { r.size(usize::MAX >> 1, "bytes of the brightness")? } else { 0 };
-        Ok(Self { entries, brightness: r.take(length, "brightness of the levels")? })
+        let brightness = if levels > 0 { r.size(usize::MAX >> 1, "bytes of the brightness")? } else { 0 };
+        let brightness = r.take(brightness, "brightness of the levels")?;
+        let behind = length.saturating_sub(r.offset() - start);
+        match entries.last() {
+            Some(last) if last.end > behind => {
+                Err(r.malformed(format!("the levels need {} bytes, but {behind} follow", last.end)))
+            }
+            _ => Ok(Self { entries, brightness }),
+        }
     }
 
     fn write(&self) -> Vec<u8> {
@@ -134,7 +143,8 @@ pub(crate) fn insert(parts: &mut Parts, measurement: &Measurement) -> Result<(),
         let here: Vec<i32> = wanted.iter().zip(&found).map(|(&wanted, &found)| step_of(wanted, found)).collect();
         grid.brighten(&here, &orbits, &mut decoded);
         let errors = ErrorReport::measure(&original, &decoded, f64::from(header.floor));
-        index.entries.push(LevelEntry { end, error: error_code(errors.er_l2) });
+        // What a decoder reads beyond the end are zeros, which are not there.
+        index.entries.push(LevelEntry { end: end.min(coded.len()), error: error_code(errors.er_l2) });
         steps.extend(here);
     }
     let mut brightness = Vec::new();
@@ -199,8 +209,9 @@ fn averages_at(
     chunks: (Option<&[u8]>, &[u8]),
     level: u8,
 ) -> Result<(Vec<f32>, usize), CodecError> {
-    let (mut samples, end) = predictive::decode(&header.axes, classes, header.step, chunks, usize::from(level))?;
-    header.values().finish(&mut samples);
+    let finish = Some(header.values());
+    let (mut samples, end) =
+        predictive::decode(&header.axes, classes, header.step, chunks, usize::from(level), finish)?;
     if let Some(classes) = classes {
         apply_classes(classes, &mut samples);
     }
@@ -340,9 +351,11 @@ mod tests {
         let index = LevelIndex { entries, brightness: &[1, 2, 3] };
         let bytes = index.write();
         assert_eq!(bytes.len(), 1 + 1 + 2 + 1 + 1 + 3);
-        assert_eq!(LevelIndex::read(&mut Reader::new(&bytes, 0), 2).unwrap(), index);
+        let read = |bytes, length| LevelIndex::read(&mut Reader::new(bytes, 0), 2, length).map(|read| read == index);
+        assert_eq!(read(&bytes, bytes.len() + 200).ok(), Some(true));
+        assert!(matches!(read(&bytes, bytes.len() + 199), Err(CodecError::Malformed { .. })));
         for end in 0..bytes.len() {
-            assert!(LevelIndex::read(&mut Reader::new(&bytes[..end], 0), 2).is_err());
+            assert!(read(&bytes[..end], bytes.len() + 200).is_err());
         }
         assert!(LevelIndex { entries: Vec::new(), brightness: &[] }.write().is_empty());
     }

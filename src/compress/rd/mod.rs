@@ -6,11 +6,13 @@
 
 pub(crate) mod adaptive;
 mod chart;
+mod folding;
 mod layer;
 pub(crate) mod levels;
 mod metric;
 pub(crate) mod predictive;
 mod pyramid;
+pub(crate) mod shape;
 mod spectrum;
 mod streams;
 mod symmetry;
@@ -31,8 +33,9 @@ use adaptive::AdaptiveLayer;
 use chart::ChartKind;
 use layer::{Fineness, FirstLayer, FixedLayer};
 use metric::Trial;
-use predictive::{Folded, PredictiveLayer, Shape};
+use predictive::{Folded, PredictiveLayer};
 use rayon::prelude::*;
+use shape::Shape;
 use std::sync::Arc;
 
 /// Entries of an index axis that the data's own basis is tried on.
@@ -172,7 +175,7 @@ fn predicted(
         Target::Auto => noise.map_or(0.05, |noise| 1.05 * noise),
         _ => 0.05,
     };
-    let found = predictive::symmetries(shape, values, classes, tolerance);
+    let found = symmetry::symmetries(shape, values, classes, tolerance);
     let mut schemes = Vec::new();
     let mut groups = vec![found.generators.as_slice()];
     // Well within the error that is allowed, a symmetry is always worth its while.
@@ -207,6 +210,8 @@ fn best_of<'a>(
     let by_error = matches!(target, Target::Ratio(_) | Target::Bytes(_) | Target::Auto);
     let mut ranking: Vec<Ranked> = Vec::new();
     let mut best: Option<(f64, &Scheme, Option<Steps>)> = None;
+    // The best candidate itself, where it holds little of its own.
+    let mut best_work = None;
     let mut shared = None;
     let mut decoded = Vec::new();
     for (i, scheme) in schemes.iter().enumerate() {
@@ -248,11 +253,12 @@ fn best_of<'a>(
         let score = errors.map_or(bytes as f64, |(_, score)| score);
         if best.is_none_or(|(least, _, _)| score < least) {
             best = Some((score, scheme, own));
+            best_work = candidate.layer.is_predicted().then_some(candidate);
         }
         progress.step(0.05 + 0.5 * (i + 1) as f64 / schemes.len() as f64)?;
     }
     let Some((_, scheme, steps)) = best else { return Err(CompressError::Setting("no basis to try".to_owned())) };
-    let chosen = work(scheme)?;
+    let chosen = best_work.map_or_else(|| work(scheme), Ok)?;
     let steps = steps.map_or_else(|| chosen.find_steps(progress), Ok)?;
     let steps = chosen.refined(steps, progress)?;
     let score = |ranked: &Ranked| ranked.er_l2.unwrap_or(ranked.bytes as f64);
@@ -373,8 +379,7 @@ impl<'a> Work<'a> {
             }
             Target::ErL1(_) | Target::RelativeRmse(_) | Target::DeltaE(_) => {
                 let magnitudes = |step: f32, decoded: &mut [f32]| {
-                    self.approximate(Fineness::of(step), decoded);
-                    self.plane.values.finish(decoded);
+                    self.magnitudes(Fineness::of(step), decoded);
                 };
                 let classes = self.plane.coded.map(|_| self.plane.classes);
                 let trial = Trial {
@@ -387,6 +392,7 @@ impl<'a> Work<'a> {
                 let step = trial.largest_step(self.settings.target, progress)?;
                 plain(step, "the target is below what float32 logarithms hold: ask for a larger error or lossless")
             }
+            Target::Step(step) => Ok(Steps::of(step)),
             Target::Auto => self.find_truth(progress),
             Target::Ratio(ratio) => {
                 let most = self.original().len() as f64 / ratio;
@@ -459,6 +465,15 @@ impl<'a> Work<'a> {
         }
     }
 
+    /// The same as magnitudes of samples.
+    fn magnitudes(&self, fineness: Fineness, values: &mut [f32]) {
+        if self.light.is_none() {
+            return self.layer.magnitudes(fineness, self.plane.values, values);
+        }
+        self.approximate(fineness, values);
+        self.plane.values.finish(values);
+    }
+
     /// The corrections of the light of `values`.
     fn light_steps(&self, light: &Light, step: f32, values: &[f32]) -> Vec<i32> {
         let mut samples = values.to_vec();
@@ -490,8 +505,7 @@ impl<'a> Work<'a> {
         if progress.is_cancelled() {
             return Err(Cancelled.into());
         }
-        self.approximate(fineness, decoded);
-        self.plane.values.finish(decoded);
+        self.magnitudes(fineness, decoded);
         if self.plane.coded.is_none() {
             return Ok(ErrorReport::measure(self.original(), decoded, f64::from(self.floor)).er_l2);
         }
@@ -592,6 +606,8 @@ impl<'a> Work<'a> {
             transforms: self.layer.transforms().to_vec(),
             klt: self.layer.basis() == SpectralBasis::Klt,
             predicted: self.layer.is_predicted(),
+            // Known when the file is put together.
+            pyramid_length: 0,
             linear: self.plane.values.is_linear(),
             step: steps.first.step,
             light_step: self.light.as_ref().map_or(0.0, |(_, step)| *step),

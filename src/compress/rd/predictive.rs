@@ -18,101 +18,23 @@ mod decode;
 pub(crate) use decode::{decode, decode_block, is_random};
 
 use super::super::SpectralBasis;
+use super::super::values::Values;
 use super::chart::{Chart, ChartKind};
+use super::folding::{fold_rows, live_leaves, spectra, synthesise, transposed};
 use super::layer::{Fineness, FirstLayer};
 use super::pyramid::Pyramid;
+use super::shape::Shape;
 use super::spectrum::{Basis, components};
 use super::streams::Streams;
-use super::symmetry::{Group, Member, Representative};
+use super::symmetry::{Group, Representatives};
 use crate::codec::{ChunkKind, Class, CodecError, Encoder, Reader, Writer};
-use crate::domain::{Axis, Symmetry, TriangleMesh};
+use crate::domain::{Axis, Symmetry};
 use crate::transform::{AxisTransform, Klt};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Samples of the spectra whose principal components are found, at most.
 const ANALYSED: usize = 1 << 23;
-/// Rows compared with their images when symmetries are looked for.
-const MOST_COMPARED: usize = 1 << 15;
-
-/// How a tensor is seen as planes: blocks of all other axes, leaves of the last triangle axis, rows of the last axis.
-#[derive(Clone, Debug)]
-pub(crate) struct Shape {
-    axes: Vec<Axis>,
-    mesh: TriangleMesh,
-    /// The axes of the blocks.
-    block_axes: Vec<Axis>,
-    /// Blocks of axes after the triangles.
-    inner: usize,
-    /// Samples of a row; 1 if the triangles are the last axis.
-    length: usize,
-}
-
-impl Shape {
-    /// `None` where there are no triangles.
-    pub(crate) fn of(axes: &[Axis]) -> Option<Self> {
-        let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_)))?;
-        let Axis::Triangles(mesh) = axes[at] else { return None };
-        let last = axes.len() - 1;
-        let spectral = at < last;
-        let between = &axes[at + 1..if spectral { last } else { at + 1 }];
-        let block_axes = axes[..at].iter().chain(between).cloned().collect();
-        Some(Self {
-            axes: axes.to_vec(),
-            mesh,
-            block_axes,
-            inner: between.iter().map(Axis::len).product(),
-            length: if spectral { axes[last].len() } else { 1 },
-        })
-    }
-
-    pub(super) fn mesh(&self) -> TriangleMesh {
-        self.mesh
-    }
-
-    pub(crate) fn block_axes(&self) -> &[Axis] {
-        &self.block_axes
-    }
-
-    /// Whether a model of `kind` makes sense.
-    pub(super) fn has_chart(&self, kind: ChartKind) -> bool {
-        super::chart::incoming(self, kind).is_some()
-    }
-
-    fn blocks(&self) -> usize {
-        self.block_axes.iter().map(Axis::len).product()
-    }
-
-    fn rows(&self) -> usize {
-        self.blocks() * self.mesh.len()
-    }
-
-    /// The row of leaf `leaf` in block `block`.
-    fn row(&self, block: usize, leaf: usize) -> usize {
-        ((block / self.inner) * self.mesh.len() + leaf) * self.inner + block % self.inner
-    }
-
-    fn group(&self, generators: &[Symmetry]) -> Option<Group> {
-        Group::new(&closure(generators), &self.block_axes, self.mesh)
-    }
-}
-
-/// All products of the generators, in the order of the domain's symmetries.
-fn closure(generators: &[Symmetry]) -> Vec<Symmetry> {
-    let mut all = vec![Symmetry::IDENTITY];
-    let mut next = 0;
-    while next < all.len() {
-        for generator in generators {
-            let product = generator.after(all[next]);
-            if !all.contains(&product) {
-                all.push(product);
-            }
-        }
-        next += 1;
-    }
-    all.sort();
-    all
-}
 
 /// Rows folded by a group of symmetries, and their principal components: what every model starts from.
 pub(crate) struct Folded {
@@ -120,7 +42,7 @@ pub(crate) struct Folded {
     /// As they are written.
     generators: u64,
     group: Group,
-    representatives: Vec<Representative>,
+    representatives: Representatives,
     pyramid: Pyramid,
     /// Of rows longer than one sample.
     klt: Option<Klt>,
@@ -135,15 +57,16 @@ impl Folded {
         logs: &[f32],
         generators: &[Symmetry],
     ) -> Result<Self, String> {
-        let group = shape.group(generators).ok_or("a symmetry of another domain")?;
+        let group = Group::of(shape, generators).ok_or("a symmetry of another domain")?;
         let representatives = group.representatives();
         let rows = fold_rows(shape, &group, &representatives, logs);
-        let live = live_leaves(shape, &group, &representatives, classes);
-        let klt = (shape.length > 1).then(|| {
-            let spectra = spectra(shape, &group, &representatives, &rows, live.as_deref());
-            components(&spectra, shape.length)
+        let all = 0..representatives.len();
+        let live = live_leaves(shape, &group, &representatives, all.clone(), classes);
+        let klt = (shape.length() > 1).then(|| {
+            let spectra = spectra(shape, &group, &representatives, &rows, (live.as_deref(), ANALYSED));
+            components(&spectra, shape.length())
         });
-        let pyramid = Pyramid::new(shape.mesh, &group, &representatives, live.as_deref());
+        let pyramid = Pyramid::new(shape.mesh(), &group, &representatives, all, live.as_deref());
         let klt = klt.transpose()?;
         Ok(Self {
             shape: shape.clone(),
@@ -192,7 +115,7 @@ impl PredictiveLayer {
             }
             None => None,
         };
-        let transforms = vec![AxisTransform::Identity; folded.shape.axes.len()];
+        let transforms = vec![AxisTransform::Identity; folded.shape.axes().len()];
         Ok(Self { folded, transforms, chart, random, last: Mutex::new(None) })
     }
 
@@ -210,16 +133,16 @@ impl PredictiveLayer {
 
     fn code(&self, fineness: Fineness) -> Coded {
         let folded = &*self.folded;
-        let (step, leaves) = (fineness.step, folded.shape.mesh.len());
+        let (step, leaves) = (fineness.step, folded.shape.leaves());
         let mut chunks = Vec::new();
         let basis = folded.klt.as_ref().map(|klt| {
-            let (basis, chunk) = Basis::encode(klt, &folded.shape.axes, folded.shape.rows(), fineness);
+            let (basis, chunk) = Basis::encode(klt, folded.shape.axes(), folded.shape.rows(), fineness);
             chunks.push((ChunkKind::Basis, chunk));
             basis
         });
         let vectors = basis.as_ref().map_or(1, Basis::rank);
         let coefficients = basis.as_ref().map_or_else(|| folded.rows.clone(), |basis| basis.analyse(&folded.rows));
-        let mut planes = transposed(&coefficients, leaves, vectors);
+        let mut planes = transposed(&coefficients, leaves, vectors).into_owned();
         let mut encoder = Encoder::default();
         // The basis itself is part of what is kept.
         let mut kept = basis.as_ref().map_or(0, |basis| basis.entries() as u64);
@@ -254,11 +177,21 @@ impl PredictiveLayer {
     }
 }
 
+impl PredictiveLayer {
+    fn synthesise(&self, fineness: Fineness, finish: Option<Values>, logs: &mut [f32]) {
+        let coded = self.coded(fineness);
+        let Folded { shape, group, representatives, .. } = &*self.folded;
+        synthesise(shape, group, representatives, (coded.basis.as_ref(), &coded.planes), finish, logs);
+    }
+}
+
 impl FirstLayer for PredictiveLayer {
     fn approximate(&self, fineness: Fineness, logs: &mut [f32]) {
-        let coded = self.coded(fineness);
-        let folded = &*self.folded;
-        synthesise(&folded.shape, &folded.group, &folded.representatives, coded.basis.as_ref(), &coded.planes, logs);
+        self.synthesise(fineness, None, logs);
+    }
+
+    fn magnitudes(&self, fineness: Fineness, values: Values, magnitudes: &mut [f32]) {
+        self.synthesise(fineness, Some(values), magnitudes);
     }
 
     fn chunks(&self, fineness: Fineness) -> Vec<(ChunkKind, Vec<u8>)> {
@@ -309,34 +242,29 @@ fn code_blocks(pyramid: &Pyramid, (step, vectors): (f32, usize), planes: &[f32])
 pub(crate) fn orbits(axes: &[Axis], coded: &[u8]) -> Result<Vec<u32>, CodecError> {
     let no_triangles = || CodecError::Malformed { at: 0, reason: "a pyramid without a triangle axis".to_owned() };
     let shape = Shape::of(axes).ok_or_else(no_triangles)?;
-    let group = Plan::read(&shape, &mut Reader::new(coded, 0))?.group;
-    let mut orbits = vec![0; shape.blocks()];
-    for (i, representative) in group.representatives().iter().enumerate() {
-        for member in group.members() {
-            orbits[member.blocks[representative.block] as usize] = i as u32;
-        }
-    }
-    Ok(orbits)
+    let group = Opening::read(&shape, &mut Reader::new(coded, 0))?.group;
+    let by_block = group.representatives().by_block(&group, shape.blocks());
+    Ok(by_block.into_iter().map(|(k, _)| k).collect())
 }
 
 /// Generators as one number; none is 0.
 fn number_of(shape: &Shape, generators: &[Symmetry]) -> u64 {
-    let known = Symmetry::of(shape.mesh.domain());
+    let known = Symmetry::of(shape.mesh().domain());
     let digits = generators.iter().rev().filter_map(|g| known.iter().position(|k| k == g));
     digits.fold(0, |number, digit| number * (known.len() as u64 + 1) + digit as u64 + 1)
 }
 
 /// What a pyramid's first number says.
-struct Plan {
+struct Opening {
     model: Option<ChartKind>,
     alone: bool,
     random: bool,
     group: Group,
 }
 
-impl Plan {
+impl Opening {
     fn read(shape: &Shape, r: &mut Reader<'_>) -> Result<Self, CodecError> {
-        let known = Symmetry::of(shape.mesh.domain());
+        let known = Symmetry::of(shape.mesh().domain());
         let base = known.len() as u64 + 1;
         let first = r.varint("model and symmetries")?;
         let mut number = first >> 4;
@@ -346,200 +274,8 @@ impl Plan {
             generators.push(digit.ok_or_else(|| r.malformed("symmetries with a digit 0"))?);
             number /= base;
         }
-        let group = shape.group(&generators).ok_or_else(|| r.malformed("a symmetry of another domain"))?;
+        let group = Group::of(shape, &generators).ok_or_else(|| r.malformed("a symmetry of another domain"))?;
         let (alone, random) = (first >> 2 & 1 == 1, first >> 3 & 1 == 1);
         Ok(Self { model: ChartKind::from_code((first & 3) as u8), alone, random, group })
     }
-}
-
-/// Planes `[representatives, vectors, leaves]` to logarithms.
-fn synthesise(
-    shape: &Shape,
-    group: &Group,
-    representatives: &[Representative],
-    basis: Option<&Basis>,
-    planes: &[f32],
-    logs: &mut [f32],
-) {
-    let vectors = basis.map_or(1, Basis::rank);
-    let rows = transposed(planes, vectors, shape.mesh.len());
-    let mut all = vec![0.0; shape.rows() * vectors];
-    unfold_rows(shape, group, representatives, vectors, &rows, &mut all);
-    match basis {
-        Some(basis) => basis.synthesise(&all, logs),
-        None => logs.copy_from_slice(&all),
-    }
-}
-
-/// Blocks of `rows × columns` turned into `columns × rows`.
-fn transposed(values: &[f32], rows: usize, columns: usize) -> Vec<f32> {
-    if columns == 1 || rows == 1 {
-        return values.to_vec();
-    }
-    let mut turned = vec![0.0; values.len()];
-    let block = rows * columns;
-    turned.par_chunks_mut(block).zip(values.par_chunks(block)).for_each(|(turned, values)| {
-        for (i, row) in values.chunks_exact(columns).enumerate() {
-            for (j, &value) in row.iter().enumerate() {
-                turned[j * rows + i] = value;
-            }
-        }
-    });
-    turned
-}
-
-/// The means of rows over orbits: `[representatives, leaves, length]`.
-fn fold_rows(shape: &Shape, group: &Group, representatives: &[Representative], logs: &[f32]) -> Vec<f32> {
-    let (n, leaves) = (shape.length, shape.mesh.len());
-    let mut folded = vec![0.0; representatives.len() * leaves * n];
-    let share = 1.0 / group.members().len() as f64;
-    folded.par_chunks_mut(leaves * n).zip(representatives).for_each(|(block, representative)| {
-        let mut sums = vec![0.0_f64; n];
-        for (leaf, target) in block.chunks_exact_mut(n).enumerate() {
-            sums.fill(0.0);
-            for member in group.members() {
-                let row = shape.row(member.blocks[representative.block] as usize, member.leaves[leaf] as usize);
-                sums.iter_mut().zip(&logs[row * n..][..n]).for_each(|(sum, &x)| *sum += f64::from(x));
-            }
-            target.iter_mut().zip(&sums).for_each(|(x, sum)| *x = (sum * share) as f32);
-        }
-    });
-    folded
-}
-
-/// Rows of `width` from `[representatives, leaves, width]` to every place they stand for.
-fn unfold_rows(
-    shape: &Shape,
-    group: &Group,
-    representatives: &[Representative],
-    width: usize,
-    folded: &[f32],
-    all: &mut [f32],
-) {
-    let leaves = shape.mesh.len();
-    for (representative, block) in representatives.iter().zip(folded.chunks_exact(leaves * width)) {
-        for member in group.members() {
-            let target = member.blocks[representative.block] as usize;
-            for (source, &leaf) in block.chunks_exact(width).zip(&member.leaves) {
-                let row = shape.row(target, leaf as usize);
-                all[row * width..][..width].copy_from_slice(source);
-            }
-        }
-    }
-}
-
-/// The rows whose principal components are wanted: each as often as it stands for, none without a sample of its own,
-/// because what fills it is no spectrum, and every so many of very many.
-fn spectra(
-    shape: &Shape,
-    group: &Group,
-    representatives: &[Representative],
-    rows: &[f32],
-    live: Option<&[bool]>,
-) -> Vec<f32> {
-    let (n, leaves) = (shape.length, shape.mesh.len());
-    // Odd, so that all places among siblings have their turn.
-    let stride = (shape.rows() * n).div_ceil(ANALYSED) | 1;
-    let mut spectra = Vec::new();
-    for (k, representative) in representatives.iter().enumerate() {
-        let times = group.members().len() / representative.stabiliser.len();
-        for leaf in (k * leaves..(k + 1) * leaves).step_by(stride) {
-            if live.is_none_or(|live| live[leaf]) {
-                for _ in 0..times {
-                    spectra.extend_from_slice(&rows[leaf * n..][..n]);
-                }
-            }
-        }
-    }
-    if spectra.is_empty() { rows[..n].to_vec() } else { spectra }
-}
-
-/// By representative and leaf: whether any sample that it stands for has a logarithm; `None` if all have.
-fn live_leaves(
-    shape: &Shape,
-    group: &Group,
-    representatives: &[Representative],
-    classes: Option<&[Class]>,
-) -> Option<Vec<bool>> {
-    let classes = classes?;
-    let is_live = |class: &Class| matches!(class, Class::Positive | Class::Negative);
-    let rows: Vec<bool> = classes.chunks_exact(shape.length).map(|row| row.iter().any(is_live)).collect();
-    if rows.iter().all(|&live| live) {
-        return None;
-    }
-    let mut live = Vec::with_capacity(representatives.len() * shape.mesh.len());
-    for representative in representatives {
-        for leaf in 0..shape.mesh.len() {
-            live.push(group.members().iter().any(|member| {
-                rows[shape.row(member.blocks[representative.block] as usize, member.leaves[leaf] as usize)]
-            }));
-        }
-    }
-    Some(live)
-}
-
-/// Symmetries that hold.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Found {
-    /// Generators of their group.
-    pub(crate) generators: Vec<Symmetry>,
-    /// Members of their group.
-    pub(crate) order: usize,
-    /// The largest deviation under a generator.
-    pub(crate) deviation: f64,
-}
-
-/// The largest group found under which the logarithms differ by at most `tolerance`, root mean square.
-///
-/// The deviation is that of one entry from its orbit's mean if entries differed by independent noise.
-pub(crate) fn symmetries(shape: &Shape, logs: &[f32], classes: Option<&[Class]>, tolerance: f64) -> Found {
-    let mut accepted: Vec<(f64, Symmetry)> = Symmetry::of(shape.mesh.domain())
-        .into_par_iter()
-        .filter(|&s| s != Symmetry::IDENTITY)
-        .filter_map(|symmetry| {
-            let group = Group::new(&[symmetry], &shape.block_axes, shape.mesh)?;
-            let deviation = deviation(shape, &group.members()[0], logs, classes);
-            (deviation <= tolerance).then_some((deviation, symmetry))
-        })
-        .collect();
-    accepted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let mut generators: Vec<Symmetry> = Vec::new();
-    let mut largest = 0.0;
-    for &(deviation, symmetry) in &accepted {
-        if closure(&generators).contains(&symmetry) {
-            continue;
-        }
-        generators.push(symmetry);
-        let all = closure(&generators);
-        if all.iter().all(|s| *s == Symmetry::IDENTITY || accepted.iter().any(|(_, known)| known == s)) {
-            largest = deviation;
-        } else {
-            generators.pop();
-        }
-    }
-    Found { order: closure(&generators).len(), generators, deviation: largest }
-}
-
-/// Root mean square of the difference between rows and their images, divided by √2.
-fn deviation(shape: &Shape, member: &Member, logs: &[f32], classes: Option<&[Class]>) -> f64 {
-    let n = shape.length;
-    let stride = shape.rows().div_ceil(MOST_COMPARED);
-    let (mut sum, mut count) = (0.0_f64, 0_u64);
-    for at in (0..shape.rows()).step_by(stride) {
-        let (block, leaf) = (at / shape.mesh.len(), at % shape.mesh.len());
-        let own = shape.row(block, leaf) * n;
-        let other = shape.row(member.blocks[block] as usize, member.leaves[leaf] as usize) * n;
-        if own == other {
-            continue;
-        }
-        for k in 0..n {
-            let live = |at: usize| classes.is_none_or(|c| matches!(c[at], Class::Positive | Class::Negative));
-            if live(own + k) && live(other + k) {
-                let difference = f64::from(logs[own + k]) - f64::from(logs[other + k]);
-                sum += difference * difference;
-                count += 1;
-            }
-        }
-    }
-    if count == 0 { f64::INFINITY } else { (sum / count as f64 / 2.0).sqrt() }
 }

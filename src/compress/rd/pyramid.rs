@@ -4,7 +4,7 @@
 //! error of a mean is an error of all its leaves, hence its step is the leaves' divided by the root of their number.
 
 use super::super::scales::{LARGEST, integer_of, steps_of};
-use super::symmetry::{Group, Representative};
+use super::symmetry::{Group, Representatives};
 use crate::codec::{BitCoder, DetailCoder, Surroundings};
 use crate::domain::TriangleMesh;
 use crate::transform::{Householder, Prediction};
@@ -19,11 +19,11 @@ pub(crate) struct Pyramid {
     bases: usize,
     predictions: Vec<Prediction>,
     /// By representative: its number in `folds`.
-    fold_of: Vec<usize>,
-    /// By stabiliser, by level.
+    fold_of: Vec<u8>,
+    /// By stabiliser, by level; nothing where no representative has it.
     folds: Vec<Vec<LevelFold>>,
-    /// By representative, by level: how the live children of a node are told apart; empty if all are live.
-    live: Vec<Vec<Vec<u8>>>,
+    /// By level, by representative and node: which children are live, as bits; empty if all are.
+    live: Vec<Vec<u8>>,
     householders: [Householder; 3],
 }
 
@@ -37,34 +37,34 @@ struct LevelFold {
 }
 
 impl Pyramid {
+    /// The pyramids of some representatives; `live` by these and leaf.
     pub(crate) fn new(
         mesh: TriangleMesh,
         group: &Group,
-        representatives: &[Representative],
+        representatives: &Representatives,
+        range: Range<usize>,
         live: Option<&[bool]>,
     ) -> Self {
-        let mut folds: Vec<(Vec<usize>, Vec<LevelFold>)> = Vec::new();
-        let fold_of = representatives
-            .iter()
-            .map(|r| {
-                folds.iter().position(|(known, _)| *known == r.stabiliser).unwrap_or_else(|| {
-                    let moves = r.stabiliser.iter().map(|&m| group.members()[m].leaves.as_slice());
-                    folds.push((r.stabiliser.clone(), level_folds(mesh, &moves.collect::<Vec<_>>())));
-                    folds.len() - 1
-                })
-            })
-            .collect();
-        let live =
-            live.map_or_else(Vec::new, |live| live.chunks_exact(mesh.len()).map(|l| live_levels(mesh, l)).collect());
+        let fold_of = representatives.kinds()[range].to_vec();
+        let mut folds = vec![Vec::new(); representatives.stabilisers().len()];
+        for (kind, (fold, stabiliser)) in folds.iter_mut().zip(representatives.stabilisers()).enumerate() {
+            if fold_of.contains(&(kind as u8)) {
+                *fold = level_folds(mesh, group, &stabiliser.members);
+            }
+        }
         Self {
             levels: usize::from(mesh.level()),
             bases: mesh.bases(),
             predictions: Prediction::levels(mesh),
             fold_of,
-            folds: folds.into_iter().map(|(_, levels)| levels).collect(),
-            live,
+            folds,
+            live: live.map_or_else(Vec::new, |live| live_levels(mesh, live)),
             householders: [Householder::new(2), Householder::new(3), Householder::new(4)],
         }
+    }
+
+    fn fold(&self, representative: usize) -> &[LevelFold] {
+        &self.folds[usize::from(self.fold_of[representative])]
     }
 
     fn nodes(&self, level: usize) -> usize {
@@ -73,7 +73,7 @@ impl Pyramid {
 
     /// The live children of node `t` of a representative's plane, as bits.
     fn live(&self, representative: usize, level: usize, t: usize) -> u8 {
-        self.live.get(representative).map_or(15, |levels| levels[level][t])
+        self.live.get(level).map_or(15, |live| live[representative * self.nodes(level) + t])
     }
 
     /// The means of all levels of `planes`, those of representatives from `first` on, coarse first; dead children do not count.
@@ -164,7 +164,7 @@ impl Pyramid {
         let mut decoded = vec![0.0; planes * self.bases];
         for plane in 0..planes {
             let representative = representatives.start + plane / vectors;
-            let fold = self.folds[self.fold_of[representative]].first();
+            let fold = self.fold(representative).first();
             let mut last = 0;
             for root in 0..self.bases {
                 let at = plane * self.bases + root;
@@ -216,7 +216,7 @@ impl Plane<'_> {
         children: &mut [f32],
     ) -> u64 {
         let prediction = &self.pyramid.predictions[self.level];
-        let fold = &self.pyramid.folds[self.pyramid.fold_of[self.representative]][self.level];
+        let fold = &self.pyramid.fold(self.representative)[self.level];
         let mut kept = 0;
         for t in 0..self.means.len() {
             let own = fold.source[t] as usize;
@@ -313,46 +313,38 @@ fn live_first(live: u8) -> [usize; 4] {
     order
 }
 
-/// By level, by node: which children have a live leaf.
+/// By level, by plane and node: which children have a live leaf.
 fn live_levels(mesh: TriangleMesh, leaves: &[bool]) -> Vec<Vec<u8>> {
-    let mut levels = Vec::new();
-    let mut live = leaves.to_vec();
+    let mut levels: Vec<Vec<u8>> = Vec::new();
     for _ in 0..mesh.level() {
-        let nodes: Vec<u8> =
-            live.chunks_exact(4).map(|c| c.iter().enumerate().map(|(k, &live)| u8::from(live) << k).sum()).collect();
-        live = nodes.iter().map(|&bits| bits != 0).collect();
+        let bits =
+            |children: &mut dyn Iterator<Item = bool>| children.enumerate().map(|(k, live)| u8::from(live) << k).sum();
+        let nodes = match levels.last() {
+            None => leaves.chunks_exact(4).map(|c| bits(&mut c.iter().copied())).collect(),
+            Some(finer) => finer.chunks_exact(4).map(|c| bits(&mut c.iter().map(|&live| live != 0))).collect(),
+        };
         levels.push(nodes);
     }
     levels.reverse();
     levels
 }
 
-fn level_folds(mesh: TriangleMesh, moves: &[&[u32]]) -> Vec<LevelFold> {
-    let mut levels = Vec::new();
-    // The moves of the children of the nodes of a level, from the leaves up.
-    let mut children: Vec<Vec<u32>> = moves.iter().map(|m| m.to_vec()).collect();
-    for level in (0..usize::from(mesh.level())).rev() {
-        let nodes: Vec<Vec<u32>> =
-            children.iter().map(|moved| moved.iter().step_by(4).map(|&c| c / 4).collect()).collect();
+/// By level: what these members of a group make equal.
+fn level_folds(mesh: TriangleMesh, group: &Group, members: &[u8]) -> Vec<LevelFold> {
+    let level = |level: u8| {
         let count = mesh.bases() << (2 * level);
         let mut fold = LevelFold { source: (0..count as u32).collect(), children: vec![[0, 1, 2, 3]; count] };
-        for t in 0..count {
-            for (node, child) in nodes.iter().zip(&children) {
-                let to = node[t];
-                let moved: [u8; 4] = std::array::from_fn(|c| (child[4 * t + c] % 4) as u8);
-                if to < fold.source[t] {
-                    fold.source[t] = to;
-                    fold.children[t] = moved;
-                } else if to as usize == t && fold.source[t] as usize == t {
-                    for (first, also) in fold.children[t].iter_mut().zip(moved) {
-                        *first = (*first).min(also);
-                    }
+        for (t, (source, children)) in fold.source.iter_mut().zip(&mut fold.children).enumerate() {
+            for &m in members {
+                let (to, moved) = group.node(usize::from(m), level, t);
+                if to < *source as usize {
+                    (*source, *children) = (to as u32, moved);
+                } else if to == t && *source as usize == t {
+                    children.iter_mut().zip(moved).for_each(|(first, also)| *first = (*first).min(also));
                 }
             }
         }
-        levels.push(fold);
-        children = nodes;
-    }
-    levels.reverse();
-    levels
+        fold
+    };
+    (0..mesh.level()).map(level).collect()
 }

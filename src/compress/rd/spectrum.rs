@@ -13,7 +13,7 @@ use super::super::scales::Scales;
 use super::layer::Fineness;
 use crate::codec::{CodecError, Decoder, Encoder, Payload, Reader, Rows, Writer, code_coefficients};
 use crate::domain::Axis;
-use crate::transform::{AxisTransform, Klt, LineBasis, Plan};
+use crate::transform::{AxisTransform, Klt, LineBasis, Plan, take_away};
 use rayon::prelude::*;
 
 /// Vectors at most; spectra of one material are far fewer.
@@ -200,10 +200,7 @@ fn orthonormalise(vectors: &mut [Vec<f64>]) {
     for i in 0..vectors.len() {
         let (before, rest) = vectors.split_at_mut(i);
         let Some(vector) = rest.first_mut() else { return };
-        for other in before.iter() {
-            let product: f64 = vector.iter().zip(other).map(|(a, b)| a * b).sum();
-            vector.iter_mut().zip(other).for_each(|(a, b)| *a -= product * b);
-        }
+        take_away(vector, before);
         let size = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
         let scale = if size > 1e-6 { 1.0 / size } else { 0.0 };
         for x in vector.iter_mut() {

@@ -1,67 +1,312 @@
-//! The mesh symmetries of a tensor: which entries are equal but for noise, and which of them stand for all.
+//! The mesh symmetries of a tensor: where they move its entries, and which of these stand for all.
+//!
+//! Nothing here is larger than a few bytes for each block: where a triangle goes is computed, because a symmetry moves whole
+//! base triangles, and within each exchanges the corners of every triangle alike.
 
-use crate::domain::{Axis, Symmetry, TriangleMesh};
+mod search;
 
-/// Triangles of one axis moved together with those of another.
+pub(crate) use search::symmetries;
+
+use super::shape::Shape;
+use crate::domain::{Axis, Domain, Symmetry, TriangleMesh};
+
+/// The exchanges of a triangle's corners; its children 0, 1 and 2 go with them, child 3 stays.
+const EXCHANGES: [[u8; 4]; 6] = [[0, 1, 2, 3], [0, 2, 1, 3], [1, 0, 2, 3], [1, 2, 0, 3], [2, 0, 1, 3], [2, 1, 0, 3]];
+/// By exchange: four levels of children at once.
+const FOUR_LEVELS: [[u8; 256]; 6] = four_levels();
+
+const fn four_levels() -> [[u8; 256]; 6] {
+    let mut tables = [[0; 256]; 6];
+    let mut e = 0;
+    while e < 6 {
+        let mut path = 0;
+        while path < 256 {
+            let mut moved = 0;
+            let mut digit = 0;
+            while digit < 4 {
+                moved |= EXCHANGES[e][path >> (2 * digit) & 3] << (2 * digit);
+                digit += 1;
+            }
+            tables[e][path] = moved;
+            path += 1;
+        }
+        e += 1;
+    }
+    tables
+}
+
+/// Where a symmetry moves the triangles of a domain, at any level.
+#[derive(Clone, Debug)]
+struct Moves {
+    /// By base: the base it is moved to, and the number of the exchange of its corners.
+    bases: Vec<(u8, u8)>,
+}
+
+impl Moves {
+    /// `None` if the symmetry leaves the domain.
+    fn of(symmetry: Symmetry, domain: Domain) -> Option<Self> {
+        let children = symmetry.permutation(TriangleMesh::new(domain, 1)?)?;
+        let base = |four: &[u32]| {
+            let corners = EXCHANGES.iter().position(|e| e.iter().zip(four).all(|(&e, &to)| u32::from(e) == to % 4))?;
+            Some(((four[0] / 4) as u8, corners as u8))
+        };
+        Some(Self { bases: children.chunks_exact(4).map(base).collect::<Option<_>>()? })
+    }
+
+    /// The image of triangle `t` of the mesh of `level`, at most 8.
+    #[inline]
+    fn image(&self, level: u8, t: usize) -> usize {
+        let below = 2 * u32::from(level);
+        let (base, exchange) = self.bases[t >> below];
+        let table = &FOUR_LEVELS[usize::from(exchange)];
+        let moved = usize::from(table[t & 255]) | usize::from(table[t >> 8 & 255]) << 8;
+        usize::from(base) << below | moved & ((1 << below) - 1)
+    }
+
+    /// The numbers of the children of triangle `t` among those of its image.
+    fn children(&self, level: u8, t: usize) -> [u8; 4] {
+        EXCHANGES[usize::from(self.bases[t >> (2 * level)].1)]
+    }
+}
+
+/// A group of symmetries on blocks (all axes but the last triangles and the spectral one) and leaves; its members are
+/// numbered, the identity first.
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
-    /// The symmetries, the identity first.
-    members: Vec<Member>,
+    mesh: TriangleMesh,
+    /// By member.
+    leaves: Vec<Moves>,
+    blocks: Vec<BlockAxis>,
 }
 
-/// A symmetry and what it does to blocks (all axes before) and to leaves.
+/// An axis of the blocks.
 #[derive(Clone, Debug)]
-pub(crate) struct Member {
-    pub(crate) blocks: Vec<u32>,
-    pub(crate) leaves: Vec<u32>,
-}
-
-/// The blocks that are coded.
-#[derive(Clone, Debug)]
-pub(crate) struct Representative {
-    /// The block.
-    pub(crate) block: usize,
-    /// Its stabiliser: numbers of the members that leave it where it is.
-    pub(crate) stabiliser: Vec<usize>,
+struct BlockAxis {
+    length: usize,
+    /// Of triangles: their level, and by member where they go.
+    moves: Option<(u8, Vec<Moves>)>,
 }
 
 impl Group {
-    /// The group of `symmetries` on blocks of `axes` (all but the last triangles and the spectral one) and `mesh`.
-    pub(crate) fn new(symmetries: &[Symmetry], axes: &[Axis], mesh: TriangleMesh) -> Option<Self> {
-        let members = symmetries.iter().map(|&symmetry| Member::new(symmetry, axes, mesh)).collect::<Option<_>>()?;
-        Some(Self { members })
+    /// All products of `generators`, on the planes of `shape`; `None` if one of them leaves a domain.
+    pub(crate) fn of(shape: &Shape, generators: &[Symmetry]) -> Option<Self> {
+        Self::new(shape, &search::closure(generators))
     }
 
-    pub(crate) fn members(&self) -> &[Member] {
-        &self.members
+    fn new(shape: &Shape, symmetries: &[Symmetry]) -> Option<Self> {
+        let moves = |domain| symmetries.iter().map(|&s| Moves::of(s, domain)).collect::<Option<Vec<_>>>();
+        let axis = |axis: &Axis| {
+            let moves = match axis {
+                Axis::Triangles(mesh) => Some((mesh.level(), moves(mesh.domain())?)),
+                _ => None,
+            };
+            Some(BlockAxis { length: axis.len(), moves })
+        };
+        let blocks = shape.block_axes().iter().map(axis).collect::<Option<_>>()?;
+        Some(Self { mesh: shape.mesh(), leaves: moves(shape.mesh().domain())?, blocks })
+    }
+
+    /// How many members there are.
+    pub(crate) fn order(&self) -> usize {
+        self.leaves.len()
+    }
+
+    /// Whether any member moves a block.
+    fn moves_blocks(&self) -> bool {
+        self.order() > 1 && self.blocks.iter().any(|axis| axis.moves.is_some())
+    }
+
+    /// Where member `m` moves a block.
+    pub(crate) fn block(&self, m: usize, block: usize) -> usize {
+        if m == 0 {
+            return block;
+        }
+        let (mut rest, mut image, mut unit) = (block, 0, 1);
+        for axis in self.blocks.iter().rev() {
+            let own = rest % axis.length;
+            rest /= axis.length;
+            image += unit * axis.moves.as_ref().map_or(own, |(level, moves)| moves[m].image(*level, own));
+            unit *= axis.length;
+        }
+        image
+    }
+
+    /// Where member `m` moves a leaf.
+    #[inline]
+    pub(crate) fn leaf(&self, m: usize, leaf: usize) -> usize {
+        self.leaves[m].image(self.mesh.level(), leaf)
+    }
+
+    /// Where member `m` moves node `t` of a level of the leaves' pyramid, and the numbers of its children there.
+    pub(crate) fn node(&self, m: usize, level: u8, t: usize) -> (usize, [u8; 4]) {
+        (self.leaves[m].image(level, t), self.leaves[m].children(level, t))
     }
 
     /// One block of every orbit, the first, in order.
-    pub(crate) fn representatives(&self) -> Vec<Representative> {
-        let blocks = self.members[0].blocks.len();
-        (0..blocks)
-            .filter(|&block| self.members.iter().all(|member| member.blocks[block] as usize >= block))
-            .map(|block| Representative {
-                block,
-                stabiliser: (0..self.members.len())
-                    .filter(|&m| self.members[m].blocks[block] as usize == block)
-                    .collect(),
-            })
-            .collect()
+    pub(crate) fn representatives(&self) -> Representatives {
+        let blocks: usize = self.blocks.iter().map(|axis| axis.length).product();
+        if !self.moves_blocks() {
+            let stabilisers = vec![Stabiliser { members: (0..self.order() as u8).collect(), leaders: vec![0] }];
+            return Representatives { blocks: (0..blocks as u32).collect(), kinds: vec![0; blocks], stabilisers };
+        }
+        let mut found = Representatives { blocks: Vec::new(), kinds: Vec::new(), stabilisers: Vec::new() };
+        let mut images = vec![0; self.order()];
+        for block in 0..blocks {
+            // The number of members that were looked at before an image came first.
+            let mut known = 0;
+            while known < images.len() {
+                images[known] = self.block(known, block);
+                if images[known] < block {
+                    break;
+                }
+                known += 1;
+            }
+            if known == images.len() {
+                found.push(block, &images);
+            }
+        }
+        found
     }
 }
 
-impl Member {
-    fn new(symmetry: Symmetry, axes: &[Axis], mesh: TriangleMesh) -> Option<Self> {
-        let mut blocks = vec![0_u32];
-        for axis in axes {
-            let n = axis.len() as u32;
-            let moved = match axis {
-                Axis::Triangles(own) => symmetry.permutation(*own)?,
-                _ => (0..n).collect(),
-            };
-            blocks = blocks.iter().flat_map(|&outer| moved.iter().map(move |&i| outer * n + i)).collect();
+/// The blocks that are coded, numbered in ascending order.
+#[derive(Clone, Debug)]
+pub(crate) struct Representatives {
+    blocks: Vec<u32>,
+    /// By representative: the number of its stabiliser.
+    kinds: Vec<u8>,
+    stabilisers: Vec<Stabiliser>,
+}
+
+/// The members of a group that leave a block where it is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Stabiliser {
+    /// Their numbers.
+    pub(crate) members: Vec<u8>,
+    /// Of the group: the first member that moves the block to each place it is moved to.
+    pub(crate) leaders: Vec<u8>,
+}
+
+impl Representatives {
+    fn push(&mut self, block: usize, images: &[usize]) {
+        let is_member = |m: u8| images[usize::from(m)] == block;
+        let kind = self.stabilisers.iter().position(|known| {
+            let order = images.iter().filter(|&&image| image == block).count();
+            known.members.len() == order && known.members.iter().all(|&m| is_member(m))
+        });
+        let kind = kind.unwrap_or_else(|| {
+            let numbers = 0..images.len() as u8;
+            let is_leader = |&m: &u8| !images[..usize::from(m)].contains(&images[usize::from(m)]);
+            let leaders = numbers.clone().filter(is_leader).collect();
+            self.stabilisers.push(Stabiliser { members: numbers.filter(|&m| is_member(m)).collect(), leaders });
+            self.stabilisers.len() - 1
+        });
+        self.blocks.push(block as u32);
+        self.kinds.push(kind as u8);
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// The block of representative `k`.
+    pub(crate) fn block(&self, k: usize) -> usize {
+        self.blocks[k] as usize
+    }
+
+    /// By representative: the number of its stabiliser.
+    pub(crate) fn kinds(&self) -> &[u8] {
+        &self.kinds
+    }
+
+    /// All stabilisers there are.
+    pub(crate) fn stabilisers(&self) -> &[Stabiliser] {
+        &self.stabilisers
+    }
+
+    pub(crate) fn stabiliser(&self, k: usize) -> &Stabiliser {
+        &self.stabilisers[usize::from(self.kinds[k])]
+    }
+
+    /// The representative of a block, and the member that moves it there.
+    pub(crate) fn of_block(&self, group: &Group, block: usize) -> Option<(usize, usize)> {
+        let first = (0..group.order()).map(|m| group.block(m, block)).min()?;
+        let k = self.blocks.binary_search(&(first as u32)).ok()?;
+        let leader = self.stabiliser(k).leaders.iter().find(|&&m| group.block(usize::from(m), first) == block)?;
+        Some((k, usize::from(*leader)))
+    }
+
+    /// By block: its representative, and the member that moves it there.
+    pub(crate) fn by_block(&self, group: &Group, blocks: usize) -> Vec<(u32, u8)> {
+        let mut all = vec![(0, 0); blocks];
+        for k in 0..self.len() {
+            for &m in &self.stabiliser(k).leaders {
+                all[group.block(usize::from(m), self.block(k))] = (k as u32, m);
+            }
         }
-        Some(Self { blocks, leaves: symmetry.permutation(mesh)? })
+        all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mesh(domain: Domain, level: u8) -> Axis {
+        Axis::Triangles(TriangleMesh::new(domain, level).unwrap())
+    }
+
+    #[test]
+    fn images_are_those_of_the_lattice() {
+        for &domain in Domain::ALL {
+            for level in 0..=6 {
+                let mesh = TriangleMesh::new(domain, level).unwrap();
+                for symmetry in Symmetry::of(domain) {
+                    let moves = Moves::of(symmetry, domain).unwrap();
+                    let images = symmetry.permutation(mesh).unwrap();
+                    assert!((0..mesh.len()).all(|t| moves.image(level, t) == images[t] as usize));
+                }
+            }
+        }
+        let mesh = TriangleMesh::new(Domain::Sphere, 8).unwrap();
+        let symmetry = Symmetry::of(Domain::Sphere)[47];
+        let moves = Moves::of(symmetry, Domain::Sphere).unwrap();
+        let images = symmetry.permutation(mesh).unwrap();
+        assert!((0..mesh.len()).step_by(7).all(|t| moves.image(8, t) == images[t] as usize));
+        assert!(Moves::of(symmetry, Domain::Hemisphere).is_none());
+    }
+
+    #[test]
+    fn representatives_stand_for_every_block_once() {
+        let sphere = |level| mesh(Domain::Sphere, level);
+        let some = |count| Axis::Index { count, labels: Vec::new() };
+        for axes in [
+            vec![some(3), sphere(2), sphere(1), some(2)],
+            vec![sphere(1), some(2), sphere(0), sphere(1)],
+            vec![some(5), sphere(1), some(3)],
+            vec![mesh(Domain::Hemisphere, 2), mesh(Domain::Lower, 1), some(4)],
+        ] {
+            let shape = Shape::of(&axes).unwrap();
+            let known = Symmetry::of(shape.mesh().domain());
+            for generators in [vec![], vec![known[1]], vec![known[3], known[4]], known.clone()] {
+                let group = Group::of(&shape, &generators).unwrap();
+                let representatives = group.representatives();
+                let mut times = vec![0; shape.blocks()];
+                for k in 0..representatives.len() {
+                    let (block, stabiliser) = (representatives.block(k), representatives.stabiliser(k));
+                    assert_eq!(stabiliser.members.len() * stabiliser.leaders.len(), group.order());
+                    assert!(stabiliser.members.iter().all(|&m| group.block(usize::from(m), block) == block));
+                    for &m in &stabiliser.leaders {
+                        times[group.block(usize::from(m), block)] += 1;
+                    }
+                }
+                assert!(times.iter().all(|&times| times == 1));
+                for (block, &(k, m)) in representatives.by_block(&group, shape.blocks()).iter().enumerate() {
+                    assert_eq!(group.block(usize::from(m), representatives.block(k as usize)), block);
+                    let found = representatives.of_block(&group, block);
+                    assert_eq!(found, Some((k as usize, usize::from(m))));
+                }
+            }
+        }
     }
 }

@@ -1,36 +1,40 @@
 //! Pyramid chunks → logarithms, of the whole or of one block.
 
+use super::super::super::values::Values;
 use super::super::chart::Chart;
+use super::super::folding::{live_leaves, synthesise, synthesise_rows};
 use super::super::pyramid::Pyramid;
+use super::super::shape::Shape;
 use super::super::spectrum::Basis;
 use super::super::streams::Streams;
-use super::super::symmetry::{Member, Representative};
-use super::{Plan, Shape, live_leaves, synthesise, transposed};
+use super::super::symmetry::Representatives;
+use super::Opening;
 use crate::codec::{Class, CodecError, Decoder, Reader};
 use crate::domain::Axis;
 use rayon::prelude::*;
 use std::ops::Range;
 
 /// The logarithms that a basis chunk and a pyramid chunk behind its levels stand for, without details below level `finest`;
-/// and how many bytes of the latter they depend on.
+/// and how many bytes of the latter they depend on. With `finish` they become magnitudes.
 pub(crate) fn decode(
     axes: &[Axis],
     classes: Option<&[Class]>,
     step: f32,
     chunks: (Option<&[u8]>, &[u8]),
     finest: usize,
+    finish: Option<Values>,
 ) -> Result<(Vec<f32>, usize), CodecError> {
     let mut opened = Opened::new(axes, step, chunks)?;
     let (fineness, count) = ((step, opened.vectors()), opened.representatives.len());
-    let plane = opened.shape.mesh.len();
+    let plane = opened.shape.leaves();
     let no_details = || vec![0.0; count * fineness.1 * plane];
-    let (coefficients, mut decoded, end) = if opened.plan.random {
-        if finest < usize::from(opened.shape.mesh.level()) {
+    let (coefficients, mut decoded, end) = if opened.opening.random {
+        if finest < usize::from(opened.shape.mesh().level()) {
             return Err(opened.r.malformed("blocks decoded by themselves have no coarser levels"));
         }
         let streams = opened.streams()?;
         let coefficients = opened.coefficients(&mut Decoder::new(streams.model()), step);
-        let decoded = if opened.plan.alone {
+        let decoded = if opened.opening.alone {
             no_details()
         } else {
             let pyramid = opened.pyramid(classes, 0..count);
@@ -42,7 +46,7 @@ pub(crate) fn decode(
         let start = opened.r.offset();
         let mut decoder = Decoder::new(opened.r.take(opened.r.remaining(), "pyramid")?);
         let coefficients = opened.coefficients(&mut decoder, step);
-        let decoded = if opened.plan.alone {
+        let decoded = if opened.opening.alone {
             no_details()
         } else {
             opened.pyramid(classes, 0..count).code(&mut decoder, fineness, 0..count, None, finest).0
@@ -51,8 +55,8 @@ pub(crate) fn decode(
     };
     add_model(&mut decoded, opened.model(coefficients, 0..count));
     let mut logs = vec![0.0; axes.iter().map(Axis::len).product()];
-    let Opened { shape, plan, representatives, basis, .. } = &opened;
-    synthesise(shape, &plan.group, representatives, basis.as_ref(), &decoded, &mut logs);
+    let Opened { shape, opening, representatives, basis, .. } = &opened;
+    synthesise(shape, &opening.group, representatives, (basis.as_ref(), &decoded), finish, &mut logs);
     Ok((logs, end))
 }
 
@@ -66,54 +70,44 @@ pub(crate) fn decode_block(
     block: usize,
 ) -> Result<Vec<f32>, CodecError> {
     let mut opened = Opened::new(axes, step, chunks)?;
-    if !opened.plan.random {
+    if !opened.opening.random {
         return Err(opened.r.malformed("blocks that are not decoded by themselves"));
     }
     let streams = opened.streams()?;
-    let stands_for = |member: &&Member, r: &Representative| member.blocks[r.block] as usize == block;
-    let members = opened.plan.group.members();
-    let found = opened.representatives.iter().position(|r| members.iter().any(|member| stands_for(&member, r)));
-    let k = found.ok_or_else(|| opened.r.malformed(format!("there is no block {block}")))?;
-    let (vectors, leaves) = (opened.vectors(), opened.shape.mesh.len());
+    let group = &opened.opening.group;
+    let found = if block < opened.shape.blocks() { opened.representatives.of_block(group, block) } else { None };
+    let (k, member) = found.ok_or_else(|| opened.r.malformed(format!("there is no block {block}")))?;
+    let (vectors, leaves, n) = (opened.vectors(), opened.shape.leaves(), opened.shape.length());
     let coefficients = opened.coefficients(&mut Decoder::new(streams.model()), step);
-    let mut decoded = if opened.plan.alone {
+    let mut decoded = if opened.opening.alone {
         vec![0.0; vectors * leaves]
     } else {
         let pyramid = opened.pyramid(classes, k..k + 1);
         pyramid.code(&mut streams.block(k), (step, vectors), 0..1, None, usize::MAX).0
     };
     add_model(&mut decoded, opened.model(coefficients, k..k + 1));
-    let rows = transposed(&decoded, vectors, leaves);
-    let mut own = vec![0.0; rows.len()];
-    // Where several members lead here, the last has the say, as in the whole.
-    for member in members.iter().filter(|member| stands_for(member, &opened.representatives[k])) {
-        for (source, &leaf) in rows.chunks_exact(vectors).zip(&member.leaves) {
-            own[leaf as usize * vectors..][..vectors].copy_from_slice(source);
-        }
+    let mut rows = vec![0.0; leaves * n];
+    synthesise_rows(opened.basis.as_ref(), leaves, &decoded, &mut rows);
+    let mut logs = vec![0.0; rows.len()];
+    for (leaf, row) in rows.chunks_exact(n).enumerate() {
+        logs[opened.opening.group.leaf(member, leaf) * n..][..n].copy_from_slice(row);
     }
-    Ok(match &opened.basis {
-        Some(basis) => {
-            let mut logs = vec![0.0; leaves * opened.shape.length];
-            basis.synthesise(&own, &mut logs);
-            logs
-        }
-        None => own,
-    })
+    Ok(logs)
 }
 
 /// Whether every block of a pyramid is decoded by itself.
 pub(crate) fn is_random(axes: &[Axis], coded: &[u8]) -> Result<bool, CodecError> {
     let no_triangles = || CodecError::Malformed { at: 0, reason: "a pyramid without a triangle axis".to_owned() };
     let shape = Shape::of(axes).ok_or_else(no_triangles)?;
-    Ok(Plan::read(&shape, &mut Reader::new(coded, 0))?.random)
+    Ok(Opening::read(&shape, &mut Reader::new(coded, 0))?.random)
 }
 
 /// What is decoded before any pyramid.
 struct Opened<'a> {
     shape: Shape,
-    plan: Plan,
+    opening: Opening,
     basis: Option<Basis>,
-    representatives: Vec<Representative>,
+    representatives: Representatives,
     chart: Option<Chart>,
     r: Reader<'a>,
 }
@@ -123,21 +117,21 @@ impl<'a> Opened<'a> {
         let malformed = |reason: &str| CodecError::Malformed { at: 0, reason: reason.to_owned() };
         let shape = Shape::of(axes).ok_or_else(|| malformed("a pyramid without a triangle axis"))?;
         let basis = match basis {
-            Some(chunk) if shape.length > 1 => Some(Basis::decode(chunk, axes, shape.rows(), step)?),
-            None if shape.length == 1 => None,
+            Some(chunk) if shape.length() > 1 => Some(Basis::decode(chunk, axes, shape.rows(), step)?),
+            None if shape.length() == 1 => None,
             _ => return Err(malformed("a basis chunk without a spectral axis, or none with one")),
         };
         let mut r = Reader::new(coded, 0);
-        let plan = Plan::read(&shape, &mut r)?;
-        let representatives = plan.group.representatives();
-        let chart = match plan.model {
+        let opening = Opening::read(&shape, &mut r)?;
+        let representatives = opening.group.representatives();
+        let chart = match opening.model {
             None => None,
             Some(kind) => {
                 let chart = Chart::new(kind, &shape, &representatives);
                 Some(chart.ok_or_else(|| malformed("a model that makes no sense here"))?)
             }
         };
-        Ok(Self { shape, plan, basis, representatives, chart, r })
+        Ok(Self { shape, opening, basis, representatives, chart, r })
     }
 
     fn vectors(&self) -> usize {
@@ -146,7 +140,7 @@ impl<'a> Opened<'a> {
 
     /// The streams of a pyramid whose blocks are decoded by themselves.
     fn streams(&mut self) -> Result<Streams<'a>, CodecError> {
-        let blocks = if self.plan.alone { 0 } else { self.representatives.len() };
+        let blocks = if self.opening.alone { 0 } else { self.representatives.len() };
         Streams::read(&mut self.r, self.chart.is_some(), blocks)
     }
 
@@ -162,9 +156,9 @@ impl<'a> Opened<'a> {
 
     /// The pyramids of some representatives.
     fn pyramid(&self, classes: Option<&[Class]>, representatives: Range<usize>) -> Pyramid {
-        let representatives = &self.representatives[representatives];
-        let live = live_leaves(&self.shape, &self.plan.group, representatives, classes);
-        Pyramid::new(self.shape.mesh, &self.plan.group, representatives, live.as_deref())
+        let (group, all) = (&self.opening.group, &self.representatives);
+        let live = live_leaves(&self.shape, group, all, representatives.clone(), classes);
+        Pyramid::new(self.shape.mesh(), group, all, representatives, live.as_deref())
     }
 }
 

@@ -1,0 +1,168 @@
+//! Rows of a tensor ⇄ planes of the blocks that stand for all under a group of symmetries.
+
+use super::super::values::Values;
+use super::shape::Shape;
+use super::spectrum::Basis;
+use super::symmetry::{Group, Representatives};
+use crate::codec::Class;
+use rayon::prelude::*;
+use std::borrow::Cow;
+use std::ops::Range;
+
+/// The means of rows over orbits: `[representatives, leaves, length]`.
+pub(super) fn fold_rows(shape: &Shape, group: &Group, representatives: &Representatives, logs: &[f32]) -> Vec<f32> {
+    let (n, leaves) = (shape.length(), shape.leaves());
+    let mut folded = vec![0.0; representatives.len() * leaves * n];
+    let share = 1.0 / group.order() as f64;
+    folded.par_chunks_mut(leaves * n).enumerate().for_each(|(k, block)| {
+        let blocks: Vec<usize> = (0..group.order()).map(|m| group.block(m, representatives.block(k))).collect();
+        let mut sums = vec![0.0_f64; n];
+        for (leaf, target) in block.chunks_exact_mut(n).enumerate() {
+            sums.fill(0.0);
+            for (m, &block) in blocks.iter().enumerate() {
+                let row = shape.row(block, group.leaf(m, leaf));
+                sums.iter_mut().zip(&logs[row * n..][..n]).for_each(|(sum, &x)| *sum += f64::from(x));
+            }
+            target.iter_mut().zip(&sums).for_each(|(x, sum)| *x = (sum * share) as f32);
+        }
+    });
+    folded
+}
+
+/// Planes `[representatives, vectors, leaves]` to logarithms: every block has the rows of its representative, moved by the
+/// first member that moves the representative there. With `finish` they become magnitudes, those of equal rows at once.
+pub(super) fn synthesise(
+    shape: &Shape,
+    group: &Group,
+    representatives: &Representatives,
+    (basis, planes): (Option<&Basis>, &[f32]),
+    finish: Option<Values>,
+    logs: &mut [f32],
+) {
+    let (n, leaves, inner) = (shape.length(), shape.leaves(), shape.inner());
+    let finish = |rows: &mut [f32]| {
+        if let Some(values) = finish {
+            values.finish(rows);
+        }
+    };
+    if group.order() == 1 && inner == 1 {
+        synthesise_rows(basis, leaves, planes, logs);
+        return finish(logs);
+    }
+    let mut rows = vec![0.0; representatives.len() * leaves * n];
+    synthesise_rows(basis, leaves, planes, &mut rows);
+    finish(&mut rows);
+    let sources = representatives.by_block(group, shape.blocks());
+    logs.par_chunks_mut(inner * leaves * n).zip(sources.par_chunks(inner)).with_min_len(16).for_each(
+        |(logs, sources)| {
+            for (between, &(k, m)) in sources.iter().enumerate() {
+                for (leaf, row) in rows[k as usize * leaves * n..][..leaves * n].chunks_exact(n).enumerate() {
+                    let at = group.leaf(usize::from(m), leaf) * inner + between;
+                    logs[at * n..][..n].copy_from_slice(row);
+                }
+            }
+        },
+    );
+}
+
+/// Planes `[blocks, vectors, leaves]` to rows `[blocks, leaves, length]`.
+pub(super) fn synthesise_rows(basis: Option<&Basis>, leaves: usize, planes: &[f32], rows: &mut [f32]) {
+    let Some(basis) = basis else { return rows.copy_from_slice(planes) };
+    let vectors = basis.rank();
+    let plane = vectors * leaves;
+    let block = rows.len() / (planes.len() / plane);
+    rows.par_chunks_mut(block).zip(planes.par_chunks(plane)).for_each(|(rows, planes)| {
+        basis.synthesise(&transposed(planes, vectors, leaves), rows);
+    });
+}
+
+/// Blocks of `rows × columns` turned into `columns × rows`.
+pub(super) fn transposed(values: &[f32], rows: usize, columns: usize) -> Cow<'_, [f32]> {
+    if columns == 1 || rows == 1 {
+        return Cow::Borrowed(values);
+    }
+    let mut turned = vec![0.0; values.len()];
+    let block = rows * columns;
+    turned.par_chunks_mut(block).zip(values.par_chunks(block)).for_each(|(turned, values)| {
+        for (i, row) in values.chunks_exact(columns).enumerate() {
+            for (j, &value) in row.iter().enumerate() {
+                turned[j * rows + i] = value;
+            }
+        }
+    });
+    Cow::Owned(turned)
+}
+
+/// The rows whose principal components are wanted: each as often as it stands for, none without a sample of its own,
+/// because what fills it is no spectrum, and every so many of more than `most` samples.
+pub(super) fn spectra(
+    shape: &Shape,
+    group: &Group,
+    representatives: &Representatives,
+    rows: &[f32],
+    (live, most): (Option<&[bool]>, usize),
+) -> Vec<f32> {
+    let (n, leaves) = (shape.length(), shape.leaves());
+    // Odd, so that all places among siblings have their turn.
+    let stride = (shape.rows() * n).div_ceil(most) | 1;
+    let mut spectra = Vec::new();
+    for k in 0..representatives.len() {
+        let times = group.order() / representatives.stabiliser(k).members.len();
+        for leaf in (k * leaves..(k + 1) * leaves).step_by(stride) {
+            if live.is_none_or(|live| live[leaf]) {
+                for _ in 0..times {
+                    spectra.extend_from_slice(&rows[leaf * n..][..n]);
+                }
+            }
+        }
+    }
+    if spectra.is_empty() { rows[..n].to_vec() } else { spectra }
+}
+
+/// By representative of `range` and leaf: whether any sample that it stands for has a logarithm; `None` if all samples of
+/// some lane have.
+pub(super) fn live_leaves(
+    shape: &Shape,
+    group: &Group,
+    representatives: &Representatives,
+    range: Range<usize>,
+    classes: Option<&[Class]>,
+) -> Option<Vec<bool>> {
+    let classes = classes?;
+    let is_live = |class: &Class| matches!(class, Class::Positive | Class::Negative);
+    let rows: Vec<bool> = classes.chunks_exact(shape.length()).map(|row| row.iter().any(is_live)).collect();
+    if rows.iter().all(|&live| live) {
+        return None;
+    }
+    let leaves = shape.leaves();
+    // By stabiliser: the first leaf of each one's orbit.
+    let mut firsts: Vec<Option<Vec<u32>>> = vec![None; representatives.stabilisers().len()];
+    let mut live = vec![false; range.len() * leaves];
+    let mut own = vec![false; leaves];
+    for (k, live) in range.zip(live.chunks_exact_mut(leaves)) {
+        let stabiliser = representatives.stabiliser(k);
+        let block = representatives.block(k);
+        own.fill(false);
+        for m in stabiliser.leaders.iter().map(|&m| usize::from(m)) {
+            let block = group.block(m, block);
+            for (leaf, own) in own.iter_mut().enumerate() {
+                *own |= rows[shape.row(block, group.leaf(m, leaf))];
+            }
+        }
+        if let [_] = stabiliser.members.as_slice() {
+            live.copy_from_slice(&own);
+            continue;
+        }
+        let first = |leaf| stabiliser.members.iter().map(|&m| group.leaf(usize::from(m), leaf) as u32).min();
+        let firsts = firsts[usize::from(representatives.kinds()[k])]
+            .get_or_insert_with(|| (0..leaves).filter_map(first).collect());
+        // Whatever one of an orbit has, its first has, and then all.
+        for (leaf, &first) in firsts.iter().enumerate() {
+            live[first as usize] |= own[leaf];
+        }
+        for (leaf, &first) in firsts.iter().enumerate() {
+            live[leaf] = live[first as usize];
+        }
+    }
+    Some(live)
+}

@@ -1,0 +1,81 @@
+//! How a tensor is seen as planes: blocks of all other axes, leaves of the last triangle axis, rows of the last axis.
+
+use super::chart::ChartKind;
+use crate::domain::{Axis, TriangleMesh};
+
+/// A tensor as planes.
+#[derive(Clone, Debug)]
+pub(crate) struct Shape {
+    axes: Vec<Axis>,
+    mesh: TriangleMesh,
+    /// The axes of the blocks.
+    block_axes: Vec<Axis>,
+    /// Blocks of axes after the triangles.
+    inner: usize,
+    /// Samples of a row; 1 if the triangles are the last axis.
+    length: usize,
+}
+
+impl Shape {
+    /// `None` where there are no triangles.
+    pub(crate) fn of(axes: &[Axis]) -> Option<Self> {
+        let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_)))?;
+        let Axis::Triangles(mesh) = axes[at] else { return None };
+        let last = axes.len() - 1;
+        let spectral = at < last;
+        let between = &axes[at + 1..if spectral { last } else { at + 1 }];
+        let block_axes = axes[..at].iter().chain(between).cloned().collect();
+        Some(Self {
+            axes: axes.to_vec(),
+            mesh,
+            block_axes,
+            inner: between.iter().map(Axis::len).product(),
+            length: if spectral { axes[last].len() } else { 1 },
+        })
+    }
+
+    pub(crate) fn axes(&self) -> &[Axis] {
+        &self.axes
+    }
+
+    pub(crate) fn mesh(&self) -> TriangleMesh {
+        self.mesh
+    }
+
+    /// Leaves of a plane.
+    pub(crate) fn leaves(&self) -> usize {
+        self.mesh.len()
+    }
+
+    pub(crate) fn block_axes(&self) -> &[Axis] {
+        &self.block_axes
+    }
+
+    /// Blocks of axes after the triangles.
+    pub(crate) fn inner(&self) -> usize {
+        self.inner
+    }
+
+    /// Samples of a row.
+    pub(crate) fn length(&self) -> usize {
+        self.length
+    }
+
+    pub(crate) fn blocks(&self) -> usize {
+        self.block_axes.iter().map(Axis::len).product()
+    }
+
+    pub(crate) fn rows(&self) -> usize {
+        self.blocks() * self.mesh.len()
+    }
+
+    /// The row of leaf `leaf` in block `block`.
+    pub(crate) fn row(&self, block: usize, leaf: usize) -> usize {
+        ((block / self.inner) * self.mesh.len() + leaf) * self.inner + block % self.inner
+    }
+
+    /// Whether a model of `kind` makes sense.
+    pub(super) fn has_chart(&self, kind: ChartKind) -> bool {
+        super::chart::incoming(self, kind).is_some()
+    }
+}

@@ -1,0 +1,119 @@
+//! Which symmetries hold: images are compared with what they are images of.
+
+use super::super::shape::Shape;
+use super::Group;
+use crate::codec::Class;
+use crate::domain::Symmetry;
+use rayon::prelude::*;
+
+/// Rows compared with their images when symmetries are looked for.
+const MOST_COMPARED: usize = 1 << 15;
+
+/// All products of the generators, in the order of the domain's symmetries.
+pub(super) fn closure(generators: &[Symmetry]) -> Vec<Symmetry> {
+    let mut all = vec![Symmetry::IDENTITY];
+    let mut next = 0;
+    while next < all.len() {
+        for generator in generators {
+            let product = generator.after(all[next]);
+            if !all.contains(&product) {
+                all.push(product);
+            }
+        }
+        next += 1;
+    }
+    all.sort();
+    all
+}
+
+/// Symmetries that hold.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Found {
+    /// Generators of their group.
+    pub(crate) generators: Vec<Symmetry>,
+    /// Members of their group.
+    pub(crate) order: usize,
+    /// The largest deviation under a generator.
+    pub(crate) deviation: f64,
+}
+
+/// The largest group found under which the logarithms differ by at most `tolerance`, root mean square.
+///
+/// The deviation is that of one entry from its orbit's mean if entries differed by independent noise.
+pub(crate) fn symmetries(shape: &Shape, logs: &[f32], classes: Option<&[Class]>, tolerance: f64) -> Found {
+    let mut accepted: Vec<(f64, Symmetry)> = Symmetry::of(shape.mesh().domain())
+        .into_par_iter()
+        .filter(|&s| s != Symmetry::IDENTITY)
+        .filter_map(|symmetry| {
+            let group = Group::new(shape, &[Symmetry::IDENTITY, symmetry])?;
+            let deviation = deviation(shape, &group, logs, classes, tolerance)?;
+            (deviation <= tolerance).then_some((deviation, symmetry))
+        })
+        .collect();
+    accepted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut generators: Vec<Symmetry> = Vec::new();
+    let mut largest = 0.0;
+    for &(deviation, symmetry) in &accepted {
+        if closure(&generators).contains(&symmetry) {
+            continue;
+        }
+        generators.push(symmetry);
+        let all = closure(&generators);
+        if all.iter().all(|s| *s == Symmetry::IDENTITY || accepted.iter().any(|(_, known)| known == s)) {
+            largest = deviation;
+        } else {
+            generators.pop();
+        }
+    }
+    Found { order: closure(&generators).len(), generators, deviation: largest }
+}
+
+/// Root mean square of the difference between rows and their images under member 1, divided by √2; `None` as soon as it is
+/// known to be above `tolerance`.
+fn deviation(shape: &Shape, group: &Group, logs: &[f32], classes: Option<&[Class]>, tolerance: f64) -> Option<f64> {
+    let n = shape.length();
+    let stride = shape.rows().div_ceil(MOST_COMPARED);
+    // Of all that could still be compared: a sum above this cannot become a mean within the tolerance.
+    let most = 2.0 * tolerance * tolerance * (shape.rows().div_ceil(stride) * n) as f64;
+    let live = |at: usize| classes.is_none_or(|c| matches!(c[at], Class::Positive | Class::Negative));
+    let (mut sum, mut count) = (0.0_f64, 0_usize);
+    for at in (0..shape.rows()).step_by(stride) {
+        let (block, leaf) = (at / shape.leaves(), at % shape.leaves());
+        let own = shape.row(block, leaf) * n;
+        let other = shape.row(group.block(1, block), group.leaf(1, leaf)) * n;
+        if own == other {
+            continue;
+        }
+        if classes.is_none() {
+            sum += squared_distance(&logs[own..][..n], &logs[other..][..n]);
+            count += n;
+        } else {
+            for k in (0..n).filter(|k| live(own + k) && live(other + k)) {
+                let difference = f64::from(logs[own + k]) - f64::from(logs[other + k]);
+                sum += difference * difference;
+                count += 1;
+            }
+        }
+        if sum > most * (1.0 + 1e-9) {
+            return None;
+        }
+    }
+    (count > 0).then(|| (sum / count as f64 / 2.0).sqrt())
+}
+
+/// Σ (a − b)², in four sums that are added at the end.
+fn squared_distance(a: &[f32], b: &[f32]) -> f64 {
+    let mut sums = [0.0_f64; 4];
+    let square = |a: f32, b: f32| {
+        let difference = f64::from(a) - f64::from(b);
+        difference * difference
+    };
+    let (fours, others) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = fours.remainder().iter().zip(others.remainder()).map(|(&a, &b)| square(a, b)).sum();
+    for (a, b) in fours.zip(others) {
+        for (sum, (&a, &b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += square(a, b);
+        }
+    }
+    sums[0] + sums[1] + (sums[2] + sums[3]) + rest
+}
