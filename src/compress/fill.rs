@@ -12,15 +12,23 @@ pub(crate) fn fill(axes: &[Axis], values: &mut [f32]) {
     if !values.iter().any(|v| v.is_nan()) {
         return;
     }
-    if let Some(axis) = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_))) {
+    let mut triangles = (0..axes.len()).rev().filter(|&axis| matches!(axes[axis], Axis::Triangles(_)));
+    let fill_axis = |axis: usize, values: &mut [f32]| {
         let inner: usize = axes[axis + 1..].iter().map(Axis::len).product();
         for block in values.chunks_exact_mut(axes[axis].len() * inner) {
             fill_tree(block, inner);
         }
+    };
+    if let Some(axis) = triangles.next() {
+        fill_axis(axis, values);
     }
     let lanes = axes.last().map_or(1, Axis::len);
     for row in values.chunks_exact_mut(lanes) {
         fill_line(row);
+    }
+    // An entry of an axis before is whole now, or dead as a whole: then it is filled as nodes without details are decoded.
+    for axis in triangles {
+        fill_axis(axis, values);
     }
     let (sum, count) =
         values.iter().filter(|v| !v.is_nan()).fold((0.0, 0_u64), |(sum, n), &v| (sum + f64::from(v), n + 1));
@@ -179,6 +187,23 @@ mod tests {
         let mut dead = vec![N; 32];
         fill(&axes, &mut dead);
         assert_eq!(dead, vec![0.0; 32]);
+    }
+
+    /// What `rows` leaves uncoded below nodes with one live child must have no details, on every axis of triangles.
+    #[test]
+    fn dead_incoming_triangles_are_their_live_sibling() {
+        let mesh = |level| Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, level).unwrap());
+        let axes = [mesh(1), mesh(1), Axis::Rgb];
+        let mut values: Vec<f32> = (0..16 * 48_u16).map(f32::from).collect();
+        // Of the first node one child lives, of the second none.
+        values[..3 * 48].fill(N);
+        values[4 * 48..8 * 48].fill(N);
+        values[10 * 48 + 5] = N;
+        fill(&axes, &mut values);
+        let block = |i: usize| &values[i * 48..][..48];
+        assert!((0..3).all(|i| block(i) == block(3)));
+        assert!((5..8).all(|i| block(i) == block(4)));
+        assert!(values.iter().all(|v| !v.is_nan()));
     }
 
     #[test]

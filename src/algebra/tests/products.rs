@@ -17,6 +17,8 @@ fn check(space: &Arc<LineSpace>, name: &str) {
         let product = couplings.product(a, b).unwrap();
         let off = distance(&product.samples(), &expected);
         assert!(off < 1e-5 * largest(&expected), "{name}: {off} of {}", largest(&expected));
+        let by_samples = a.product(b).unwrap();
+        assert!(distance(&product.samples(), &by_samples.samples()) < 1e-5 * largest(&expected), "{name}");
         assert_eq!(product.entries(), couplings.product(b, a).unwrap().entries(), "{name}: commutes to the last bit");
     }
 }

@@ -79,6 +79,7 @@ fn two_bases_do_not_mix() {
     let is_refused = |result: Result<(), AlgebraError>| assert_eq!(result, Err(expected.clone()));
     is_refused(a.add(&b).map(|_| ()));
     is_refused(a.axpy(2.0, &b).map(|_| ()));
+    is_refused(a.product(&b).map(|_| ()));
     is_refused(a.dot(&b).map(|_| ()));
     is_refused(Accumulator::new(&space).axpy(1.0, &b));
     is_refused(SpectrumPool::new(&space).push(&b).map(|_| ()));
