@@ -8,6 +8,26 @@
 //!   leaves them open but for Haar (\[CPB06\] section 6.1).
 //! * **Materials** ([`combine`], [`dot`]): files in, a file out; coefficients are added where files hold those of the samples
 //!   themselves.
+//!
+//! ```
+//! use wavelume::algebra::{Accumulator, Functional, LineSpace, SparseSpectrum};
+//! use wavelume::transform::{AxisTransform, LineBasis};
+//!
+//! let space = LineSpace::new(AxisTransform::line(LineBasis::BIOR44), 75)?;
+//! let flux: Vec<f64> = (0..75).map(|i| 1.0 + (f64::from(i) * 0.1).sin()).collect();
+//! let photon = SparseSpectrum::largest(&space, &flux, 8)?;
+//! // Photons of a neighbourhood, each with its weight; then the reflectance; then a luminance: nothing is decoded.
+//! let mut sum = Accumulator::new(&space);
+//! for weight in [0.5, 0.25] {
+//!     sum.axpy(weight, &photon)?;
+//! }
+//! let surface = wavelume::algebra::Multiplier::new(&space, &[0.4; 75])?;
+//! let reflected = surface.product(&sum.spectrum())?;
+//! let luminance = Functional::new(&space, &[1.0; 75])?.of(&reflected)?;
+//! let expected: f64 = photon.samples().iter().map(|x| 0.75 * 0.4 * x).sum();
+//! assert!((luminance - expected).abs() < 1e-9 * expected);
+//! # Ok::<(), wavelume::algebra::AlgebraError>(())
+//! ```
 
 mod accumulator;
 mod error;

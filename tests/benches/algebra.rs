@@ -68,7 +68,7 @@ fn gathering(runs: usize, name: &str, n: usize) {
         for photon in &photons {
             pool.push(photon).unwrap_or_else(|e| unreachable!("{e}"));
         }
-        let stored: Vec<f32> = photons.iter().flat_map(|p| p.samples()).map(|x| x as f32).collect();
+        let stored: Vec<f32> = photons.iter().flat_map(SparseSpectrum::samples).map(|x| x as f32).collect();
         let coefficients: Vec<f32> = photons
             .iter()
             .flat_map(|photon| {
