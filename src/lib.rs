@@ -1,10 +1,11 @@
 //! wavelume: acquired radiometric measurements, compressed with generic wavelet transforms to a promised error.
 //!
 //! Data flow downward; nothing imports upward:
-//! file → [`formats`] → [`projection`] → tensor ([`domain`]) → [`transform`] → [`codec`] → [`compress`] → [`evaluate`].
+//! file → [`formats`] → [`projection`] → tensor ([`domain`]) → [`transform`] → [`codec`] → [`compress`] → [`algebra`] → [`evaluate`].
 //! `paper` makes the tables of the paper again on the same rooms.
 //! The service stands on these: `store` (bytes under their digest) → `catalog` (what is known of them) → `jobs` → `api`.
 
+pub mod algebra;
 #[cfg(feature = "service")]
 pub mod api;
 #[cfg(feature = "service")]

@@ -561,6 +561,57 @@ fn a_failed_run_leaves_the_old_file_and_nothing_else() {
 }
 
 #[test]
+fn materials_are_combined_and_multiplied() {
+    let dir = workshop();
+    let compress = |name: &str, options: &[&str]| {
+        let out = at(&dir, name);
+        done(&[&["compress", &at(&dir, "brdf.npy"), "-o", &out], options].concat());
+        out
+    };
+    let linear = ["--policy", "conventional", "--basis", "bior4.4", "--er-l2", "0.02"];
+    let (a, b) = (compress("a.wlm", &linear), compress("b.wlm", &[&linear[..5], &["0.05"]].concat()));
+    let rd = compress("rd.wlm", &[]);
+    let decoded = |path: &str| {
+        let out = at(&dir, "decoded.npy");
+        done(&["decode", path, "-o", &out]);
+        read_npy(Path::new(&out)).1
+    };
+    let out = at(&dir, "sum.wlm");
+    let report = json(&["combine", &a, &b, "--weights", "0.5,-2", "-o", &out, "--json"]);
+    assert_eq!((&report["method"], &report["policy"]), (&"coefficients".into(), &"conventional".into()));
+    assert_eq!(report["operands"][1]["weight"], -2.0);
+    assert!(report["inherited_absolute_error"].as_f64().unwrap() > 0.0);
+    let (x, y, sum) = (decoded(&a), decoded(&b), decoded(&out));
+    for ((x, y), sum) in x.iter().zip(&y).zip(&sum) {
+        assert_eq!(x.is_nan(), sum.is_nan());
+        assert!(x.is_nan() || (0.5 * x - 2.0 * y - sum).abs() < 1e-5, "{x} {y} {sum}");
+    }
+    let shown = done(&["combine", &a, &b, "-o", &out]);
+    assert!(shown.contains("coefficients added") && shown.contains("error added"), "{shown}");
+    let report = json(&["combine", &a, &rd, "-o", &out, "--json"]);
+    assert_eq!((&report["method"], &report["policy"]), (&"samples".into(), &"rd".into()));
+    assert!(report["er_l2"].as_f64().unwrap() <= 0.01);
+    let again = json(&["combine", &a, &b, "--er-l1", "0.03", "--policy", "generic", "-o", &out, "--json"]);
+    assert_eq!((&again["method"], &again["policy"]), (&"samples".into(), &"generic".into()));
+    assert!(again["er_l1"].as_f64().unwrap() <= 0.03);
+
+    let answer = json(&["dot", &a, &b]);
+    let expected: f64 = x.iter().zip(&y).filter(|(x, _)| !x.is_nan()).map(|(&x, &y)| f64::from(x) * f64::from(y)).sum();
+    assert!((answer["dot"].as_f64().unwrap() / expected - 1.0).abs() < 1e-5, "{answer} {expected}");
+    assert_eq!((&answer["masked_samples"], &answer["units"][0]), (&LAMBDAS.into(), &"1/sr".into()));
+
+    refused(2, &["combine", &a, &b, "--weights", "1", "-o", &out]);
+    refused(2, &["combine", &a, "--weights", "x", "-o", &out]);
+    refused(2, &["combine", "-o", &out]);
+    let lamp = at(&dir, "lamp.wlm");
+    done(&["compress", &data("illuminant_D65.csv"), "-o", &lamp]);
+    let unlike = refused(2, &["combine", &a, &lamp, "-o", &out]);
+    assert!(unlike.contains("material 2: quantity spectrum"), "{unlike}");
+    refused(2, &["dot", &a, &lamp]);
+    refused(1, &["dot", &a, &at(&dir, "brdf.npy")]);
+}
+
+#[test]
 fn a_closed_stdout_is_no_failure() {
     let mut child = Command::new(env!("CARGO_BIN_EXE_wavelume"))
         .args(["formats"])

@@ -14,6 +14,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("transform", &["domain"]),
     ("codec", &["transform", "domain"]),
     ("compress", &["codec", "transform", "domain"]),
+    ("algebra", &["compress", "codec", "transform", "domain"]),
     ("evaluate", &["compress", "codec", "transform", "domain"]),
     ("paper", &["projection", "formats", "compress", "codec", "transform", "domain"]),
     ("pipeline", SCIENCE),
@@ -24,7 +25,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("cli", BELOW_CLI),
 ];
 
-const SCIENCE: &[&str] = &["domain", "formats", "projection", "transform", "codec", "compress", "evaluate"];
+const SCIENCE: &[&str] = &["domain", "formats", "projection", "transform", "codec", "compress", "algebra", "evaluate"];
 const BELOW_JOBS: &[&str] = &[
     "domain",
     "formats",
@@ -32,6 +33,7 @@ const BELOW_JOBS: &[&str] = &[
     "transform",
     "codec",
     "compress",
+    "algebra",
     "evaluate",
     "paper",
     "pipeline",
@@ -45,6 +47,7 @@ const BELOW_API: &[&str] = &[
     "transform",
     "codec",
     "compress",
+    "algebra",
     "evaluate",
     "paper",
     "pipeline",
@@ -59,6 +62,7 @@ const BELOW_CLI: &[&str] = &[
     "transform",
     "codec",
     "compress",
+    "algebra",
     "evaluate",
     "paper",
     "pipeline",

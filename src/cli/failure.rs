@@ -1,5 +1,6 @@
 //! How a command fails: one line for stderr and an exit code.
 
+use crate::algebra::AlgebraError;
 use crate::compress::{CompressError, DecodeError};
 use crate::evaluate::EvaluateError;
 use crate::formats::FormatErrorKind;
@@ -97,6 +98,15 @@ impl From<EvaluateError> for Failure {
         match error {
             EvaluateError::Decode(_) => Self::failed(error),
             EvaluateError::Unfit(_) => Self::usage(error),
+        }
+    }
+}
+
+impl From<AlgebraError> for Failure {
+    fn from(error: AlgebraError) -> Self {
+        match error {
+            AlgebraError::Compress(CompressError::Setting(_)) | AlgebraError::Unlike { .. } => Self::usage(error),
+            _ => Self::failed(error),
         }
     }
 }

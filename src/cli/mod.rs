@@ -1,9 +1,11 @@
 //! The command line: one file a command; translation between words and the library, no science of its own.
 
 mod bases;
+mod combine;
 mod compress;
 mod decode;
 mod demo;
+mod dot;
 mod evaluate;
 mod export;
 mod failure;
@@ -67,6 +69,10 @@ enum Command {
     Sample(sample::Args),
     /// Write a material in a format that others read
     Export(export::Args),
+    /// Add materials, each times a factor: coefficients where they are linear in the samples
+    Combine(combine::Args),
+    /// Give the sum of products of two materials' samples
+    Dot(dot::Args),
     /// List the spectral bases
     Bases(bases::Args),
     /// List the file formats
@@ -127,6 +133,8 @@ impl Cli {
             Command::Evaluate(args) => evaluate::run(&args),
             Command::Sample(args) => sample::run(&args),
             Command::Export(args) => export::run(&args),
+            Command::Combine(args) => combine::run(&args),
+            Command::Dot(args) => dot::run(&args),
             Command::Bases(args) => bases::run(&args),
             Command::Formats(args) => formats::run(&args),
             Command::Paper(args) => paper::run(&args),

@@ -28,6 +28,14 @@ pub(crate) fn index(text: &str) -> Result<List<usize>, String> {
     entries.map(List).map_err(|_| format!("`{text}` is no index, expected numbers from 0 with commas between them"))
 }
 
+/// `0.5,-2`: one factor for each material.
+pub(crate) fn weights(text: &str) -> Result<List<f64>, String> {
+    let refused = || format!("`{text}` is no list of factors, expected finite numbers with commas between them");
+    let values = text.split(',').map(|part| part.trim().parse()).collect::<Result<Vec<f64>, _>>();
+    let values = values.map_err(|_| refused())?;
+    if values.iter().all(|v| v.is_finite()) { Ok(List(values)) } else { Err(refused()) }
+}
+
 /// `START:STOP:STEP`, or wavelengths with commas between them, in nm.
 pub(crate) fn wavelengths(text: &str) -> Result<List<f64>, String> {
     if text.contains(':') {
@@ -66,6 +74,12 @@ mod tests {
         for bad in ["", "400:300:5", "a", "400,", "-400", "nan"] {
             assert!(wavelengths(bad).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn weights_are_finite_numbers() {
+        assert_eq!(weights("0.5, -2").unwrap().0, [0.5, -2.0]);
+        assert!(weights("").is_err() && weights("1,nan").is_err() && weights("inf").is_err());
     }
 
     #[test]

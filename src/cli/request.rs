@@ -130,6 +130,20 @@ fn er_l2(text: &str) -> Result<Target, String> {
 
 impl TargetArgs {
     fn target(&self, illuminant: Illuminant) -> Target {
+        self.named_under(illuminant).unwrap_or(DEFAULT_TARGET)
+    }
+
+    /// The promise that is named, colours under D65.
+    pub(crate) fn named(&self) -> Option<Target> {
+        self.named_under(Illuminant::default())
+    }
+
+    /// The promise, the default one where none is named.
+    pub(crate) fn or_default(&self) -> Target {
+        self.target(Illuminant::default())
+    }
+
+    fn named_under(&self, illuminant: Illuminant) -> Option<Target> {
         let named = self.er_l2;
         let named = named.or(self.er_l1.map(Target::ErL1));
         let named = named.or(self.max_relative_error.map(Target::MaxRelativeError));
@@ -139,7 +153,7 @@ impl TargetArgs {
         let named = named.or(self.ratio.map(Target::Ratio));
         let named = named.or(self.bytes.map(Target::Bytes));
         let named = named.or(self.step.map(Target::Step));
-        named.or(self.lossless.then_some(Target::Lossless)).unwrap_or(DEFAULT_TARGET)
+        named.or(self.lossless.then_some(Target::Lossless))
     }
 }
 

@@ -10,6 +10,7 @@ use super::rd::levels::{LevelIndex, coarsen, level_samples};
 use super::rd::{adaptive, predictive};
 use super::rows::{coding_order, lanes};
 use super::scales::Scales;
+use super::thresholded::coefficients_of;
 use super::{Policy, Summary};
 use crate::codec::{
     Announced, ChunkKind, Class, CodecError, Container, Decoder, Payload, Reader, code_classes, code_coefficients,
@@ -180,7 +181,7 @@ pub fn payload_digest(bytes: &[u8]) -> Result<blake3::Hash, CodecError> {
     Ok(open(bytes)?.1.payload_digest())
 }
 
-fn open(bytes: &[u8]) -> Result<(Header, Container<'_>), CodecError> {
+pub(crate) fn open(bytes: &[u8]) -> Result<(Header, Container<'_>), CodecError> {
     Container::read(bytes, announced)
 }
 
@@ -300,7 +301,7 @@ pub(crate) fn apply_classes(classes: &[Class], samples: &mut [f32]) {
     }
 }
 
-fn plan_of(header: &Header) -> Result<Plan, CodecError> {
+pub(crate) fn plan_of(header: &Header) -> Result<Plan, CodecError> {
     Plan::new(&header.axes, &header.transforms).map_err(|e| CodecError::Malformed { at: 0, reason: e.to_string() })
 }
 
@@ -319,11 +320,7 @@ fn fixed_logs(header: &Header, classes: Option<&[Class]>, coded: &[u8]) -> Resul
 }
 
 fn thresholded_samples(header: &Header, classes: Option<&[Class]>, coded: &[u8]) -> Result<Vec<f32>, CodecError> {
-    let plan = plan_of(header)?;
-    let mut bits = vec![0_i32; header.axes.iter().map(Axis::len).product()];
-    let rows = coding_order(&header.axes, &plan, classes);
-    code_coefficients(&mut Decoder::new(coded), &rows, Payload::Float, &mut bits);
-    let mut samples: Vec<f32> = bits.into_iter().map(|bits| f32::from_bits(bits as u32)).collect();
+    let (plan, mut samples) = coefficients_of(header, classes, coded)?;
     plan.inverse(&mut samples);
     Ok(samples)
 }

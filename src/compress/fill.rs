@@ -3,28 +3,99 @@
 //! What is filled is never scored: the classes say which samples are zero or masked. A good filling only makes the
 //! coefficients around it small.
 
-use crate::domain::Axis;
+use super::rows::live_entries;
+use crate::codec::Class;
+use crate::domain::{Axis, TriangleMesh};
 
 /// Replaces every NaN in `values` (row-major on `axes`).
 pub(crate) fn fill(axes: &[Axis], values: &mut [f32]) {
     if !values.iter().any(|v| v.is_nan()) {
         return;
     }
-    if let Some(axis) = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_))) {
+    let mut triangles = (0..axes.len()).rev().filter(|&axis| matches!(axes[axis], Axis::Triangles(_)));
+    let fill_axis = |axis: usize, values: &mut [f32]| {
         let inner: usize = axes[axis + 1..].iter().map(Axis::len).product();
         for block in values.chunks_exact_mut(axes[axis].len() * inner) {
             fill_tree(block, inner);
         }
+    };
+    if let Some(axis) = triangles.next() {
+        fill_axis(axis, values);
     }
     let lanes = axes.last().map_or(1, Axis::len);
     for row in values.chunks_exact_mut(lanes) {
         fill_line(row);
+    }
+    // An entry of an axis before is whole now, or dead as a whole: then it is filled as nodes without details are decoded.
+    for axis in triangles {
+        fill_axis(axis, values);
     }
     let (sum, count) =
         values.iter().filter(|v| !v.is_nan()).fold((0.0, 0_u64), |(sum, n), &v| (sum + f64::from(v), n + 1));
     let mean = if count == 0 { 0.0 } else { (sum / count as f64) as f32 };
     for value in values.iter_mut().filter(|v| v.is_nan()) {
         *value = mean;
+    }
+}
+
+/// Takes bio-Haar coefficients (row-major on `axes`) to others of the same live samples, with none below nodes of triangles
+/// that have fewer than two live children, where none are coded: the dead samples there become their live sibling's.
+pub(crate) fn settle(axes: &[Axis], classes: &[Class], coefficients: &mut [f64]) {
+    for (at, axis) in axes.iter().enumerate() {
+        let Axis::Triangles(mesh) = axis else { continue };
+        let inner: usize = axes[at + 1..].iter().map(Axis::len).product();
+        let live = live_entries(axes, at, classes);
+        for block in coefficients.chunks_exact_mut(mesh.len() * inner) {
+            settle_tree(*mesh, inner, live.clone(), block);
+        }
+    }
+}
+
+/// One tree of rows of `inner` coefficients, from the leaves up. What a node's smooth row grows by is carried to its parent.
+fn settle_tree(mesh: TriangleMesh, inner: usize, mut live: Vec<bool>, block: &mut [f64]) {
+    let mut areas = mesh.solid_angles();
+    let mut growths: Vec<Option<Vec<f64>>> = vec![None; live.len()];
+    let mut stride = 1;
+    while live.len() > mesh.bases() {
+        let mut above = Vec::with_capacity(live.len() / 4);
+        for (node, alive) in live.chunks_exact(4).enumerate() {
+            let growths = &growths[4 * node..][..4];
+            let areas = &areas[4 * node..][..4];
+            let survivor = alive.iter().position(|&child| child);
+            let several = alive.iter().filter(|&&child| child).count() > 1;
+            let place = |k: usize, j: usize| (4 * node + k) * stride * inner + j;
+            let has_details = (1..4).any(|k| (0..inner).any(|j| block[place(k, j)] != 0.0));
+            if growths.iter().all(Option::is_none) && (several || !has_details) {
+                above.push(None);
+                continue;
+            }
+            let total: f64 = areas.iter().sum();
+            let mut growth = vec![0.0; inner];
+            for (j, growth) in growth.iter_mut().enumerate() {
+                let grown = |k: usize| growths[k].as_ref().map_or(0.0, |row| row[j]);
+                let details = [1, 2, 3].map(|k| block[place(k, j)]);
+                // Child 0 is what the mean leaves to it.
+                let first = -(1..4).map(|k| areas[k] / areas[0] * details[k - 1]).sum::<f64>();
+                *growth = match survivor {
+                    _ if several => (0..4).map(|k| areas[k] / total * grown(k)).sum(),
+                    Some(0) => first + grown(0),
+                    Some(k) => details[k - 1] + grown(k),
+                    None => 0.0,
+                };
+                for k in 1..4 {
+                    block[place(k, j)] = if several { details[k - 1] + grown(k) - *growth } else { 0.0 };
+                }
+            }
+            above.push(Some(growth));
+        }
+        growths = above;
+        live = live.chunks_exact(4).map(|children| children.contains(&true)).collect();
+        areas = areas.chunks_exact(4).map(|children| children.iter().sum()).collect();
+        stride *= 4;
+    }
+    for (base, growth) in growths.iter().enumerate() {
+        let row = &mut block[base * stride * inner..][..inner];
+        row.iter_mut().zip(growth.iter().flatten()).for_each(|(c, growth)| *c += growth);
     }
 }
 
@@ -116,6 +187,23 @@ mod tests {
         let mut dead = vec![N; 32];
         fill(&axes, &mut dead);
         assert_eq!(dead, vec![0.0; 32]);
+    }
+
+    /// What `rows` leaves uncoded below nodes with one live child must have no details, on every axis of triangles.
+    #[test]
+    fn dead_incoming_triangles_are_their_live_sibling() {
+        let mesh = |level| Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, level).unwrap());
+        let axes = [mesh(1), mesh(1), Axis::Rgb];
+        let mut values: Vec<f32> = (0..16 * 48_u16).map(f32::from).collect();
+        // Of the first node one child lives, of the second none.
+        values[..3 * 48].fill(N);
+        values[4 * 48..8 * 48].fill(N);
+        values[10 * 48 + 5] = N;
+        fill(&axes, &mut values);
+        let block = |i: usize| &values[i * 48..][..48];
+        assert!((0..3).all(|i| block(i) == block(3)));
+        assert!((5..8).all(|i| block(i) == block(4)));
+        assert!(values.iter().all(|v| !v.is_nan()));
     }
 
     #[test]

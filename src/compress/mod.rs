@@ -11,6 +11,7 @@ mod exponential;
 mod file;
 mod fill;
 mod header;
+mod kept;
 mod light;
 mod lossless;
 mod noise;
@@ -29,6 +30,7 @@ pub use crate::codec::CodecError as DecodeError;
 pub use decode::{
     Decoded, DecodedBlock, LevelInfo, decode, decode_block, decode_level, inspect, levels, payload_digest,
 };
+pub(crate) use kept::Kept;
 pub use light::LightReport;
 pub use noise::{Noise, estimate as estimate_noise};
 pub use target::{DeltaE, Target};

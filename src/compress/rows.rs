@@ -41,7 +41,7 @@ pub(crate) fn coding_order(axes: &[Axis], plan: &Plan, classes: Option<&[Class]>
 }
 
 /// Which entries of `axis` have a sample to code.
-fn live_entries(axes: &[Axis], axis: usize, classes: &[Class]) -> Vec<bool> {
+pub(crate) fn live_entries(axes: &[Axis], axis: usize, classes: &[Class]) -> Vec<bool> {
     let inner: usize = axes[axis + 1..].iter().map(Axis::len).product();
     let n = axes[axis].len();
     let mut live = vec![false; n];

@@ -4,6 +4,7 @@
 //! d; coefficients are ranked by |c|·‖synthesis function‖ in the counting measure of er(L2). The kept coefficients are stored
 //! exactly (float32), so the only error is that of what was dropped.
 
+use super::decode::plan_of;
 use super::file::{Parts, assemble, classes_chunk, finish, metadata_with_labels};
 use super::fill::fill;
 use super::header::Header;
@@ -13,8 +14,8 @@ use super::search::largest;
 use super::selection::{GenericTransform, Rule};
 use super::target::Bound;
 use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target};
-use crate::codec::{ChunkKind, Class, Encoder, Payload, Rows, code_coefficients};
-use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
+use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Payload, Rows, code_coefficients};
+use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress};
 use crate::transform::{AxisTransform, Plan, SphereBasis};
 
 /// Bisections of the threshold.
@@ -257,34 +258,58 @@ impl<'a> Work<'a> {
         self.parts_of(kept)
     }
 
-    /// The file's chunks for the coefficients that are kept, the others 0.
     fn parts_of(&self, kept: Vec<f32>) -> Parts {
-        let count = kept.iter().filter(|&&c| c != 0.0).count() as u64;
-        let mut bits: Vec<i32> = kept.into_iter().map(|c| if c == 0.0 { 0 } else { c.to_bits() as i32 }).collect();
-        let mut encoder = Encoder::default();
-        code_coefficients(&mut encoder, &self.rows, Payload::Float, &mut bits);
-        let measurement = self.measurement;
-        let samples = measurement.tensor.samples();
-        let header = Header {
-            quantity: measurement.quantity,
-            unit: measurement.unit,
-            sampling: measurement.sampling,
-            axes: measurement.tensor.axes().to_vec(),
-            policy: self.settings.policy,
-            transforms: self.transforms.clone(),
-            klt: false,
-            predicted: false,
-            pyramid_length: 0,
-            linear: false,
-            step: 0.0,
-            light_step: 0.0,
-            correction_step: 0.0,
-            has_classes: self.classes.is_some(),
-            floor: self.floor,
-            kept: count,
-            errors: ErrorReport::measure(samples, samples, f64::from(self.floor)),
-        };
-        let chunks = self.classes.iter().cloned().chain([(ChunkKind::Coefficients, encoder.finish())]).collect();
-        Parts { header, chunks }
+        let plan = (self.settings.policy, self.transforms.as_slice());
+        parts_of(self.measurement, plan, self.floor, self.classes.clone(), &self.rows, kept)
     }
+}
+
+/// The file's chunks for the coefficients that are kept, the others 0.
+pub(crate) fn parts_of(
+    measurement: &Measurement,
+    (policy, transforms): (Policy, &[AxisTransform]),
+    floor: f32,
+    classes: Option<(ChunkKind, Vec<u8>)>,
+    rows: &Rows,
+    kept: Vec<f32>,
+) -> Parts {
+    let count = kept.iter().filter(|&&c| c != 0.0).count() as u64;
+    let mut bits: Vec<i32> = kept.into_iter().map(|c| if c == 0.0 { 0 } else { c.to_bits() as i32 }).collect();
+    let mut encoder = Encoder::default();
+    code_coefficients(&mut encoder, rows, Payload::Float, &mut bits);
+    let samples = measurement.tensor.samples();
+    let header = Header {
+        quantity: measurement.quantity,
+        unit: measurement.unit,
+        sampling: measurement.sampling,
+        axes: measurement.tensor.axes().to_vec(),
+        policy,
+        transforms: transforms.to_vec(),
+        klt: false,
+        predicted: false,
+        pyramid_length: 0,
+        linear: false,
+        step: 0.0,
+        light_step: 0.0,
+        correction_step: 0.0,
+        has_classes: classes.is_some(),
+        floor,
+        kept: count,
+        errors: ErrorReport::measure(samples, samples, f64::from(floor)),
+    };
+    let chunks = classes.into_iter().chain([(ChunkKind::Coefficients, encoder.finish())]).collect();
+    Parts { header, chunks }
+}
+
+/// The coefficients of a file, row-major, and the plan that they are of.
+pub(crate) fn coefficients_of(
+    header: &Header,
+    classes: Option<&[Class]>,
+    coded: &[u8],
+) -> Result<(Plan, Vec<f32>), CodecError> {
+    let plan = plan_of(header)?;
+    let mut bits = vec![0_i32; header.axes.iter().map(Axis::len).product()];
+    let rows = coding_order(&header.axes, &plan, classes);
+    code_coefficients(&mut Decoder::new(coded), &rows, Payload::Float, &mut bits);
+    Ok((plan, bits.into_iter().map(|bits| f32::from_bits(bits as u32)).collect()))
 }

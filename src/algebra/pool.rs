@@ -1,0 +1,76 @@
+//! Many compressed spectra in flat memory, six bytes a coefficient: the spectra of a photon map.
+
+use super::AlgebraError;
+use super::accumulator::Accumulator;
+use super::space::LineSpace;
+use super::sparse::SparseSpectrum;
+use std::sync::Arc;
+
+/// Spectra in one basis, one behind the other. Coefficients are rounded to f32 when they are stored (relatively by 6e-8 at
+/// most); sums of them are in f64.
+#[derive(Clone, Debug)]
+pub struct SpectrumPool {
+    space: Arc<LineSpace>,
+    indices: Vec<u16>,
+    values: Vec<f32>,
+    /// Where each spectrum starts; one more at the end.
+    starts: Vec<usize>,
+}
+
+impl SpectrumPool {
+    /// An empty pool.
+    pub fn new(space: &Arc<LineSpace>) -> Self {
+        Self { space: Arc::clone(space), indices: Vec::new(), values: Vec::new(), starts: vec![0] }
+    }
+
+    /// Stores a spectrum and gives its number.
+    pub fn push(&mut self, spectrum: &SparseSpectrum) -> Result<usize, AlgebraError> {
+        self.space.require(spectrum.space())?;
+        let large = spectrum.entries().iter().find(|entry| !(entry.value as f32).is_finite());
+        if let Some(entry) = large {
+            let reason = format!("is {}, expected a number that an f32 holds", entry.value);
+            return Err(AlgebraError::Entry { index: entry.index, reason });
+        }
+        // A line has at most 4096 coefficients.
+        self.indices.extend(spectrum.entries().iter().map(|entry| entry.index as u16));
+        self.values.extend(spectrum.entries().iter().map(|entry| entry.value as f32));
+        self.starts.push(self.values.len());
+        Ok(self.len() - 1)
+    }
+
+    /// How many spectra there are.
+    pub fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Bytes in memory, those of the basis not counted.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.indices.as_slice()) + size_of_val(self.values.as_slice()) + size_of_val(self.starts.as_slice())
+    }
+
+    /// Adds `Σ factor · spectrum` to `sum`: photons by number, each with its weight. No allocation.
+    ///
+    /// # Panics
+    /// If there is no spectrum of a number.
+    pub fn gather(
+        &self,
+        photons: impl IntoIterator<Item = (usize, f64)>,
+        sum: &mut Accumulator,
+    ) -> Result<(), AlgebraError> {
+        self.space.require(sum.space())?;
+        let sums = sum.coefficients_mut();
+        for (photon, factor) in photons {
+            assert!(photon < self.len(), "spectrum {photon} of {}", self.len());
+            let own = self.starts[photon]..self.starts[photon + 1];
+            for (&index, &value) in self.indices[own.clone()].iter().zip(&self.values[own]) {
+                sums[usize::from(index)] += factor * f64::from(value);
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,181 @@
+//! A prepared basis on a line: what each coefficient stands for, and what it is computed from, in f64.
+
+use super::gram::Gram;
+use super::sparse::{Entry, SparseSpectrum};
+use super::windows::Windows;
+use super::{AlgebraError, MAX_GRAM, MAX_LINE};
+use crate::domain::Axis;
+use crate::transform::{AxisTransform, Plan};
+use std::sync::{Arc, OnceLock};
+
+/// Analysis and synthesis that differ by less are one orthonormal basis; published tables have eleven digits and more.
+const SAME: f64 = 1e-10;
+
+/// The functions on a line of n samples in one basis `ψ_0 … ψ_(n−1)`, shared by all spectra that are sums of them.
+///
+/// A wavelet under any boundary rule at any length, the identity, or the caller's own orthonormal vectors. Coefficients
+/// have the places that [`Plan`] gives them. Everything is exact to the rounding of f64.
+#[derive(Clone, Debug)]
+pub struct LineSpace {
+    name: String,
+    transform: Option<AxisTransform>,
+    length: usize,
+    /// Row k: `ψ_k` by sample.
+    synthesis: Windows,
+    /// Row k: what coefficient k takes of each sample (the dual function of `ψ_k`).
+    analysis: Windows,
+    norms: Vec<f64>,
+    orthonormal: bool,
+    gram: OnceLock<Gram>,
+}
+
+impl LineSpace {
+    /// Prepares a wavelet on a line, or the identity, for `length` samples.
+    pub fn new(transform: AxisTransform, length: usize) -> Result<Arc<Self>, AlgebraError> {
+        check_length(length)?;
+        let axis = Axis::Index { count: length, labels: vec![] };
+        let plan = Plan::new(&[axis], &[transform])
+            .map_err(|error| AlgebraError::Basis { length, reason: error.to_string() })?;
+        let synthesis = Windows::new((0..length).map(|k| plan.footprint(0, k)));
+        let analysis = Windows::new((0..length).map(|k| plan.analysis_row(0, k)));
+        Ok(Arc::new(Self::of(plan.to_string(), Some(transform), length, synthesis, analysis)))
+    }
+
+    /// The span of orthonormal vectors, such as the data's own ([`crate::transform::Klt`]). Where they are fewer than samples,
+    /// coefficients are those of the projection on the span, of samples as of products.
+    pub fn orthonormal(name: &str, vectors: &[Vec<f64>]) -> Result<Arc<Self>, AlgebraError> {
+        let length = vectors.first().map_or(0, Vec::len);
+        check_length(length)?;
+        let refuse = |reason: String| AlgebraError::Basis { length, reason };
+        if vectors.len() > length || vectors.iter().any(|vector| vector.len() != length) {
+            return Err(refuse(format!("{} vectors, expected at most {length} of the same length", vectors.len())));
+        }
+        for (i, a) in vectors.iter().enumerate() {
+            for (j, b) in vectors[..=i].iter().enumerate() {
+                let product: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
+                let expected = if i == j { 1.0 } else { 0.0 };
+                let is_close = (product - expected).abs() <= 1e-9;
+                if !is_close {
+                    return Err(refuse(format!("vectors {j} and {i} have the product {product}, expected {expected}")));
+                }
+            }
+        }
+        let row = |vector: &Vec<f64>| (0..).zip(vector.iter().copied()).collect();
+        let rows = Windows::new(vectors.iter().map(row));
+        Ok(Arc::new(Self::of(format!("{name}[{length}]"), None, length, rows.clone(), rows)))
+    }
+
+    fn of(
+        name: String,
+        transform: Option<AxisTransform>,
+        length: usize,
+        synthesis: Windows,
+        analysis: Windows,
+    ) -> Self {
+        let norm = |k| libm::sqrt(synthesis.row(k).1.iter().map(|x| x * x).sum());
+        let norms = (0..synthesis.len()).map(norm).collect();
+        // Rows of the inverse that are columns of the transform: SᵀS = 1.
+        let orthonormal = synthesis.distance(&analysis) < SAME;
+        Self { name, transform, length, synthesis, analysis, norms, orthonormal, gram: OnceLock::new() }
+    }
+
+    /// Its basis, rule at the ends (where it is not the basis' own) and length: `db4[75]`.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Samples on the line.
+    pub fn length(&self) -> usize {
+        self.length
+    }
+
+    /// Coefficients of a spectrum: as many as samples, but for the span of fewer vectors.
+    pub fn coefficients(&self) -> usize {
+        self.synthesis.len()
+    }
+
+    /// Whether `⟨ψ_i, ψ_j⟩` is 1 for i = j and 0 otherwise, in the plain sum over samples.
+    pub fn is_orthonormal(&self) -> bool {
+        self.orthonormal
+    }
+
+    /// `‖ψ_k‖` in the plain sum over samples.
+    ///
+    /// # Panics
+    /// If there is no such coefficient.
+    pub fn norm(&self, k: usize) -> f64 {
+        self.norms[k]
+    }
+
+    /// Bytes in memory, without tables made from it.
+    pub fn bytes(&self) -> usize {
+        self.synthesis.bytes() + self.analysis.bytes() + size_of_val(self.norms.as_slice())
+    }
+
+    /// All coefficients of samples, those that are 0 left out.
+    pub fn analyse(self: &Arc<Self>, samples: &[f64]) -> Result<SparseSpectrum, AlgebraError> {
+        self.check("samples", samples)?;
+        let entries = (0..self.coefficients())
+            .map(|k| Entry { index: k as u32, value: self.analysis.times(k, samples) })
+            .filter(|entry| entry.value != 0.0)
+            .collect();
+        Ok(SparseSpectrum::of(Arc::clone(self), entries))
+    }
+
+    /// All coefficients of samples into `coefficients`, without allocation.
+    ///
+    /// # Panics
+    /// If there are not as many of each as the line has.
+    pub fn analyse_into(&self, samples: &[f64], coefficients: &mut [f64]) {
+        assert_eq!(samples.len(), self.length, "as many samples as the line has");
+        assert_eq!(coefficients.len(), self.coefficients(), "as many coefficients as the line has");
+        for (k, coefficient) in coefficients.iter_mut().enumerate() {
+            *coefficient = self.analysis.times(k, samples);
+        }
+    }
+
+    /// Whether spectra in both can be added: the same object, or the same transform of the same length.
+    pub(super) fn is(&self, other: &Self) -> bool {
+        std::ptr::eq(self, other)
+            || (self.length == other.length && self.transform == other.transform && self.transform.is_some())
+    }
+
+    pub(super) fn require(&self, other: &Self) -> Result<(), AlgebraError> {
+        if self.is(other) {
+            return Ok(());
+        }
+        Err(AlgebraError::OtherBasis { found: other.name.clone(), expected: self.name.clone() })
+    }
+
+    pub(super) fn check(&self, what: &'static str, numbers: &[f64]) -> Result<(), AlgebraError> {
+        if numbers.len() != self.length {
+            return Err(AlgebraError::Length { what, found: numbers.len(), expected: self.length });
+        }
+        match numbers.iter().position(|x| !x.is_finite()) {
+            Some(index) => Err(AlgebraError::NotFinite { what, index, found: numbers[index] }),
+            None => Ok(()),
+        }
+    }
+
+    pub(super) fn synthesis(&self) -> &Windows {
+        &self.synthesis
+    }
+
+    pub(super) fn analysis(&self) -> &Windows {
+        &self.analysis
+    }
+
+    /// The Gram matrix under the plain sum over samples, made on first use; `None` where it is the identity or too large.
+    pub(super) fn gram(&self) -> Option<&Gram> {
+        let worth = !self.orthonormal && self.length <= MAX_GRAM;
+        worth.then(|| self.gram.get_or_init(|| Gram::of(self, None)))
+    }
+}
+
+fn check_length(length: usize) -> Result<(), AlgebraError> {
+    match length {
+        0 => Err(AlgebraError::Basis { length, reason: "no samples, expected at least one".to_owned() }),
+        1..=MAX_LINE => Ok(()),
+        found => Err(AlgebraError::TooLong { what: "a line", found, most: MAX_LINE }),
+    }
+}

@@ -1,0 +1,121 @@
+//! Rows that are zero outside one run of columns: synthesis functions and analysis rows, flat in memory.
+
+/// Rows of numbers, each stored from its first to its last that is not 0.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Windows {
+    values: Vec<f64>,
+    /// First column and first value of each row; one more at the end.
+    rows: Vec<(u32, u32)>,
+}
+
+impl Windows {
+    /// From rows of (column, number); columns may come in any order, each once.
+    pub(super) fn new(rows: impl Iterator<Item = Vec<(u32, f64)>>) -> Self {
+        let mut windows = Self::default();
+        for row in rows {
+            let live = row.into_iter().filter(|(_, w)| *w != 0.0);
+            let live: Vec<(u32, f64)> = live.collect();
+            let first = live.iter().map(|(column, _)| *column).min().unwrap_or(0);
+            let start = windows.values.len();
+            windows.rows.push((first, start as u32));
+            let width = live.iter().map(|(column, _)| column - first + 1).max().unwrap_or(0);
+            windows.values.resize(start + width as usize, 0.0);
+            for (column, w) in live {
+                windows.values[start + (column - first) as usize] += w;
+            }
+        }
+        windows.rows.push((0, windows.values.len() as u32));
+        windows
+    }
+
+    /// How many rows there are.
+    pub(super) fn len(&self) -> usize {
+        self.rows.len() - 1
+    }
+
+    /// The first column of a row, and its numbers from there.
+    pub(super) fn row(&self, row: usize) -> (usize, &[f64]) {
+        let (first, start) = self.rows[row];
+        (first as usize, &self.values[start as usize..self.rows[row + 1].1 as usize])
+    }
+
+    /// The sum of a row's numbers times those of `columns`.
+    pub(super) fn times(&self, row: usize, columns: &[f64]) -> f64 {
+        let (first, values) = self.row(row);
+        dot(values, &columns[first..first + values.len()])
+    }
+
+    /// Adds `factor` times a row to `columns`.
+    pub(super) fn add(&self, row: usize, factor: f64, columns: &mut [f64]) {
+        let (first, values) = self.row(row);
+        axpy(factor, values, &mut columns[first..first + values.len()]);
+    }
+
+    /// The largest difference between the numbers of two sets of as many rows.
+    pub(super) fn distance(&self, other: &Self) -> f64 {
+        let mut largest = 0.0_f64;
+        for row in 0..self.len() {
+            let ((a, left), (b, right)) = (self.row(row), other.row(row));
+            let at = |first: usize, values: &[f64], i: usize| {
+                i.checked_sub(first).and_then(|k| values.get(k)).copied().unwrap_or(0.0)
+            };
+            for i in a.min(b)..(a + left.len()).max(b + right.len()) {
+                largest = largest.max((at(a, left, i) - at(b, right, i)).abs());
+            }
+        }
+        largest
+    }
+
+    /// Bytes in memory.
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(self.values.as_slice()) + size_of_val(self.rows.as_slice())
+    }
+}
+
+/// Σ a·b in four sums of a fixed order, which a processor adds side by side.
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let (left, right) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = left.remainder().iter().zip(right.remainder()).map(|(a, b)| a * b).sum();
+    let mut sums = [0.0; 4];
+    for (a, b) in left.zip(right) {
+        for k in 0..4 {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
+}
+
+/// `y += factor · x`.
+pub(super) fn axpy(factor: f64, x: &[f64], y: &mut [f64]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        *y += factor * x;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_kept_from_first_to_last() {
+        let windows = Windows::new([vec![(4, 2.0), (2, 1.0), (7, 0.0)], vec![], vec![(0, 3.0)]].into_iter());
+        assert_eq!(windows.len(), 3);
+        assert_eq!(windows.row(0), (2, &[1.0, 0.0, 2.0][..]));
+        assert_eq!(windows.row(1), (0, &[][..]));
+        assert_eq!(windows.times(0, &[1.0, 1.0, 2.0, 3.0, 4.0]), 10.0);
+        let mut sum = [0.0; 5];
+        windows.add(0, 2.0, &mut sum);
+        assert_eq!(sum, [0.0, 0.0, 2.0, 0.0, 4.0]);
+        assert_eq!(windows.distance(&windows), 0.0);
+        assert_eq!(windows.distance(&Windows::new([vec![(1, 5.0)], vec![], vec![(0, 3.0)]].into_iter())), 5.0);
+    }
+
+    #[test]
+    fn sums_are_those_of_every_length() {
+        for n in 0..11 {
+            let a: Vec<f64> = (0..n).map(f64::from).collect();
+            let expected: f64 = a.iter().map(|x| x * x).sum();
+            assert_eq!(dot(&a, &a), expected);
+        }
+    }
+}

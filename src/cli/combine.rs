@@ -1,0 +1,148 @@
+//! `wavelume combine`: the weighted sum of materials, in the compressed domain where they allow it.
+
+use super::failure::Failure;
+use super::input::read_file;
+use super::output::{Sheet, count, per_cent, print, print_json, three_digits, write_file};
+use super::query::{self, List};
+use super::report::{axes_lines, coefficient_line, error_lines, sample_lines};
+use super::request::{TargetArgs, ThreadsArgs};
+use crate::algebra::{self, Combined, Method, Operand, OperandReport, Recompress};
+use crate::compress::{Policy, Settings};
+use crate::domain::{Axis, ErrorReport, Quantity, Silent, Unit};
+use crate::pipeline::digest;
+use serde::Serialize;
+use serde_json::json;
+use std::path::PathBuf;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The materials: same quantity, unit and axes
+    #[arg(value_name = "M.wlm", required = true)]
+    materials: Vec<PathBuf>,
+    /// One factor a material [default: 1 each]
+    #[arg(long, value_name = "W,...", value_parser = query::weights, allow_hyphen_values = true)]
+    weights: Option<List<f64>>,
+    /// The material to write
+    #[arg(short, long, value_name = "OUT.wlm")]
+    output: PathBuf,
+    #[command(flatten)]
+    target: TargetArgs,
+    /// The policy to compress again with; a promise, a policy or a basis that is named compresses again [default: rd]
+    #[arg(long)]
+    policy: Option<Policy>,
+    /// The spectral basis to compress again with [default: auto]
+    #[arg(long)]
+    basis: Option<String>,
+    /// Leave the provenance out of the file
+    #[arg(long)]
+    no_metadata: bool,
+    #[command(flatten)]
+    threads: ThreadsArgs,
+    /// Print one line of JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// What was done; the errors are those that combining added.
+#[derive(Serialize)]
+struct Answer<'a> {
+    digest: String,
+    quantity: Quantity,
+    unit: Unit,
+    axes: Vec<String>,
+    policy: Policy,
+    basis: &'a str,
+    method: Method,
+    reason: Option<&'a str>,
+    operands: &'a [OperandReport],
+    bytes: u64,
+    kept_coefficients: Option<u64>,
+    inherited_absolute_error: f64,
+    #[serde(flatten)]
+    added: &'a ErrorReport,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let weights = match &args.weights {
+        None => vec![1.0; args.materials.len()],
+        Some(List(weights)) if weights.len() == args.materials.len() => weights.clone(),
+        Some(List(weights)) => {
+            let (found, expected) = (weights.len(), args.materials.len());
+            return Err(Failure::Usage(format!("{found} weights for {expected} materials, expected one each")));
+        }
+    };
+    let files = args.materials.iter().map(|path| read_file(path)).collect::<Result<Vec<_>, _>>()?;
+    let operands: Vec<Operand<'_>> =
+        files.iter().zip(weights).map(|(bytes, weight)| Operand { bytes, weight }).collect();
+    let named = args.target.named();
+    let again = named.is_some() || args.policy.is_some() || args.basis.is_some();
+    let settings = Settings {
+        target: args.target.or_default(),
+        policy: args.policy.unwrap_or_default(),
+        basis: args.basis.clone().unwrap_or_else(|| "auto".to_owned()),
+        floor: None,
+        albedo_error: None,
+        metadata: (!args.no_metadata)
+            .then(|| json!({ "generator": concat!("wavelume ", env!("CARGO_PKG_VERSION")) }).to_string()),
+        random_access: false,
+    };
+    let recompress = if again { Recompress::Always } else { Recompress::IfNeeded };
+    let combined = args.threads.run(|| algebra::combine(&operands, &settings, recompress, &Silent))??;
+    write_file(&args.output, &combined.compressed.bytes)?;
+    let answer = Answer::of(&combined);
+    if args.json { print_json(&answer) } else { print(&answer.sheet().render(&args.output.display().to_string())) }
+}
+
+impl<'a> Answer<'a> {
+    fn of(combined: &'a Combined) -> Self {
+        let summary = &combined.compressed.summary;
+        Self {
+            digest: digest(&combined.compressed.bytes),
+            quantity: summary.quantity,
+            unit: summary.unit,
+            axes: summary.axes.iter().map(Axis::describe).collect(),
+            policy: summary.policy,
+            basis: &summary.basis,
+            method: combined.method,
+            reason: combined.reason.as_deref(),
+            operands: &combined.operands,
+            bytes: combined.compressed.bytes.len() as u64,
+            kept_coefficients: summary.kept_coefficients,
+            inherited_absolute_error: combined.inherited_absolute_error,
+            added: combined.added(),
+        }
+    }
+
+    fn sheet(&self) -> Sheet {
+        let mut sheet = Sheet::default();
+        for operand in self.operands {
+            let text = format!(
+                "{} × {} ({}, basis {}, er(L2) {})",
+                operand.weight,
+                operand.payload_digest,
+                operand.policy,
+                operand.basis,
+                per_cent(operand.er_l2)
+            );
+            sheet.line("operand", text);
+        }
+        sheet.line("quantity", format!("{}, {}", self.quantity, self.unit));
+        axes_lines(&mut sheet, &self.axes);
+        sample_lines(&mut sheet, self.added);
+        let method = match (self.method, self.reason) {
+            (Method::Coefficients, _) => "coefficients added".to_owned(),
+            (Method::Samples, reason) => format!("samples added and compressed again: {}", reason.unwrap_or_default()),
+        };
+        sheet.line("method", method);
+        sheet.line("policy", format!("{}, basis {}", self.policy, self.basis));
+        sheet.line("size", format!("{} bytes", count(self.bytes)));
+        let ratio = self.kept_coefficients.map(|kept| self.added.samples as f64 / kept.max(1) as f64);
+        coefficient_line(&mut sheet, self.kept_coefficients, ratio);
+        error_lines(&mut sheet, "error added", self.added);
+        let inherited =
+            format!("at most {} off, by the operands' own errors", three_digits(self.inherited_absolute_error));
+        sheet.line("error inherited", inherited);
+        sheet.line("digest", &self.digest);
+        sheet
+    }
+}

@@ -1,0 +1,76 @@
+//! The coefficients that the paper's policies keep, out of a file and into one: those of the samples themselves, so that
+//! sums of coefficients are sums of samples.
+
+use super::decode::open;
+use super::file::{classes_chunk, finish};
+use super::fill::settle;
+use super::header::Header;
+use super::rows::{clear_uncoded, coding_order};
+use super::thresholded::{coefficients_of, parts_of};
+use super::{CompressError, Compressed, Policy};
+use crate::codec::{ChunkKind, Class, CodecError};
+use crate::domain::Measurement;
+use crate::transform::{AxisTransform, Plan, SphereBasis};
+
+/// What a file's coefficients are of.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Kept {
+    pub(crate) policy: Policy,
+    pub(crate) transforms: Vec<AxisTransform>,
+    pub(crate) has_masks: bool,
+}
+
+impl Kept {
+    /// Reads a file's header; `None` where its policy keeps something else than coefficients of the samples, or on
+    /// triangles other ones than this program writes.
+    pub(crate) fn of(bytes: &[u8]) -> Result<Option<Self>, CodecError> {
+        let (Header { policy, transforms, has_classes, .. }, _) = open(bytes)?;
+        let linear = match policy {
+            Policy::Conventional | Policy::Generic | Policy::Adaptive => true,
+            Policy::Rd | Policy::Lossless => false,
+        };
+        let known = |transform: &AxisTransform| match transform {
+            AxisTransform::Sphere(basis) => *basis == SphereBasis::BioHaar,
+            AxisTransform::Identity | AxisTransform::Line { .. } => true,
+        };
+        let known = transforms.iter().all(known);
+        Ok((linear && known).then_some(Self { policy, transforms, has_masks: has_classes }))
+    }
+
+    /// The coefficients of a file that this was read from, 0 where none is kept, row-major.
+    pub(crate) fn coefficients(bytes: &[u8]) -> Result<Vec<f32>, CodecError> {
+        let (header, container) = open(bytes)?;
+        let chunk = |kind| container.get(kind).map(|chunk| chunk.payload);
+        let classes = super::decode::classes_of(&header, chunk);
+        Ok(coefficients_of(&header, classes.as_deref(), chunk(ChunkKind::Coefficients).unwrap_or_default())?.1)
+    }
+
+    /// A file of these coefficients. `measurement` is what they stand for: its masked samples are masked, and the file's
+    /// errors are measured against it.
+    pub(crate) fn write(
+        &self,
+        measurement: &Measurement,
+        mut coefficients: Vec<f64>,
+        metadata: Option<&str>,
+    ) -> Result<Compressed, CompressError> {
+        let axes = measurement.tensor.axes();
+        let plan = Plan::new(axes, &self.transforms).map_err(|e| CompressError::Setting(e.to_string()))?;
+        let samples = measurement.tensor.samples();
+        let mut classes: Vec<Class> =
+            samples.iter().map(|s| if s.is_nan() { Class::Masked } else { Class::Positive }).collect();
+        let chunk = classes_chunk(axes, &mut classes);
+        let classes = chunk.is_some().then_some(classes);
+        if let Some(classes) = &classes {
+            settle(axes, classes, &mut coefficients);
+        }
+        let mut kept: Vec<f32> = coefficients.into_iter().map(|c| c as f32).collect();
+        if let Some(index) = kept.iter().position(|c| !c.is_finite()) {
+            let text = format!("coefficient {index} is {}, expected a number that an f32 holds", kept[index]);
+            return Err(CompressError::Unreachable(text));
+        }
+        let rows = coding_order(axes, &plan, classes.as_deref());
+        clear_uncoded(&rows, &mut kept);
+        drop(classes);
+        finish(parts_of(measurement, (self.policy, &self.transforms), 0.0, chunk, &rows, kept), measurement, metadata)
+    }
+}
