@@ -16,6 +16,7 @@ mod lookup;
 mod material;
 mod sampling;
 mod spectrum;
+pub mod warp;
 
 pub use material::Material;
 
