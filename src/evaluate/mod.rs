@@ -19,6 +19,8 @@ mod spectrum;
 pub mod warp;
 
 pub use material::Material;
+pub use sampling::WavelengthSampler;
+pub use warp::{Density, SampleOptions};
 
 use crate::compress::DecodeError;
 use crate::domain::Direction;
@@ -51,8 +53,9 @@ pub struct DirectionSample {
     pub direction: Direction,
     /// Its probability density, sr⁻¹.
     pub pdf: f64,
-    /// f · |cos θo| / pdf for a BRDF, BTDF or BSDF, f / pdf otherwise; f piecewise constant, the mean over wavelengths
-    /// (of the samples that are not masked; 0 where that mean is negative).
+    /// f · |cos θo| / pdf for a BRDF, BTDF or BSDF, f / pdf otherwise; f the mean over wavelengths (of the samples that are
+    /// not masked; 0 where that mean is negative) of the incoming cell, as the density takes it: piecewise constant for
+    /// [`Density::Uniform`], between vertex means as in the smooth form for [`Density::Linear`].
     pub weight: f64,
 }
 

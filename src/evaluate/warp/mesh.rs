@@ -21,6 +21,7 @@ use super::Measure;
 use crate::domain::vector::{Vector, add, cross, dot, unit};
 use crate::domain::{Direction, Domain, TriangleMesh};
 use crate::evaluate::lookup::corners;
+use std::hint::select_unpredictable;
 
 /// The eight triangles of four squares, `[lower, upper]` after `[lower, upper]`: one load in a descent.
 #[derive(Clone, Copy, Debug, Default)]
@@ -41,8 +42,10 @@ const TOP: [[(u32, Frame); 2]; 4] = [
     [(4, [1, 0, 2]), (5, [2, 0, 1])],
 ];
 
-/// Whether a square of level 0 runs against the unit square in a and in b, so that neighbours meet.
-pub(super) const FLIPS: [[bool; 2]; 4] = [[false, true], [false, false], [true, true], [true, false]];
+/// Where a square of level 0 starts in a and in b and which way it runs, so that neighbours meet.
+pub(super) const FLIPS: [[[f64; 2]; 2]; 4] = [[ALONG, AGAINST], [ALONG, ALONG], [AGAINST, AGAINST], [AGAINST, ALONG]];
+const ALONG: [f64; 2] = [0.0, 1.0];
+const AGAINST: [f64; 2] = [1.0 - f64::EPSILON / 2.0, -1.0];
 
 /// The cosine and sine that turn octant 0 into octant q (of 4) about z.
 const TURNS: [[f64; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]];
@@ -71,6 +74,8 @@ pub struct WarpMesh {
     framed: Vec<u32>,
     /// The vertex numbers of the leaves.
     corners: Vec<[u32; 3]>,
+    /// Those of the squares of leaves: (0,0), (0,1), (1,0), (1,1).
+    quads: Vec<[u32; 4]>,
     points: Vec<Direction>,
     /// The tree of the measure alone.
     measures: Vec<Group>,
@@ -96,6 +101,15 @@ impl WarpMesh {
         let leaves: Vec<Leaf> = octant_triangles(level).into_iter().map(Leaf::new).collect();
         let (places, framed) = places(mesh);
         let (corners, count) = corners(mesh);
+        let vertex = |place: usize, corner: usize| {
+            let (leaf, frame) = unframed(framed[place]);
+            corners[leaf][usize::from(frame[corner])]
+        };
+        let quads = (0..mesh.len() / 2)
+            .map(|square| {
+                [vertex(2 * square, 1), vertex(2 * square + 1, 0), vertex(2 * square, 0), vertex(2 * square, 2)]
+            })
+            .collect();
         let mut points = vec![Direction::from_unit([0.0, 0.0, 1.0]); count];
         for (ids, vertices) in corners.iter().zip(mesh.all_vertices()) {
             for (&id, vertex) in ids.iter().zip(vertices) {
@@ -109,10 +123,23 @@ impl WarpMesh {
         // All octants are congruent.
         let one: Vec<f64> = (0..octant).map(own).collect();
         let exact: Vec<f64> = (0..mesh.len()).map(|i| one[i % octant]).collect();
-        let cosine = |point: &Direction| if measure == Measure::Projected { point.cos_theta().abs() as f32 } else { 1.0 };
+        let cosine =
+            |point: &Direction| if measure == Measure::Projected { point.cos_theta().abs() as f32 } else { 1.0 };
         let cosines = points.iter().map(cosine).collect();
-        let mut this =
-            Self { mesh, measure, planes, leaves, places, framed, corners, points, measures: vec![], cosines, exact };
+        let mut this = Self {
+            mesh,
+            measure,
+            planes,
+            leaves,
+            places,
+            framed,
+            corners,
+            quads,
+            points,
+            measures: vec![],
+            cosines,
+            exact,
+        };
         let mut measures = vec![Group::default(); this.groups()];
         this.fill(&mut this.exact.clone(), &mut measures);
         this.measures = measures;
@@ -152,6 +179,7 @@ impl WarpMesh {
             + size_of_val(&*self.places)
             + size_of_val(&*self.framed)
             + size_of_val(&*self.corners)
+            + size_of_val(&*self.quads)
             + size_of_val(&*self.points)
             + size_of_val(&*self.measures)
             + size_of_val(&*self.cosines)
@@ -195,10 +223,12 @@ impl WarpMesh {
     /// The entry of triangle `node` of `level` in a tree, counted in single numbers.
     pub(super) fn slot(&self, level: u8, node: usize) -> usize {
         let place = self.place(level, node);
-        match level.checked_sub(1) {
-            None => place,
-            Some(above) => 8 * self.children(above, 0) + place,
-        }
+        8 * self.group_of(level, place / 2) + place % 8
+    }
+
+    /// The group that holds a square of `level` among its parent's quadrants.
+    pub(super) fn group_of(&self, level: u8, square: usize) -> usize {
+        level.checked_sub(1).map_or(0, |above| self.children(above, square / 4))
     }
 
     /// 2 · the square of triangle `node` of `level`, + 1 for the upper half.
@@ -208,8 +238,12 @@ impl WarpMesh {
 
     /// The leaf at a place of the last level, and its frame.
     pub(super) fn framed(&self, place: usize) -> (usize, Frame) {
-        let framed = self.framed[place];
-        ((framed >> 3) as usize, FRAMES[(framed & 7) as usize])
+        unframed(self.framed[place])
+    }
+
+    /// The numbers of the vertices of a square of leaves: (0,0), (0,1), (1,0), (1,1).
+    pub(super) fn quad(&self, square: usize) -> [u32; 4] {
+        self.quads[square]
     }
 
     /// The numbers of a leaf's vertices.
@@ -217,13 +251,17 @@ impl WarpMesh {
         self.corners[leaf]
     }
 
-    /// The direction through the point of the planar triangle `leaf` with these barycentric coordinates, and what turns a
-    /// density of the coordinates (mean 1 over the triangle) into one of solid angle: |p|³ / (area · distance).
-    pub(super) fn point(&self, leaf: usize, coordinates: [f64; 3]) -> (Direction, f64) {
+    /// The direction through the point of the planar triangle `leaf` with these barycentric coordinates of the vertices in
+    /// `frame`, and what turns a density of the coordinates (mean 1 over the triangle) into one of solid angle:
+    /// |p|³ / (area · distance).
+    #[inline]
+    pub(super) fn point(&self, leaf: usize, frame: Frame, [a, b, c]: [f64; 3]) -> (Direction, f64) {
         let geometry = &self.leaves[leaf & (self.leaves.len() - 1)];
-        let [v0, v1, v2] = &geometry.vertices;
-        let [a, b, c] = coordinates;
-        let [x, y, z] = [0, 1, 2].map(|k| a * v0[k] + b * v1[k] + c * v2[k]);
+        let [v0, v1, v2] = frame;
+        let vertex = |k: u8| &geometry.vertices[usize::from(k)];
+        let (v0, v1, v2) = (vertex(v0), vertex(v1), vertex(v2));
+        let on = |k: usize| a * v0[k] + b * v1[k] + c * v2[k];
+        let [x, y, z] = [on(0), on(1), on(2)];
         let square = x * x + y * y + z * z;
         let length = square.sqrt();
         let inverse = 1.0 / length;
@@ -253,18 +291,19 @@ impl WarpMesh {
         let folded = [cos * x + sin * y, cos * y - sin * x, z.abs()];
         let (mut node, mut offset) = (0, 0);
         for level in 0..self.mesh.level() {
-            let [beyond0, beyond1, beyond2] = self.planes[offset + node].map(|plane| dot(plane, folded) > 0.0);
-            let mut child = if beyond2 { 2 } else { 3 };
-            child = if beyond1 { 1 } else { child };
-            child = if beyond0 { 0 } else { child };
+            let [corner0, corner1, corner2] = self.planes[offset + node];
+            let child = select_unpredictable(dot(corner2, folded) > 0.0, 2, 3);
+            let child = select_unpredictable(dot(corner1, folded) > 0.0, 1, child);
+            let child = select_unpredictable(dot(corner0, folded) > 0.0, 0, child);
             node = 4 * node + child;
             offset += 1 << (2 * u32::from(level));
         }
         let geometry = &self.leaves[node];
-        let scaled = geometry.duals.map(|dual| dot(dual, folded).max(0.0));
-        let length = 1.0 / (scaled[0] + scaled[1] + scaled[2]);
+        let [d0, d1, d2] = geometry.duals;
+        let (a, b, c) = (dot(d0, folded).max(0.0), dot(d1, folded).max(0.0), dot(d2, folded).max(0.0));
+        let length = 1.0 / (a + b + c);
         let leaf = (quadrant + 4 * usize::from(down)) * self.leaves.len() + node;
-        Some((leaf, scaled.map(|c| c * length), length * length * length * geometry.density))
+        Some((leaf, [a * length, b * length, c * length], length * length * length * geometry.density))
     }
 }
 
@@ -276,6 +315,10 @@ impl Leaf {
         let determinant = dot(a, planes[0]);
         Self { vertices, duals: planes.map(|plane| plane.map(|x| x / determinant)), density: 2.0 / determinant.abs() }
     }
+}
+
+fn unframed(framed: u32) -> (usize, Frame) {
+    ((framed >> 3) as usize, FRAMES[(framed & 7) as usize])
 }
 
 /// How many nodes of one octant lie above `level`.
@@ -385,7 +428,7 @@ mod tests {
             let warp = WarpMesh::new(mesh, Measure::SolidAngle);
             for leaf in 0..mesh.len() {
                 let coordinates = [0.2, 0.5, 0.3];
-                let (direction, factor) = warp.point(leaf, coordinates);
+                let (direction, factor) = warp.point(leaf, [0, 1, 2], coordinates);
                 let (found, back, again) = warp.locate(direction).unwrap();
                 assert_eq!((found, mesh.locate(direction)), (leaf, Some(leaf)));
                 assert!(back.iter().zip(coordinates).all(|(a, b)| (a - b).abs() < 1e-12));

@@ -42,8 +42,9 @@ pub use mesh::WarpMesh;
 use crate::domain::{Direction, Domain};
 use mesh::{FLIPS, Group};
 use rayon::prelude::*;
-use square::{Constant, Linear, Point, scaled};
+use square::{Constant, Linear, Point, linear_at};
 use std::f64::consts::{FRAC_1_PI, TAU};
+use std::hint::select_unpredictable;
 use std::sync::Arc;
 
 /// The largest number below 1.
@@ -101,6 +102,9 @@ pub struct Drawn {
     pub pdf: f64,
     /// The leaf triangle that holds it.
     pub leaf: usize,
+    /// The barycentric coordinates in the planar triangle of the leaf's vertices ([`WarpMesh::corners`]): a function that is
+    /// linear on triangles is evaluated without another search.
+    pub coordinates: [f64; 3],
 }
 
 /// The warps of many functions (one for each incoming cell) on one mesh, in flat tables.
@@ -179,15 +183,17 @@ impl Warps {
         }
         let by_tree = 1.0 - defensive;
         if first < by_tree {
-            let mut drawn = self.draw(cell, [(first / by_tree).min(BELOW_ONE), second], options);
-            if defensive > 0.0 {
-                drawn.pdf = by_tree * drawn.pdf + defensive * self.background(drawn.direction);
+            if defensive == 0.0 {
+                return Some(self.draw(cell, [first, second], options));
             }
+            let mut drawn = self.draw(cell, [(first / by_tree).min(BELOW_ONE), second], options);
+            drawn.pdf = by_tree * drawn.pdf + defensive * self.background(drawn.direction);
             return Some(drawn);
         }
         let direction = self.draw_background([((first - by_tree) / defensive).min(BELOW_ONE), second]);
-        let (leaf, tree) = self.leaf_density(cell, direction, options)?;
-        Some(Drawn { direction, pdf: by_tree * tree + defensive * self.background(direction), leaf })
+        let (leaf, coordinates, tree) = self.leaf_density(cell, direction, options)?;
+        let pdf = by_tree * tree + defensive * self.background(direction);
+        Some(Drawn { direction, pdf, leaf, coordinates })
     }
 
     /// The density in sr⁻¹ with which [`Warps::sample`] draws `direction`; 0 outside the domain.
@@ -195,8 +201,8 @@ impl Warps {
         let defensive = self.defensive(cell, options);
         match self.leaf_density(cell, direction, options) {
             None => 0.0,
-            Some((_, tree)) if defensive == 0.0 => tree,
-            Some((_, tree)) => (1.0 - defensive) * tree + defensive * self.background(direction),
+            Some((.., tree)) if defensive == 0.0 => tree,
+            Some((.., tree)) => (1.0 - defensive) * tree + defensive * self.background(direction),
         }
     }
 
@@ -262,8 +268,13 @@ impl Warps {
         }
     }
 
-    /// The leaf that holds a direction and the tree's density there.
-    fn leaf_density(&self, cell: usize, direction: Direction, options: &SampleOptions) -> Option<(usize, f64)> {
+    /// The leaf that holds a direction, its coordinates there, and the tree's density.
+    fn leaf_density(
+        &self,
+        cell: usize,
+        direction: Direction,
+        options: &SampleOptions,
+    ) -> Option<(usize, [f64; 3], f64)> {
         let (leaf, coordinates, factor) = self.mesh.locate(direction)?;
         let end = self.end(options);
         let probability = self.probability(cell, end, leaf);
@@ -271,84 +282,125 @@ impl Warps {
             Density::Uniform => probability,
             Density::Linear => {
                 let shape = self.shape(cell, end);
-                let values = self.mesh.corners_of(leaf).map(|id| f64::from(shape[id as usize]));
-                dot(scaled(probability, values), coordinates)
+                let [a, b, c] = self.mesh.corners_of(leaf);
+                let value = |id: u32| f64::from(shape[id as usize]);
+                linear_at(probability, [value(a), value(b), value(c)], coordinates)
             }
         };
-        Some((leaf, density * factor))
+        Some((leaf, coordinates, density * factor))
     }
 
     /// The tree's warp.
     fn draw(&self, cell: usize, mut u: [f64; 2], options: &SampleOptions) -> Drawn {
         let end = self.end(options);
-        let mut walk = Walk::new(self, cell, end);
-        for level in 0..=self.mesh.mesh().level() {
-            let quadrant = choose(walk.weights(), &mut u);
+        let (square, masses) = self.descend(cell, end, |level, weights| {
+            let quadrant = choose(weights, &mut u);
             if level == 0 {
                 u = flipped(quadrant, u);
             }
-            walk.enter(level, quadrant);
-        }
-        let place = 2 * walk.square;
-        let (point, density) = match options.density {
-            Density::Uniform => (Constant(walk.pair).draw(u), None),
+            quadrant
+        });
+        let (point, linear) = match options.density {
+            Density::Uniform => (Constant(masses).draw(u), None),
             Density::Linear => {
-                let density = self.linear(cell, end, walk.square, walk.pair);
-                (density.draw(u), Some(density))
+                let linear = self.linear(cell, end, square, masses);
+                (linear.draw(u), Some(linear))
             }
         };
-        let (leaf, frame) = self.mesh.framed(place + usize::from(point.upper));
+        let half = usize::from(point.upper);
+        let (leaf, frame) = self.mesh.framed(2 * square + half);
         let inside = inward(point.coordinates());
+        let (direction, factor) = self.mesh.point(leaf, frame, inside);
+        let density = linear.map_or(masses[half], |linear| linear.density(half, inside));
         let mut coordinates = [0.0; 3];
         for (k, coordinate) in frame.into_iter().zip(inside) {
             coordinates[usize::from(k)] = coordinate;
         }
-        let (direction, factor) = self.mesh.point(leaf, coordinates);
-        let half = usize::from(point.upper);
-        let density = density.map_or(walk.pair[half], |Linear(values)| dot(values[half], inside));
-        Drawn { direction, pdf: density * factor, leaf }
+        Drawn { direction, pdf: density * factor, leaf, coordinates }
     }
 
     /// The inverse of [`Warps::draw`]: the tree's point for a leaf and coordinates in it.
     fn place(&self, cell: usize, leaf: usize, coordinates: [f64; 3], options: &SampleOptions) -> [f64; 2] {
-        let (level, end) = (self.mesh.mesh().level(), self.end(options));
-        let place = self.mesh.place(level, leaf);
-        let mut walk = Walk::new(self, cell, end);
+        let (last, end) = (self.mesh.mesh().level(), self.end(options));
+        let place = self.mesh.place(last, leaf);
         // u = offset + scale · what is left of it.
         let (mut offset, mut scale) = ([0.0; 2], [1.0; 2]);
-        for depth in 0..=level {
-            let square = place >> (1 + 2 * u32::from(level - depth));
-            let quadrant = if depth == 0 { square } else { square & 3 };
-            let (start, length) = interval(walk.weights(), quadrant);
+        let (square, masses) = self.descend(cell, end, |level, weights| {
+            let quadrant = (place >> (1 + 2 * u32::from(last - level))) & 3;
+            let (start, length) = interval(weights, quadrant);
             for k in 0..2 {
                 offset[k] += scale[k] * start[k];
                 scale[k] *= length[k];
-                if depth == 0 && FLIPS[quadrant][k] {
-                    offset[k] += scale[k];
-                    scale[k] = -scale[k];
+                if level == 0 {
+                    let [start, direction] = FLIPS[quadrant][k];
+                    offset[k] += scale[k] * start;
+                    scale[k] *= direction;
                 }
             }
-            walk.enter(depth, quadrant);
-        }
-        let upper = place & 1 == 1;
-        let (_, frame) = self.mesh.framed(place);
-        let point = Point::new(upper, frame.map(|k| coordinates[usize::from(k)]));
+            quadrant
+        });
+        let (_, [right, start, end_of]) = self.mesh.framed(place);
+        let in_frame = [right, start, end_of].map(|k| coordinates[usize::from(k)]);
+        let point = Point::new(place & 1 == 1, in_frame);
         let u = match options.density {
-            Density::Uniform => Constant(walk.pair).place(point),
-            Density::Linear => self.linear(cell, end, walk.square, walk.pair).place(point),
+            Density::Uniform => Constant(masses).place(point),
+            Density::Linear => self.linear(cell, end, square, masses).place(point),
         };
         [0, 1].map(|k| (offset[k] + scale[k] * u[k]).clamp(0.0, BELOW_ONE))
+    }
+
+    /// Goes down to a square of leaves by the quadrants that `decide` chooses from a level and their four weights; returns it
+    /// and the probabilities of its halves.
+    #[inline]
+    fn descend(&self, cell: usize, end: u8, mut decide: impl FnMut(u8, [f64; 4]) -> usize) -> (usize, [f64; 2]) {
+        let (mesh, last) = (&*self.mesh, self.mesh.mesh().level());
+        let tree = self.tree(cell);
+        let (mut group, mut quadrant, mut square) = (&tree[0].0, 0, 0);
+        // The first group of the next level, and how many there are.
+        let (mut start, mut width) = (1, mesh.mesh().bases() / 2);
+        for level in 0..=end {
+            if level > 0 {
+                group = &tree[start + square].0;
+                start += width;
+                width *= 4;
+            }
+            let [a, b, c, d, e, f, g, h] = group.map(f64::from);
+            quadrant = decide(level, [a + b, c + d, e + f, g + h]);
+            square = 4 * square + quadrant;
+        }
+        let of =
+            |group: &[f32; 8], quadrant: usize| [f64::from(group[2 * quadrant]), f64::from(group[2 * quadrant + 1])];
+        let masses = of(group, quadrant);
+        if end == last {
+            return (square, masses);
+        }
+        // Below the end level the table is the measure's; triangles of the lower and of the upper half of the square share
+        // different probabilities. Quadrant 1 is all in the upper half, quadrant 2 in the lower.
+        let table = mesh.geometry();
+        let measures = of(&table[mesh.group_of(end, square)].0, quadrant);
+        let (mut lower, mut upper) = (masses[0] / measures[0], masses[1] / measures[1]);
+        for level in end + 1..=last {
+            group = &table[start + square].0;
+            start += width;
+            width *= 4;
+            let [a, b, c, d, e, f, g, h] = group.map(f64::from);
+            let weights = [a * lower + b * upper, (c + d) * upper, (e + f) * lower, g * lower + h * upper];
+            quadrant = decide(level, weights);
+            square = 4 * square + quadrant;
+            (lower, upper) =
+                (select_unpredictable(quadrant == 1, upper, lower), select_unpredictable(quadrant == 2, lower, upper));
+        }
+        let measures = of(group, quadrant);
+        (square, [measures[0] * lower, measures[1] * upper])
     }
 
     /// The linear density on a square of leaves.
     fn linear(&self, cell: usize, end: u8, square: usize, masses: [f64; 2]) -> Linear {
         let shape = self.shape(cell, end);
-        let values = [0, 1].map(|half| {
-            let (leaf, frame) = self.mesh.framed(2 * square + half);
-            let ids = self.mesh.corners_of(leaf);
-            frame.map(|k| f64::from(shape[ids[usize::from(k)] as usize]))
-        });
-        Linear::new(masses, values)
+        let [start, upper, lower, end] = self.mesh.quad(square);
+        let value = |id: u32| f64::from(shape[id as usize]);
+        let (start, end) = (value(start), value(end));
+        Linear::new(masses, [[value(lower), start, end], [value(upper), start, end]])
     }
 
     /// The defensive density: |cos θ| over its integral, or 1 over the solid angle, on the domain.
@@ -391,76 +443,26 @@ impl Warps {
     }
 }
 
-/// A descent: which group is next, from which table, and how it is scaled.
-struct Walk<'a> {
-    mesh: &'a WarpMesh,
-    end: u8,
-    table: &'a [Group],
-    /// Below the end level the table is the measure's; its two kinds of triangles, those in the lower and in the upper
-    /// triangle of the end level, share different probabilities.
-    scale: [f64; 2],
-    group: usize,
-    /// The square entered last.
-    square: usize,
-    /// The probabilities of its halves.
-    pair: [f64; 2],
-}
-
-impl<'a> Walk<'a> {
-    fn new(warps: &'a Warps, cell: usize, end: u8) -> Self {
-        let mesh = &*warps.mesh;
-        Self { mesh, end, table: warps.tree(cell), scale: [1.0; 2], group: 0, square: 0, pair: [0.0; 2] }
-    }
-
-    /// The probabilities of the four quadrants next.
-    #[inline]
-    fn weights(&self) -> [f64; 4] {
-        let group = self.table[self.group].0.map(f64::from);
-        let [lower, upper] = self.scale;
-        // Quadrant 1 is all in the upper triangle, 2 in the lower.
-        [
-            group[0] * lower + group[1] * upper,
-            (group[2] + group[3]) * upper,
-            (group[4] + group[5]) * lower,
-            group[6] * lower + group[7] * upper,
-        ]
-    }
-
-    #[inline]
-    fn enter(&mut self, level: u8, quadrant: usize) {
-        let at = self.group;
-        let of = |table: &[Group]| [0, 1].map(|half| f64::from(table[at].0[2 * quadrant + half]));
-        let [lower, upper] = self.scale;
-        self.scale = [if quadrant == 1 { upper } else { lower }, if quadrant == 2 { lower } else { upper }];
-        let own = of(self.table);
-        self.pair = [own[0] * self.scale[0], own[1] * self.scale[1]];
-        if level == self.end && level < self.mesh.mesh().level() {
-            let measure = of(self.mesh.geometry());
-            self.scale = [self.pair[0] / measure[0], self.pair[1] / measure[1]];
-            self.table = self.mesh.geometry();
-        }
-        self.square = 4 * self.square + quadrant;
-        self.group = self.mesh.children(level, self.square);
-    }
-}
-
 /// Chooses a quadrant, the half a by the first coordinate and the half b by the second, and stretches both over the choice.
 /// Never chooses one without weight.
 #[inline]
 fn choose([w0, w1, w2, w3]: [f64; 4], u: &mut [f64; 2]) -> usize {
     let (left, right) = (w0 + w1, w2 + w3);
-    let a = stretch(left, right, &mut u[0]);
-    let (bottom, top) = if a == 0 { (w0, w1) } else { (w2, w3) };
-    2 * a + stretch(bottom, top, &mut u[1])
+    let x = u[0] * (left + right);
+    // Both answers to b at once: neither choice can be predicted, and a branch or a wait costs more.
+    let (y0, y1) = (u[1] * left, u[1] * right);
+    let a = (x >= left) & (right > 0.0);
+    let b = select_unpredictable(a, (y1 >= w2) & (w3 > 0.0), (y0 >= w0) & (w1 > 0.0));
+    let (low, high) = (select_unpredictable(a, w2, w0), select_unpredictable(a, w3, w1));
+    *u = [stretched(a, x, left, right), stretched(b, select_unpredictable(a, y1, y0), low, high)];
+    2 * usize::from(a) + usize::from(b)
 }
 
+/// What is left of a choice: the part of the `second` mass if it fell `beyond` the `first`, else of the first.
 #[inline]
-fn stretch(first: f64, second: f64, u: &mut f64) -> usize {
-    let x = *u * (first + second);
-    let beyond = (x >= first) & (second > 0.0);
-    let (above, width) = if beyond { (x - first, second) } else { (x, first) };
-    *u = (above / width).min(BELOW_ONE);
-    usize::from(beyond)
+fn stretched(beyond: bool, x: f64, first: f64, second: f64) -> f64 {
+    let rest = select_unpredictable(beyond, x - first, x) / select_unpredictable(beyond, second, first);
+    if rest < BELOW_ONE { rest } else { BELOW_ONE }
 }
 
 /// Where [`choose`] takes a quadrant from: start and length in both coordinates.
@@ -475,20 +477,17 @@ fn interval([w0, w1, w2, w3]: [f64; 4], quadrant: usize) -> ([f64; 2], [f64; 2])
     ([a, b], [width, height])
 }
 
+/// `u` in the square of level 0, which may run the other way.
+#[inline]
 fn flipped(square: usize, u: [f64; 2]) -> [f64; 2] {
-    let [a, b] = FLIPS[square];
-    [if a { BELOW_ONE - u[0] } else { u[0] }, if b { BELOW_ONE - u[1] } else { u[1] }]
+    let [[a, da], [b, db]] = FLIPS[square];
+    [a + da * u[0], b + db * u[1]]
 }
 
 /// Coordinates at least [`MARGIN`] from the edges.
 #[inline]
-fn inward(coordinates: [f64; 3]) -> [f64; 3] {
-    let held = coordinates.map(|c| c.max(MARGIN));
-    let scale = 1.0 / (held[0] + held[1] + held[2]);
-    held.map(|c| c * scale)
-}
-
-#[inline]
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+fn inward([a, b, c]: [f64; 3]) -> [f64; 3] {
+    let (a, b, c) = (a.max(MARGIN), b.max(MARGIN), c.max(MARGIN));
+    let scale = 1.0 / (a + b + c);
+    [a * scale, b * scale, c * scale]
 }

