@@ -274,6 +274,7 @@ impl WarpMesh {
 
     /// The leaf that holds `direction`, the barycentric coordinates of the planar point on its ray and the factor of
     /// [`WarpMesh::point`]; `None` outside the domain.
+    #[allow(clippy::needless_bitwise_bool, reason = "`&&` would be a branch, and this one cannot be predicted")]
     pub(super) fn locate(&self, direction: Direction) -> Option<(usize, [f64; 3], f64)> {
         let [x, y, z] = direction.xyz();
         let down = match self.mesh.domain() {

@@ -10,9 +10,10 @@
 //!   (Clarberg et al. 2005, *Wavelet importance sampling*, section 4.2). No number is thrown away and none is added.
 //! * Down to the *end level* the sums are those of the function; below it a triangle's probability is shared among its
 //!   leaves by the measure alone: the projected solid angle, or the solid angle.
-//! * Inside the last square the density is constant or linear on each of the two planar triangles. The marginal in a and
-//!   the conditional in b are inverted in closed form: quadratics for the constant density, a cubic and quadratics for
-//!   the linear one. The inverse of the map evaluates these polynomials.
+//! * Inside the last square the density is constant or linear on each of the two planar triangles, drawn by the marginal in
+//!   a and the conditional in b. The inverse, from a direction to the square, is closed: it evaluates polynomials. Forth,
+//!   quadratics are solved by their formula; the marginal of the linear density is a monotone cubic, whose root two of
+//!   Halley's steps between bounds find to rounding.
 //! * The planar point p is pushed onto the sphere. With A the triangle's area and d its plane's distance from the origin
 //!   dω = d/|p|³ dA, so pdf(ω) = P·g(p)·|p|³/(A·d), P the leaf's probability and g the density's shape, mean 1. P is exact;
 //!   a "constant" density varies as |p|³ over its leaf (by 0.6 % at level 4).
@@ -136,7 +137,9 @@ impl Warps {
             }
             *total = integrals.iter().sum();
             if *total > 0.0 {
-                integrals.iter_mut().for_each(|integral| *integral /= *total);
+                for integral in &mut integrals {
+                    *integral /= *total;
+                }
                 mesh.fill(&mut integrals, tree);
             }
             let largest = values.iter().fold(0.0_f64, |a, &b| a.max(b));
@@ -217,7 +220,7 @@ impl Warps {
             return Some([u * (1.0 - defensive), v]);
         }
         let [u, v] = self.place_background(direction);
-        (defensive > 0.0).then(|| [1.0 - defensive + u * defensive, v])
+        (defensive > 0.0).then_some([1.0 - defensive + u * defensive, v])
     }
 
     /// The part drawn defensively.
@@ -446,6 +449,7 @@ impl Warps {
 /// Chooses a quadrant, the half a by the first coordinate and the half b by the second, and stretches both over the choice.
 /// Never chooses one without weight.
 #[inline]
+#[allow(clippy::needless_bitwise_bool, reason = "`&&` would be a branch, and this one cannot be predicted")]
 fn choose([w0, w1, w2, w3]: [f64; 4], u: &mut [f64; 2]) -> usize {
     let (left, right) = (w0 + w1, w2 + w3);
     let x = u[0] * (left + right);

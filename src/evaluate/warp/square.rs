@@ -32,6 +32,7 @@ impl Point {
 pub(super) struct Constant(pub(super) [f64; 2]);
 
 impl Constant {
+    #[allow(clippy::needless_bitwise_bool, reason = "`&&` would be a branch, and this one cannot be predicted")]
     pub(super) fn draw(self, u: [f64; 2]) -> Point {
         let Self([lower, upper]) = self;
         let below = u[0] * (lower + upper);
@@ -93,6 +94,7 @@ impl Linear {
         [c * l0 + a * lr, c * l0 + a * l1, c * u0 + a * u1, c * ur + a * u1]
     }
 
+    #[allow(clippy::needless_bitwise_bool, reason = "`&&` would be a branch, and this one cannot be predicted")]
     pub(super) fn draw(self, u: [f64; 2]) -> Point {
         let a = root(self.marginal(), u[0]);
         let [bottom, below, above, top] = self.column(a);
@@ -179,9 +181,9 @@ fn root([c1, c2, c3]: [f64; 3], u: f64) -> f64 {
             break;
         }
         if left > 0.0 {
-            high = a
+            high = a;
         } else {
-            low = a
+            low = a;
         }
         a = step(a, left);
         if !(low < a && a < high) {

@@ -82,7 +82,7 @@ impl Scene {
 
 /// n × n strata, so that the moments are those of the density to within a percent or so.
 fn moments(n: usize, weight: impl Fn([f64; 2]) -> f64) -> [f64; 2] {
-    let mut rng = Pcg32::new(0x7ab1e9, 1);
+    let mut rng = Pcg32::new(0x7a_b1e9, 1);
     let mut sums = [0.0; 2];
     for i in 0..n * n {
         let u = [i / n, i % n].map(|k| (k as f64 + rng.random::<f64>()) / n as f64);
@@ -100,7 +100,7 @@ fn hemisphere() -> Arc<WarpMesh> {
 
 /// For both densities the mean over incoming directions of the variance at end levels 0 to 4, over that of uniform sampling.
 fn table(mesh: &Arc<WarpMesh>, cosines: [f64; 2]) -> [[f64; 5]; 2] {
-    let mut rng = Pcg32::new(0x7ab1e, 9);
+    let mut rng = Pcg32::new(0x7_ab1e, 9);
     let (mut uniform, mut tree) = (0.0, [[0.0; 5]; 2]);
     for _ in 0..24 {
         let z: f64 = cosines[0] + (cosines[1] - cosines[0]) * rng.random::<f64>();

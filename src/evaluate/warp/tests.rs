@@ -227,8 +227,7 @@ fn the_map_is_continuous_within_leaf_squares_and_jumps_only_between_them() {
         let level = shared.mesh().level();
         let mut rng = Pcg32::new(24, 1);
         let mut apart = 0;
-        const N: usize = 20_000;
-        for i in 0..N {
+        for i in 0..20_000_usize {
             let options = options([None, Some(1)][i % 2], DENSITIES[i / 2 % 2], 0.0);
             let step = 1e-9;
             let u: [f64; 2] = [rng.random::<f64>() * (1.0 - step), rng.random::<f64>() * (1.0 - step)];
