@@ -308,7 +308,7 @@ const LEVELS: [Option<u8>; 5] = [Some(0), Some(1), Some(2), Some(8), None];
 #[test]
 fn densities_integrate_to_one() {
     for (name, m, wi, outgoing) in sampled() {
-        let finer = mesh(outgoing.domain(), outgoing.level() + 5);
+        let finer = mesh(outgoing.domain(), 7);
         for level in LEVELS {
             let total: f64 = (0..finer.len())
                 .map(|i| {
@@ -316,7 +316,7 @@ fn densities_integrate_to_one() {
                     m.pdf(&[], wi, wo, level).unwrap() * finer.solid_angle(i)
                 })
                 .sum();
-            // The rule of centroids with 1024 pieces a leaf; the tests of the warps integrate exactly.
+            // The rule of centroids with at least 256 pieces a leaf; the tests of the warps integrate exactly.
             assert!((total - 1.0).abs() < 1e-4, "{name} {level:?}: {total}");
         }
     }

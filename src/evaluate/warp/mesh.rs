@@ -274,7 +274,6 @@ impl WarpMesh {
 
     /// The leaf that holds `direction`, the barycentric coordinates of the planar point on its ray and the factor of
     /// [`WarpMesh::point`]; `None` outside the domain.
-    #[allow(clippy::needless_bitwise_bool, reason = "`&&` would be a branch, and this one cannot be predicted")]
     pub(super) fn locate(&self, direction: Direction) -> Option<(usize, [f64; 3], f64)> {
         let [x, y, z] = direction.xyz();
         let down = match self.mesh.domain() {
@@ -283,10 +282,10 @@ impl WarpMesh {
             Domain::Sphere => z < 0.0,
             _ => false,
         };
-        // Which quadrant cannot be predicted: no branches. A direction on an edge belongs to exactly one.
-        let second = (x <= 0.0) & (y > 0.0);
-        let third = (x < 0.0) & (y <= 0.0);
-        let fourth = (x >= 0.0) & (y < 0.0);
+        // A direction on an edge belongs to exactly one.
+        let second = x <= 0.0 && y > 0.0;
+        let third = x < 0.0 && y <= 0.0;
+        let fourth = x >= 0.0 && y < 0.0;
         let quadrant = usize::from(second) + 2 * usize::from(third) + 3 * usize::from(fourth);
         let [cos, sin] = TURNS[quadrant];
         let folded = [cos * x + sin * y, cos * y - sin * x, z.abs()];

@@ -449,14 +449,13 @@ impl Warps {
 /// Chooses a quadrant, the half a by the first coordinate and the half b by the second, and stretches both over the choice.
 /// Never chooses one without weight.
 #[inline]
-#[allow(clippy::needless_bitwise_bool, reason = "`&&` would be a branch, and this one cannot be predicted")]
 fn choose([w0, w1, w2, w3]: [f64; 4], u: &mut [f64; 2]) -> usize {
     let (left, right) = (w0 + w1, w2 + w3);
     let x = u[0] * (left + right);
     // Both answers to b at once: neither choice can be predicted, and a branch or a wait costs more.
     let (y0, y1) = (u[1] * left, u[1] * right);
-    let a = (x >= left) & (right > 0.0);
-    let b = select_unpredictable(a, (y1 >= w2) & (w3 > 0.0), (y0 >= w0) & (w1 > 0.0));
+    let a = x >= left && right > 0.0;
+    let b = select_unpredictable(a, y1 >= w2 && w3 > 0.0, y0 >= w0 && w1 > 0.0);
     let (low, high) = (select_unpredictable(a, w2, w0), select_unpredictable(a, w3, w1));
     *u = [stretched(a, x, left, right), stretched(b, select_unpredictable(a, y1, y0), low, high)];
     2 * usize::from(a) + usize::from(b)

@@ -32,7 +32,6 @@ impl Point {
 pub(super) struct Constant(pub(super) [f64; 2]);
 
 impl Constant {
-    #[allow(clippy::needless_bitwise_bool, reason = "`&&` would be a branch, and this one cannot be predicted")]
     pub(super) fn draw(self, u: [f64; 2]) -> Point {
         let Self([lower, upper]) = self;
         let below = u[0] * (lower + upper);
@@ -40,8 +39,8 @@ impl Constant {
         let a = (below / (upper + root).max(f64::MIN_POSITIVE)).min(1.0);
         let (column, above) = (lower * a, upper * (1.0 - a));
         let v = u[1] * (column + above);
-        // Which half is a toss-up: no branches.
-        let is_upper = (v >= column) & (above > 0.0);
+        // Which half is a toss-up: selects rather than branches, as far as the processor has them.
+        let is_upper = v >= column && above > 0.0;
         let start = select_unpredictable(is_upper, a, 0.0);
         let end = select_unpredictable(is_upper, 1.0, a);
         let mass = select_unpredictable(is_upper, v - column, v);
@@ -94,13 +93,12 @@ impl Linear {
         [c * l0 + a * lr, c * l0 + a * l1, c * u0 + a * u1, c * ur + a * u1]
     }
 
-    #[allow(clippy::needless_bitwise_bool, reason = "`&&` would be a branch, and this one cannot be predicted")]
     pub(super) fn draw(self, u: [f64; 2]) -> Point {
         let a = root(self.marginal(), u[0]);
         let [bottom, below, above, top] = self.column(a);
         let (lower, upper) = (a * (bottom + below), (1.0 - a) * (above + top));
         let v = u[1] * (lower + upper);
-        let is_upper = (v >= lower) & (upper > 0.0);
+        let is_upper = v >= lower && upper > 0.0;
         let start = select_unpredictable(is_upper, a, 0.0);
         let end = select_unpredictable(is_upper, 1.0, a);
         let p = select_unpredictable(is_upper, above, bottom);
