@@ -252,37 +252,52 @@ impl Triangles {
 /// be below the horizon, and is therefore looked up at it.
 #[inline]
 pub(super) fn carried(alignment: Alignment, domain: Domain, wi: Vector, to: Vector, wo: Vector) -> (Vector, f32) {
-    let (wi, wo) = if alignment == Alignment::TurnedHalfVector { turned_to(to, wi, wo) } else { (wi, wo) };
-    let moved = match alignment {
-        Alignment::None => return (wo, 1.0),
-        Alignment::HalfVector | Alignment::TurnedHalfVector if wo[2] >= 0.0 => {
-            let h = [wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]];
-            let square = dot(h, h);
-            if square < 1e-12 {
-                return (wo, WORTHLESS);
-            }
-            let along = 2.0 * dot(to, h) / square;
-            [along * h[0] - to[0], along * h[1] - to[1], along * h[2] - to[2]]
-        }
-        _ => {
-            let axis = cross(wi, to);
-            let cos = dot(wi, to);
-            if cos < -0.999 {
-                return (wo, WORTHLESS);
-            }
-            let once = cross(axis, wo);
-            let twice = cross(axis, once);
-            let share = 1.0 / (1.0 + cos);
-            [0, 1, 2].map(|k| wo[k] + once[k] + share * twice[k])
-        }
-    };
-    if domain == Domain::Sphere && alignment == Alignment::Rotation {
+    if alignment == Alignment::None {
+        return (wo, 1.0);
+    }
+    let lower = domain != Domain::Hemisphere && wo[2] < 0.0 && domain != Domain::Lower;
+    // What goes through a surface turns.
+    let alignment = if lower { Alignment::Rotation } else { alignment };
+    let Some((moved, _)) = moved(alignment, wi, to, wo) else { return (wo, WORTHLESS) };
+    if domain == Domain::Sphere && alignment == Alignment::Rotation && !lower {
         return (moved, 1.0);
     }
     let side = if wo[2] >= 0.0 { 1.0 } else { -1.0 };
     let height = side * moved[2];
     let worth = ((height / LOW) as f32).clamp(WORTHLESS, 1.0);
     ([moved[0], moved[1], side * height.max(0.0)], worth)
+}
+
+/// `wo` carried from `wi` to `to`, wherever that is, and the solid angle of what is there in parts of that of what is here;
+/// `None` where there is no way.
+#[inline]
+pub(super) fn moved(alignment: Alignment, wi: Vector, to: Vector, wo: Vector) -> Option<(Vector, f64)> {
+    let (wi, wo) = if alignment == Alignment::TurnedHalfVector { turned_to(to, wi, wo) } else { (wi, wo) };
+    match alignment {
+        Alignment::None => Some((wo, 1.0)),
+        Alignment::HalfVector | Alignment::TurnedHalfVector => {
+            let h = [wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]];
+            let square = dot(h, h);
+            let (here, there) = (dot(wi, h), dot(to, h));
+            if square < 1e-12 || there <= 0.0 {
+                return None;
+            }
+            let along = 2.0 * there / square;
+            // Around one half vector a solid angle is 4 |w · h| of its own (Walter et al. 2007, section 4.2).
+            Some(([along * h[0] - to[0], along * h[1] - to[1], along * h[2] - to[2]], there / here))
+        }
+        Alignment::Rotation => {
+            let axis = cross(wi, to);
+            let cos = dot(wi, to);
+            if cos < -0.999 {
+                return None;
+            }
+            let once = cross(axis, wo);
+            let twice = cross(axis, once);
+            let share = 1.0 / (1.0 + cos);
+            Some(([0, 1, 2].map(|k| wo[k] + once[k] + share * twice[k]), 1.0))
+        }
+    }
 }
 
 /// `wi` and `wo` turned about the normal until `wi` has the azimuth of `to`; that of the normal is 0.

@@ -329,7 +329,7 @@ fn cut(a: Vector, b: Vector, corner: Vector) -> Vector {
 
 /// The vertex numbers of every triangle, and how many vertices there are. On the flat octahedron |x| + |y| + |z| = 2^L
 /// the vertices are lattice points, so that equal ones are found without comparing floats.
-fn corners(mesh: TriangleMesh) -> (Vec<[u32; 3]>, usize) {
+pub(super) fn corners(mesh: TriangleMesh) -> (Vec<[u32; 3]>, usize) {
     type Lattice = [i32; 3];
     let size = 1_i32 << mesh.level();
     let half = |a: Lattice, b: Lattice| [0, 1, 2].map(|k| i32::midpoint(a[k], b[k]));

@@ -22,6 +22,8 @@ pub struct Material {
     /// The lengths of the leading opaque axes.
     indices: Vec<usize>,
     incoming: Incoming,
+    /// The directions of the entries of the incoming axis, of azimuth 0 for elevations; `+z` where there is none.
+    pub(super) incoming_directions: Vec<[f64; 3]>,
     pub(super) outgoing: Option<Arc<MeshLookup>>,
     /// Entries of the incoming and the outgoing axis, samples of a spectrum; 1 where there is no such axis.
     pub(super) shape: [usize; 3],
@@ -128,7 +130,6 @@ impl Material {
         let indices: Vec<usize> = axes[..layout.indices].iter().map(Axis::len).collect();
         let length = |axis: Option<usize>| axis.map_or(1, |axis| axes[axis].len());
         let shape = [length(layout.incoming), length(layout.outgoing), length(layout.spectral)];
-        let trees = outgoing.as_ref().map(|lookup| Trees::new(&measurement, lookup.mesh(), shape[2]));
         let albedos =
             outgoing.as_ref().map(|lookup| albedo::table(&measurement, lookup.mesh(), shape[2])).unwrap_or_default();
         let nodes = match &incoming {
@@ -139,19 +140,33 @@ impl Material {
         let entries = indices.iter().product();
         let candidates = alignment.map_or_else(|| candidates(measurement.quantity), |alignment| vec![alignment]);
         let form = form(&measurement, shape[2], outgoing.as_deref(), nodes, entries, &candidates);
-        Ok(Self {
+        let incoming_directions = match &incoming {
+            Incoming::None => vec![[0.0, 0.0, 1.0]],
+            Incoming::Triangles(lookup) => {
+                let mesh = lookup.mesh();
+                (0..mesh.len()).map(|i| mesh.centroid(i).xyz()).collect()
+            }
+            Incoming::Elevations(values) => {
+                values.iter().map(|&theta| Direction::from_degrees(theta, 0.0).xyz()).collect()
+            }
+        };
+        let mut material = Self {
             quantity: measurement.quantity,
             unit: measurement.unit,
             axes: axes.to_vec(),
             summary: None,
             indices,
             incoming,
+            incoming_directions,
             outgoing,
             shape,
             form,
-            trees,
+            trees: None,
             albedos,
-        })
+        };
+        let weights = vec![1.0 / material.lambdas() as f32; material.lambdas()];
+        material.trees = material.outgoing.as_deref().map(|lookup| Trees::new(&material, lookup.mesh(), &weights));
+        Ok(material)
     }
 
     /// What was measured.
@@ -218,6 +233,7 @@ impl Material {
             + self.outgoing.as_ref().map_or(0, |lookup| lookup.memory())
             + self.trees.as_ref().map_or(0, Trees::memory)
             + size_of_val(&*self.albedos)
+            + size_of_val(&*self.incoming_directions)
     }
 
     pub(super) fn grid(&self) -> Option<&WavelengthGrid> {
@@ -295,6 +311,11 @@ impl Material {
         let Some(wi) = wi else { return [0.0, 0.0, 1.0] };
         let [x, y, z] = wi.xyz();
         if self.is_isotropic() { [(x * x + y * y).sqrt(), 0.0, z] } else { [x, y, z] }
+    }
+
+    /// Entries of the opaque axes together.
+    pub(super) fn entries(&self) -> usize {
+        self.indices.iter().product()
     }
 
     pub(super) fn has_no_index(&self) -> bool {

@@ -23,10 +23,13 @@ mod reconstruct;
 mod sampling;
 mod smooth;
 mod spectrum;
+pub mod warp;
 
 pub use batch::{Directions, Pairs};
 pub use incoming::Alignment;
 pub use material::{Material, OpenedReport};
+pub use sampling::WavelengthSampler;
+pub use warp::{Density, SampleOptions};
 
 use crate::compress::DecodeError;
 use crate::domain::Direction;
@@ -72,8 +75,8 @@ pub struct DirectionSample {
     pub direction: Direction,
     /// Its probability density, sr⁻¹.
     pub pdf: f64,
-    /// f · |cos θo| / pdf for a BRDF, BTDF or BSDF, f / pdf otherwise; f piecewise constant, the mean over wavelengths
-    /// (of the samples that are not masked; 0 where that mean is negative).
+    /// f · |cos θo| / pdf for a BRDF, BTDF or BSDF, f / pdf otherwise; f is the mean over wavelengths (of the samples that
+    /// are not masked; 0 where that mean is negative): piecewise constant where the density is, otherwise smooth.
     pub weight: f64,
 }
 

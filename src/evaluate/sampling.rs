@@ -1,271 +1,329 @@
-//! Importance sampling of outgoing directions by descending the triangle tree (\[CPB06\] section 6.1.2, figure 11).
+//! Importance sampling of a material's outgoing directions: one warp for every incoming cell (\[CPB06\] section 6.1.2).
 //!
-//! For each incoming cell a tree holds, for every triangle of every level, the sum over its leaves of
-//! max(0, mean over wavelengths) × the integral of |cos θ| over the leaf (BRDF, BTDF, BSDF) or × its solid angle (emission,
-//! phase functions). A child is chosen in proportion to the children's own sums, so nothing is lost between parent and
-//! children; then a point of the leaf is drawn uniform in solid angle. Choices consume the unit square pairwise and
-//! rescale it (Clarberg et al. 2005, *Wavelet importance sampling*, hierarchical sample warping), so that stratified
-//! points stay stratified. With a coarser end level the descent goes on by the geometric factor alone.
+//! A leaf weighs max(0, value) × the integral of |cos θ| over it (BRDF, BTDF, BSDF) or × its solid angle (emission, phase
+//! functions), the value being the mean over wavelengths or that at one wavelength: linear means, never those of logarithms.
+//! What [`super::warp`] does with it, and what is continuous, is told there.
+//!
+//! An incoming direction takes the warp of its cell; where lobes move ([`super::Alignment`]), the directions drawn are
+//! carried along, and their density with them.
 
-use super::material::turned;
-use super::{DirectionSample, EvaluateError, Material, unfit};
-use crate::domain::{Direction, Measurement, TriangleMesh};
-use rayon::prelude::*;
+use super::incoming::{Alignment, moved};
+use super::material::{Form, turned};
+use super::warp::{Density, Measure, SampleOptions, WarpMesh, Warps};
+use super::{DirectionSample, EvaluateError, Interpolation, Material, Place, unfit};
+use crate::domain::vector::{Vector, unit};
+use crate::domain::{Direction, Domain, TriangleMesh};
+use std::sync::Arc;
 
 /// The largest number below 1.
 const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
-/// Points of a leaf keep this far from the ends of the unit square, so that rounding cannot carry one over the leaf's edge
-/// and its density stays that of its own leaf.
-const MARGIN: f64 = 1e-7;
 
-/// The sampling trees of all incoming cells.
+/// The warps of all incoming cells.
 #[derive(Debug)]
 pub(super) struct Trees {
-    bases: usize,
-    level: u8,
+    warps: Warps,
     has_cosine: bool,
-    /// For each cell, level by level from the bases: sums over the leaves, in parts of the cell's total.
-    sums: Vec<f32>,
-    /// For each cell the sum over all its leaves: its albedo, emitted flux, or integral.
-    totals: Vec<f64>,
-    /// The geometric factor of the triangles of one octant, level by level; all octants are congruent.
-    measures: Vec<f64>,
-    /// The solid angles of one octant's leaves.
-    solid_angles: Vec<f64>,
+    /// What the value is made of: a weight for each sample of a spectrum.
+    weights: Vec<f32>,
 }
 
 impl Trees {
-    pub(super) fn new(measurement: &Measurement, mesh: TriangleMesh, lambdas: usize) -> Self {
-        let has_cosine = measurement.quantity.has_cosine();
-        let (bases, level) = (mesh.bases(), mesh.level());
-        let octant = mesh.len() / bases;
-        let solid_angles: Vec<f64> = (0..octant).map(|i| mesh.solid_angle(i)).collect();
-        let mut measures = vec![0.0; first(level + 1)];
-        for (i, leaf) in measures[first(level)..].iter_mut().enumerate() {
-            *leaf = if has_cosine { mesh.projected_solid_angle(i) } else { solid_angles[i] };
-        }
-        for parent in (0..first(level)).rev() {
-            // Node k of a level, counted from the first of all, has children 4k + 1 … 4k + 4.
-            measures[parent] = measures[4 * parent + 1..][..4].iter().sum();
-        }
-        let nodes = bases * first(level + 1);
-        let samples = measurement.tensor.samples();
-        let cells = samples.len() / (mesh.len() * lambdas);
-        let mut sums = vec![0.0_f32; cells * nodes];
-        let mut totals = vec![0.0; cells];
-        sums.par_chunks_mut(nodes).zip(&mut totals).zip(samples.par_chunks(mesh.len() * lambdas)).for_each(
-            |((sums, total), cell)| {
-                *total = fill(sums, cell, bases, level, &measures[first(level)..]);
-            },
-        );
-        Self { bases, level, has_cosine, sums, totals, measures, solid_angles }
+    /// By the inner product of spectra with `weights`: of cells for the leaves, of the smooth function at vertices.
+    pub(super) fn new(material: &Material, mesh: TriangleMesh, weights: &[f32]) -> Self {
+        let has_cosine = material.quantity().has_cosine();
+        let measure = if has_cosine { Measure::Projected } else { Measure::SolidAngle };
+        let shared = Arc::new(WarpMesh::new(mesh, measure));
+        let cells = material.cells() / mesh.len();
+        let warps = Warps::new(Arc::clone(&shared), cells, |cell, integrals, values| {
+            for (leaf, integral) in integrals.iter_mut().enumerate() {
+                let value = f64::from(material.cell_value(cell * mesh.len() + leaf, weights));
+                *integral = value.max(0.0) * shared.measures()[leaf];
+            }
+            for ((vertex, to), point) in values.iter_mut().enumerate().zip(shared.vertices()) {
+                let value = f64::from(material.vertex_value(cell, vertex as u32, point.xyz(), weights)).max(0.0);
+                *to = if has_cosine { value * point.cos_theta().abs() } else { value };
+            }
+        });
+        Self { warps, has_cosine, weights: weights.to_vec() }
     }
 
     pub(super) fn memory(&self) -> usize {
-        size_of_val(&*self.sums)
-            + size_of_val(&*self.totals)
-            + size_of_val(&*self.measures)
-            + size_of_val(&*self.solid_angles)
-    }
-
-    fn cell(&self, cell: usize) -> &[f32] {
-        let nodes = self.bases * first(self.level + 1);
-        &self.sums[cell * nodes..][..nodes]
-    }
-
-    /// What the four children of `parent` (a node of `level`) weigh.
-    fn children(&self, sums: &[f32], level: u8, parent: usize, end: u8) -> [f64; 4] {
-        if level < end {
-            let c = &sums[self.bases * first(level + 1) + 4 * parent..][..4];
-            [c[0], c[1], c[2], c[3]].map(f64::from)
-        } else {
-            let within = parent % (1 << (2 * u32::from(level)));
-            let c = &self.measures[first(level + 1) + 4 * within..][..4];
-            [c[0], c[1], c[2], c[3]]
-        }
-    }
-
-    /// Draws a leaf; `u` becomes what is left of the unit square.
-    fn draw(&self, cell: usize, u: &mut [f64; 2], end: u8) -> (usize, f64) {
-        let sums = self.cell(cell);
-        let mut probability = 1.0;
-        let half = if self.bases == 8 {
-            let (which, p) = halve(half_sums(sums), &mut u[0]);
-            probability *= p;
-            4 * which
-        } else {
-            0
-        };
-        let (base, p) = choose(four(&sums[half..]), u);
-        probability *= p;
-        let mut node = half + base;
-        for level in 0..self.level {
-            let (child, p) = choose(self.children(sums, level, node, end), u);
-            probability *= p;
-            node = 4 * node + child;
-        }
-        (node, probability)
-    }
-
-    /// The probability of [`Trees::draw`] to give `leaf`.
-    fn probability(&self, cell: usize, leaf: usize, end: u8) -> f64 {
-        let sums = self.cell(cell);
-        let mut node = leaf >> (2 * u32::from(self.level));
-        let mut probability = 1.0;
-        if self.bases == 8 {
-            probability *= share_of_half(half_sums(sums), node / 4);
-        }
-        probability *= share(four(&sums[node / 4 * 4..]), node % 4);
-        for level in 0..self.level {
-            let child = (leaf >> (2 * u32::from(self.level - level - 1))) & 3;
-            probability *= share(self.children(sums, level, node, end), child);
-            node = 4 * node + child;
-        }
-        probability
-    }
-
-    /// The piecewise constant mean over wavelengths of a leaf.
-    fn value(&self, cell: usize, leaf: usize) -> f64 {
-        let part = f64::from(self.cell(cell)[self.bases * first(self.level) + leaf]);
-        part * self.totals[cell] / self.measures[first(self.level) + leaf % self.solid_angles.len()]
-    }
-
-    fn solid_angle(&self, leaf: usize) -> f64 {
-        self.solid_angles[leaf % self.solid_angles.len()]
+        self.warps.memory() + self.warps.mesh().memory() + size_of_val(&*self.weights)
     }
 }
 
-impl Material {
-    /// The density in sr⁻¹ with which [`Material::sample`] draws `wo`: uniform in solid angle within a leaf triangle;
-    /// 0 outside the outgoing domain and where nothing is emitted or reflected.
-    pub fn pdf(
-        &self,
-        index: &[usize],
-        wi: Option<Direction>,
-        wo: Direction,
-        level: Option<u8>,
-    ) -> Result<f64, EvaluateError> {
-        let (trees, cell) = self.tree(index, wi)?;
-        let Some((lookup, wo)) = self.outgoing(wi, Some(wo))? else { return Ok(0.0) };
-        let Some(leaf) = lookup.locate(wo) else { return Ok(0.0) };
-        if trees.totals[cell] == 0.0 {
-            return Ok(0.0);
-        }
-        Ok(trees.probability(cell, leaf, level.unwrap_or(trees.level)) / trees.solid_angle(leaf))
+/// Where a cell's directions are seen under another incoming direction.
+struct Carried {
+    alignment: Alignment,
+    /// The cell's incoming direction, and the one asked for.
+    from: Vector,
+    to: Vector,
+    /// The sign of z on the outgoing hemisphere; 0 on the sphere.
+    side: f64,
+}
+
+impl Carried {
+    /// The direction of the cell's `wo` under the incoming direction asked for; what goes below the horizon comes up again.
+    fn out(&self, wo: Vector) -> Vector {
+        let Some((moved, _)) = moved(self.alignment, self.from, self.to, wo) else { return wo };
+        if self.side * moved[2] < 0.0 { [moved[0], moved[1], -moved[2]] } else { moved }
     }
 
-    /// Draws an outgoing direction from the unit square's `u`; `None` where nothing is emitted or reflected. Incoming
-    /// directions take their cell as [`super::Interpolation::Constant`] does. `level` ends the choice by value at that level
-    /// (0 = the base triangles) and goes on by the geometric factor.
+    /// The density at `wo` of directions of the cell's density `pdf` that were carried out.
+    fn density(&self, wo: Vector, pdf: impl Fn(Vector) -> f64) -> f64 {
+        let back = |wo: Vector| match moved(self.alignment, self.to, self.from, wo) {
+            Some((there, solid_angle)) if self.side * there[2] >= 0.0 => pdf(there) * solid_angle,
+            _ => 0.0,
+        };
+        let below = if self.side == 0.0 { 0.0 } else { back([wo[0], wo[1], -wo[2]]) };
+        back(wo) + below
+    }
+}
+
+/// Draws from a material by its values at one wavelength; as [`Material::sample`] and its kin do by the mean.
+#[derive(Debug)]
+pub struct WavelengthSampler<'a> {
+    material: &'a Material,
+    trees: Trees,
+}
+
+impl WavelengthSampler<'_> {
+    /// As [`Material::sample`]; the weight is that of f at the wavelength.
     pub fn sample(
         &self,
         index: &[usize],
         wi: Option<Direction>,
         u: [f64; 2],
-        level: Option<u8>,
+        options: impl Into<SampleOptions>,
     ) -> Result<Option<DirectionSample>, EvaluateError> {
-        let (trees, cell) = self.tree(index, wi)?;
+        self.material.sample_by(&self.trees, index, wi, u, options.into())
+    }
+
+    /// As [`Material::pdf`].
+    pub fn pdf(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        wo: Direction,
+        options: impl Into<SampleOptions>,
+    ) -> Result<f64, EvaluateError> {
+        self.material.pdf_by(&self.trees, index, wi, wo, options.into())
+    }
+
+    /// As [`Material::invert`].
+    pub fn invert(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        wo: Direction,
+        options: impl Into<SampleOptions>,
+    ) -> Result<Option<[f64; 2]>, EvaluateError> {
+        self.material.invert_by(&self.trees, index, wi, wo, options.into())
+    }
+
+    /// Memory of the sampler in bytes.
+    pub fn memory(&self) -> usize {
+        size_of::<Self>() + self.trees.memory()
+    }
+}
+
+impl Material {
+    /// The density in sr⁻¹ with which [`Material::sample`] with the same options draws `wo`; 0 outside the outgoing domain and
+    /// where nothing is emitted or reflected (nor drawn defensively).
+    pub fn pdf(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        wo: Direction,
+        options: impl Into<SampleOptions>,
+    ) -> Result<f64, EvaluateError> {
+        self.pdf_by(self.mean_trees()?, index, wi, wo, options.into())
+    }
+
+    /// Draws an outgoing direction from the unit square's `u`, by the mean over wavelengths; `None` where nothing is emitted
+    /// or reflected. Incoming directions take their cell as [`super::Interpolation::Constant`] does. `options` may be given
+    /// as an end level alone.
+    pub fn sample(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        u: [f64; 2],
+        options: impl Into<SampleOptions>,
+    ) -> Result<Option<DirectionSample>, EvaluateError> {
+        self.sample_by(self.mean_trees()?, index, wi, u, options.into())
+    }
+
+    /// The point of the unit square that [`Material::sample`] with the same options takes to `wo`; `None` where its density
+    /// is 0. In a mixture it is the tree's, as [`Warps::invert`] says.
+    pub fn invert(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        wo: Direction,
+        options: impl Into<SampleOptions>,
+    ) -> Result<Option<[f64; 2]>, EvaluateError> {
+        self.invert_by(self.mean_trees()?, index, wi, wo, options.into())
+    }
+
+    /// Builds the trees of one wavelength in nm, linear between the samples of the spectra. Refused outside the measured range.
+    pub fn sampler_at(&self, wavelength: f64) -> Result<WavelengthSampler<'_>, EvaluateError> {
+        let Some(lookup) = &self.outgoing else { return self.nothing_to_sample() };
+        let Some(grid) = self.grid() else {
+            return unfit(format!("a wavelength was given, but this {} has none", self.quantity()));
+        };
+        let Some((below, t)) = grid.locate(wavelength) else {
+            return unfit(format!("{wavelength} nm is outside the measured wavelengths"));
+        };
+        let mut weights = vec![0.0; self.lambdas()];
+        weights[below] = (1.0 - t) as f32;
+        if t > 0.0 {
+            weights[below + 1] = t as f32;
+        }
+        let trees = Trees::new(self, lookup.mesh(), &weights);
+        Ok(WavelengthSampler { material: self, trees })
+    }
+
+    fn sample_by(
+        &self,
+        trees: &Trees,
+        index: &[usize],
+        wi: Option<Direction>,
+        u: [f64; 2],
+        options: SampleOptions,
+    ) -> Result<Option<DirectionSample>, EvaluateError> {
+        let Some((direction, pdf)) = self.draw(trees, index, wi, u, options)? else { return Ok(None) };
+        let how = match options.density {
+            Density::Uniform => Interpolation::Constant,
+            Density::Linear => Interpolation::Smooth,
+        };
+        let value = f64::from(self.weighted_known(Place { index, wi, wo: Some(direction) }, how, &trees.weights)?).max(0.0);
+        let cosine = if trees.has_cosine { direction.cos_theta().abs() } else { 1.0 };
+        Ok(Some(DirectionSample { direction, pdf, weight: value * cosine / pdf }))
+    }
+
+    /// A direction and its density.
+    #[inline]
+    fn draw(
+        &self,
+        trees: &Trees,
+        index: &[usize],
+        wi: Option<Direction>,
+        u: [f64; 2],
+        options: SampleOptions,
+    ) -> Result<Option<(Direction, f64)>, EvaluateError> {
+        let cell = self.sampled_cell(index, wi, options)?;
         if !u.iter().all(|u| (0.0..=1.0).contains(u)) {
             return unfit(format!("u = [{}, {}], expected a point of the unit square", u[0], u[1]));
         }
-        let Some(lookup) = self.outgoing.as_ref().filter(|_| trees.totals[cell] > 0.0) else { return Ok(None) };
-        let mut u = u.map(|u| u.min(BELOW_ONE));
-        let (leaf, probability) = trees.draw(cell, &mut u, level.unwrap_or(trees.level));
-        let [u, v] = u.map(|u| u.clamp(MARGIN, 1.0 - MARGIN));
         let [cos, sin] = self.azimuth(wi);
-        let direction = turned(lookup.mesh().uniform_point(leaf, u, v), cos, sin);
-        let pdf = probability / trees.solid_angle(leaf);
-        let cosine = if trees.has_cosine { direction.cos_theta().abs() } else { 1.0 };
-        Ok(Some(DirectionSample { direction, pdf, weight: trees.value(cell, leaf) * cosine / pdf }))
-    }
-
-    /// The trees, and the cell of `index` and `wi`.
-    fn tree(&self, index: &[usize], wi: Option<Direction>) -> Result<(&Trees, usize), EvaluateError> {
-        let Some(trees) = &self.trees else {
-            return unfit(format!("this {} has no outgoing axis to sample", self.quantity()));
+        let Some(carried) = self.carried_to(cell, wi) else {
+            let drawn = trees.warps.sample(cell, u, &options);
+            return Ok(drawn.map(|drawn| (turned(drawn.direction, cos, sin), drawn.pdf)));
         };
-        let entry = self.entry(index)?;
-        let incoming = self.incoming_entry(wi)?;
-        Ok((trees, entry * self.shape[0] + incoming))
+        let by_tree = if trees.warps.total(cell) > 0.0 { 1.0 - options.defensive } else { 0.0 };
+        let direction = if u[0] < by_tree || options.defensive == 0.0 {
+            let own = SampleOptions { defensive: 0.0, ..options };
+            let Some(drawn) = trees.warps.sample(cell, [(u[0] / by_tree).min(1.0), u[1]], &own) else { return Ok(None) };
+            Direction::from_unit(unit(carried.out(drawn.direction.xyz())))
+        } else {
+            trees.warps.draw_background([((u[0] - by_tree) / (1.0 - by_tree)).min(BELOW_ONE), u[1]])
+        };
+        let pdf = Self::carried_pdf(trees, cell, &carried, direction, options);
+        Ok((pdf > 0.0).then(|| (turned(direction, cos, sin), pdf)))
     }
-}
 
-/// How many nodes of one octant lie above `level`.
-fn first(level: u8) -> usize {
-    ((1 << (2 * u32::from(level))) - 1) / 3
-}
+    /// The density at `wo` where directions are carried.
+    fn carried_pdf(trees: &Trees, cell: usize, carried: &Carried, wo: Direction, options: SampleOptions) -> f64 {
+        let own = SampleOptions { defensive: 0.0, ..options };
+        let by_tree = if trees.warps.total(cell) > 0.0 { 1.0 - options.defensive } else { 0.0 };
+        let tree = carried.density(wo.xyz(), |there| trees.warps.pdf(cell, Direction::from_unit(unit(there)), &own));
+        let background = if by_tree < 1.0 && options.defensive > 0.0 { trees.warps.background(wo) } else { 0.0 };
+        by_tree * tree + (1.0 - by_tree) * background
+    }
 
-/// Fills the tree of one cell and returns the sum over its leaves.
-fn fill(sums: &mut [f32], cell: &[f32], bases: usize, level: u8, measures: &[f64]) -> f64 {
-    let leaves = bases * measures.len();
-    let lambdas = cell.len() / leaves;
-    let power = |(i, spectrum): (usize, &[f32])| mean(spectrum).max(0.0) * measures[i % measures.len()];
-    let total: f64 = cell.chunks_exact(lambdas).enumerate().map(power).sum();
-    if total == 0.0 {
-        return 0.0;
-    }
-    let at = bases * first(level);
-    for (leaf, sum) in cell.chunks_exact(lambdas).enumerate().zip(&mut sums[at..]) {
-        *sum = (power(leaf) / total) as f32;
-    }
-    for level in (0..level).rev() {
-        let (above, below) = sums.split_at_mut(bases * first(level + 1));
-        for (parent, children) in above[bases * first(level)..].iter_mut().zip(below.chunks_exact(4)) {
-            *parent = children[0] + children[1] + children[2] + children[3];
+    /// How the directions of `cell` are carried to `wi`; `None` where they stay.
+    #[inline]
+    fn carried_to(&self, cell: usize, wi: Option<Direction>) -> Option<Carried> {
+        let Form::Planes { smooth, .. } = &self.form else { return None };
+        let domain = self.outgoing.as_ref()?.mesh().domain();
+        let both = domain == Domain::Sphere && smooth.alignment != Alignment::Rotation;
+        if smooth.alignment == Alignment::None || both {
+            return None;
         }
+        let side = match domain {
+            Domain::Hemisphere => 1.0,
+            Domain::Lower => -1.0,
+            Domain::Sphere => 0.0,
+        };
+        let from = self.incoming_directions[cell % self.shape[0]];
+        Some(Carried { alignment: smooth.alignment, from, to: self.wi_in_plane(wi), side })
     }
-    total
-}
 
-/// The mean of the samples that are not masked; 0 where all are.
-fn mean(spectrum: &[f32]) -> f64 {
-    let (sum, count) = spectrum
-        .iter()
-        .filter(|sample| !sample.is_nan())
-        .fold((0.0, 0_usize), |(sum, count), &sample| (sum + f64::from(sample), count + 1));
-    if count == 0 { 0.0 } else { sum / count as f64 }
-}
-
-fn four(sums: &[f32]) -> [f64; 4] {
-    [sums[0], sums[1], sums[2], sums[3]].map(f64::from)
-}
-
-/// The sums of the upper and the lower bases of a sphere.
-fn half_sums(sums: &[f32]) -> [f64; 2] {
-    [four(sums).iter().sum(), four(&sums[4..]).iter().sum()]
-}
-
-/// Chooses one of two by weight, and rescales `u` over the choice. Never chooses one without weight.
-fn halve(weights: [f64; 2], u: &mut f64) -> (usize, f64) {
-    let p = share_of_half(weights, 0);
-    let which = usize::from(*u >= p);
-    let probability = share_of_half(weights, which);
-    *u = if which == 0 { *u / p } else { (*u - p) / (1.0 - p) };
-    *u = u.clamp(0.0, BELOW_ONE);
-    (which, probability)
-}
-
-/// Chooses one of four: a pair by the first coordinate, one of the pair by the second.
-fn choose(weights: [f64; 4], u: &mut [f64; 2]) -> (usize, f64) {
-    let [a, b, c, d] = weights;
-    let (pair, p) = halve([a + b, c + d], &mut u[0]);
-    let (one, q) = halve(if pair == 0 { [a, b] } else { [c, d] }, &mut u[1]);
-    (2 * pair + one, p * q)
-}
-
-fn share_of_half([a, b]: [f64; 2], which: usize) -> f64 {
-    let total = a + b;
-    if total == 0.0 {
-        0.0
-    } else if which == 0 {
-        a / total
-    } else {
-        b / total
+    #[inline]
+    fn pdf_by(
+        &self,
+        trees: &Trees,
+        index: &[usize],
+        wi: Option<Direction>,
+        wo: Direction,
+        options: SampleOptions,
+    ) -> Result<f64, EvaluateError> {
+        let cell = self.sampled_cell(index, wi, options)?;
+        let Some((lookup, wo)) = self.outgoing(wi, Some(wo))? else { return Ok(0.0) };
+        Ok(match self.carried_to(cell, wi) {
+            Some(carried) if lookup.holds(wo.xyz()) => Self::carried_pdf(trees, cell, &carried, wo, options),
+            Some(_) => 0.0,
+            None => trees.warps.pdf(cell, wo, &options),
+        })
     }
-}
 
-/// The probability with which [`choose`] takes `which`.
-fn share([a, b, c, d]: [f64; 4], which: usize) -> f64 {
-    let pair = which / 2;
-    share_of_half([a + b, c + d], pair) * share_of_half(if pair == 0 { [a, b] } else { [c, d] }, which % 2)
+    fn invert_by(
+        &self,
+        trees: &Trees,
+        index: &[usize],
+        wi: Option<Direction>,
+        wo: Direction,
+        options: SampleOptions,
+    ) -> Result<Option<[f64; 2]>, EvaluateError> {
+        let cell = self.sampled_cell(index, wi, options)?;
+        let Some((lookup, wo)) = self.outgoing(wi, Some(wo))?.filter(|(lookup, wo)| lookup.holds(wo.xyz())) else {
+            return Ok(None);
+        };
+        let Some(carried) = self.carried_to(cell, wi) else { return Ok(trees.warps.invert(cell, wo, &options)) };
+        let by_tree = if trees.warps.total(cell) > 0.0 { 1.0 - options.defensive } else { 0.0 };
+        let own = SampleOptions { defensive: 0.0, ..options };
+        // Of the two directions that are carried here, the one that did not cross the horizon, if it is drawn at all.
+        let [x, y, z] = wo.xyz();
+        for wo in [[x, y, z], [x, y, -z]] {
+            if let Some((there, _)) = moved(carried.alignment, carried.to, carried.from, wo)
+                && lookup.holds(there)
+                && let Some([u, v]) = trees.warps.invert(cell, Direction::from_unit(unit(there)), &own)
+            {
+                return Ok(Some([u * by_tree, v]));
+            }
+        }
+        let [u, v] = trees.warps.place_background(wo);
+        Ok((options.defensive > 0.0).then_some([by_tree + u * (1.0 - by_tree), v]))
+    }
+
+    /// The cell of `index` and `wi`, after a look at the options.
+    fn sampled_cell(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        options: SampleOptions,
+    ) -> Result<usize, EvaluateError> {
+        if !(0.0..1.0).contains(&options.defensive) {
+            return unfit(format!("a defensive part of {}, expected 0 or more and less than 1", options.defensive));
+        }
+        Ok(self.entry(index)? * self.shape[0] + self.incoming_entry(wi)?)
+    }
+
+    fn mean_trees(&self) -> Result<&Trees, EvaluateError> {
+        self.trees.as_ref().map_or_else(|| self.nothing_to_sample(), Ok)
+    }
+
+    fn nothing_to_sample<T>(&self) -> Result<T, EvaluateError> {
+        unfit(format!("this {} has no outgoing axis to sample", self.quantity()))
+    }
 }

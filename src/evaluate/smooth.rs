@@ -403,6 +403,15 @@ impl Smooth {
         self.elements.at(d.map(|x| x as f32))
     }
 
+    /// What stands in the table of one entry of the incoming axis, whose direction is `wi`.
+    pub(super) fn own(&self, entry: usize, incoming: usize, wi: Vector, wo: Vector) -> Mixed {
+        let (node, there) = match self.nodes {
+            Nodes::Same(to) => (0, carried(self.alignment, self.domain, wi, to, wo).0),
+            _ => (incoming, wo),
+        };
+        self.looked_up(entry * self.node_count + node, there)
+    }
+
     /// The nodes around an incoming direction.
     #[inline]
     pub(super) fn around(&self, wi: Vector) -> Option<Around> {

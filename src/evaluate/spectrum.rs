@@ -100,6 +100,74 @@ impl Material {
         })
     }
 
+    /// As [`Material::weighted`]; masked samples are left out and the others weigh more, 0 where all are.
+    pub(super) fn weighted_known(
+        &self,
+        place: Place<'_>,
+        how: Interpolation,
+        weights: &[f32],
+    ) -> Result<f32, EvaluateError> {
+        let known = |value: &dyn Fn(usize) -> f32| {
+            let (mut sum, mut weight, mut all) = (0.0, 0.0, 0.0);
+            for (lambda, w) in weights.iter().enumerate() {
+                let value = value(lambda);
+                all += w;
+                if !value.is_nan() {
+                    sum += w * value;
+                    weight += w;
+                }
+            }
+            if weight > 0.0 { sum * all / weight } else { 0.0 }
+        };
+        Ok(match self.find(place, how)? {
+            Found::Outside => 0.0,
+            Found::Cell(row) => known(&|lambda| row[lambda]),
+            Found::Rows(rows) => known(&|lambda| self.sample_of(&rows, lambda)),
+            Found::Planes(planes, mixed) if mixed.presence > 0.0 => {
+                planes.weighted(&mixed.row, weights) * mixed.presence
+            }
+            Found::Planes(..) => 0.0,
+        })
+    }
+
+    /// How many cells there are: entries of all axes but the last.
+    pub(super) fn cells(&self) -> usize {
+        let [n_in, n_out, _] = self.shape;
+        self.entries() * n_in * n_out
+    }
+
+    /// The inner product of a cell's spectrum with weights; masked samples are left out and the others weigh more.
+    pub(super) fn cell_value(&self, cell: usize, weights: &[f32]) -> f32 {
+        match &self.form {
+            Form::Planes { planes, .. } if planes.cell(cell) == Cell::Live => planes.weighted(planes.row(cell), weights),
+            Form::Planes { .. } => 0.0,
+            Form::Samples { samples, .. } => {
+                let lambdas = self.lambdas();
+                let row = &samples[cell * lambdas..][..lambdas];
+                let known = row.iter().zip(weights).filter(|(s, _)| !s.is_nan());
+                let (sum, weight) = known.fold((0.0, 0.0), |(sum, weight), (s, w)| (sum + w * s, weight + w));
+                let all: f32 = weights.iter().sum();
+                if weight > 0.0 { sum * all / weight } else { 0.0 }
+            }
+        }
+    }
+
+    /// The same of the smooth function at a vertex, in the table of `cell` of the axes before the outgoing one.
+    pub(super) fn vertex_value(&self, cell: usize, vertex: u32, d: [f64; 3], weights: &[f32]) -> f32 {
+        let [n_in, n_out, _] = self.shape;
+        let (entry, incoming) = (cell / n_in, cell % n_in);
+        match (&self.form, &self.outgoing) {
+            (Form::Planes { planes, smooth }, _) => {
+                let mixed = smooth.own(entry, incoming, self.incoming_directions[incoming], d);
+                if mixed.presence > 0.0 { planes.weighted(&mixed.row, weights) * mixed.presence } else { 0.0 }
+            }
+            (Form::Samples { .. }, Some(lookup)) => {
+                lookup.ring(vertex).map(|(leaf, share)| share * self.cell_value(cell * n_out + leaf, weights)).sum()
+            }
+            _ => 0.0,
+        }
+    }
+
     #[inline]
     fn find(&self, place: Place<'_>, how: Interpolation) -> Result<Found<'_>, EvaluateError> {
         let entry = if place.index.is_empty() && self.has_no_index() { 0 } else { self.entry(place.index)? };

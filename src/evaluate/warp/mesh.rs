@@ -1,0 +1,459 @@
+//! What all warps on one mesh share: pairs of triangles as squares, places in the tree, geometry of the leaves.
+//!
+//! On the flat octahedron a triangle is half of a square: the triangle is right-angled, and the neighbour across its
+//! hypotenuse is the other half. The four-way split of both halves is the split of the square into quadrants, level after
+//! level. Of a square's corners (0,0) and (1,1) are the ends of the hypotenuse, (1,0) is the right angle of its *lower*
+//! half (b < a), (0,1) that of its *upper* half. Quadrants are numbered 2·a + b.
+//!
+//! The squares of level 0 unfold the octahedron, two of them a hemisphere:
+//!
+//! ```text
+//! b   −x ─── y ─── −x'          (a, b) = (0,1): octants 0 | 1      (1,1): octants 4 | 5
+//! │    │  1 ╱ │ ╲ 5 │
+//! │    │  ╱ 0 │ 4 ╲ │           (a, b) = (0,0): octants 3 | 2      (1,0): octants 7 | 6
+//! │    z ──── x ─── −z
+//! │    │  ╲ 3 │ 7 ╱ │
+//! │    │ 2 ╲  │ ╱ 6 │
+//! └   −x ── −y ─── −x'      → a
+//! ```
+
+use super::Measure;
+use crate::domain::vector::{Vector, add, cross, dot, unit};
+use crate::domain::{Direction, Domain, TriangleMesh};
+use crate::evaluate::lookup::corners;
+use std::hint::select_unpredictable;
+
+/// The eight triangles of four squares, `[lower, upper]` after `[lower, upper]`: one load in a descent.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(align(32))]
+pub(super) struct Group(pub(super) [f32; 8]);
+
+/// Where the right angle and the hypotenuse's ends (0,0) and (1,1) are among a triangle's vertices.
+pub(super) type Frame = [u8; 3];
+
+/// All orders of three vertices; a frame is stored as its number here.
+const FRAMES: [Frame; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+
+/// For each square of level 0 the octant and frame of its lower and its upper half.
+const TOP: [[(u32, Frame); 2]; 4] = [
+    [(3, [2, 0, 1]), (2, [1, 0, 2])],
+    [(0, [1, 0, 2]), (1, [2, 0, 1])],
+    [(7, [2, 0, 1]), (6, [1, 0, 2])],
+    [(4, [1, 0, 2]), (5, [2, 0, 1])],
+];
+
+/// Where a square of level 0 starts in a and in b and which way it runs, so that neighbours meet.
+pub(super) const FLIPS: [[[f64; 2]; 2]; 4] = [[ALONG, AGAINST], [ALONG, ALONG], [AGAINST, AGAINST], [AGAINST, ALONG]];
+const ALONG: [f64; 2] = [0.0, 1.0];
+const AGAINST: [f64; 2] = [1.0 - f64::EPSILON / 2.0, -1.0];
+
+/// The cosine and sine that turn octant 0 into octant q (of 4) about z.
+const TURNS: [[f64; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]];
+
+/// A leaf of octant 0: the density of area and the way between barycentric coordinates and directions.
+#[derive(Clone, Copy, Debug)]
+struct Leaf {
+    vertices: [Vector; 3],
+    /// Inner products with a direction ω are the barycentric coordinates of the planar point on its ray, over its length.
+    duals: [Vector; 3],
+    /// 1 / (area · distance from the origin) of the planar triangle.
+    density: f64,
+}
+
+/// The tables of one mesh and one measure, for any number of [`super::Warps`].
+#[derive(Debug)]
+pub struct WarpMesh {
+    mesh: TriangleMesh,
+    measure: Measure,
+    /// For each inner node of octant 0, level by level: the planes that cut off its corners, positive on the corner's side.
+    planes: Vec<[Vector; 3]>,
+    leaves: Vec<Leaf>,
+    /// For each triangle, level by level: 2 · its square + 1 if it is the upper half.
+    places: Vec<u32>,
+    /// For each place of the last level: the leaf · 8 + the number of its frame.
+    framed: Vec<u32>,
+    /// The vertex numbers of the leaves.
+    corners: Vec<[u32; 3]>,
+    /// Those of the squares of leaves: (0,0), (0,1), (1,0), (1,1).
+    quads: Vec<[u32; 4]>,
+    points: Vec<Direction>,
+    /// The tree of the measure alone.
+    measures: Vec<Group>,
+    /// |cos θ| or 1 at the vertices.
+    cosines: Vec<f32>,
+    /// The measure of every leaf, exact.
+    exact: Vec<f64>,
+}
+
+impl WarpMesh {
+    /// The tables of `mesh`, with trees by `measure`.
+    pub fn new(mesh: TriangleMesh, measure: Measure) -> Self {
+        let level = mesh.level();
+        let octant = 1_usize << (2 * u32::from(level));
+        let mut planes = Vec::new();
+        for depth in 0..level {
+            for node in octant_triangles(depth) {
+                let [v0, v1, v2] = node;
+                let (m01, m12, m02) = (middle(v0, v1), middle(v1, v2), middle(v0, v2));
+                planes.push([cut(m01, m02, v0), cut(m12, m01, v1), cut(m02, m12, v2)]);
+            }
+        }
+        let leaves: Vec<Leaf> = octant_triangles(level).into_iter().map(Leaf::new).collect();
+        let (places, framed) = places(mesh);
+        let (corners, count) = corners(mesh);
+        let vertex = |place: usize, corner: usize| {
+            let (leaf, frame) = unframed(framed[place]);
+            corners[leaf][usize::from(frame[corner])]
+        };
+        let quads = (0..mesh.len() / 2)
+            .map(|square| {
+                [vertex(2 * square, 1), vertex(2 * square + 1, 0), vertex(2 * square, 0), vertex(2 * square, 2)]
+            })
+            .collect();
+        let mut points = vec![Direction::from_unit([0.0, 0.0, 1.0]); count];
+        for (ids, vertices) in corners.iter().zip(mesh.all_vertices()) {
+            for (&id, vertex) in ids.iter().zip(vertices) {
+                points[id as usize] = Direction::from_unit(vertex);
+            }
+        }
+        let own = |i: usize| match measure {
+            Measure::Projected => mesh.projected_solid_angle(i),
+            Measure::SolidAngle => mesh.solid_angle(i),
+        };
+        // All octants are congruent.
+        let one: Vec<f64> = (0..octant).map(own).collect();
+        let exact: Vec<f64> = (0..mesh.len()).map(|i| one[i % octant]).collect();
+        let cosine =
+            |point: &Direction| if measure == Measure::Projected { point.cos_theta().abs() as f32 } else { 1.0 };
+        let cosines = points.iter().map(cosine).collect();
+        let mut this = Self {
+            mesh,
+            measure,
+            planes,
+            leaves,
+            places,
+            framed,
+            corners,
+            quads,
+            points,
+            measures: vec![],
+            cosines,
+            exact,
+        };
+        let mut measures = vec![Group::default(); this.groups()];
+        this.fill(&mut this.exact.clone(), &mut measures);
+        this.measures = measures;
+        this
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> TriangleMesh {
+        self.mesh
+    }
+
+    /// What the trees weigh values with.
+    pub fn measure(&self) -> Measure {
+        self.measure
+    }
+
+    /// The integral of |cos θ| or the solid angle of every leaf in sr, in the order of the mesh; exact.
+    pub fn measures(&self) -> &[f64] {
+        &self.exact
+    }
+
+    /// The vertices of the mesh; triangles share them.
+    pub fn vertices(&self) -> &[Direction] {
+        &self.points
+    }
+
+    /// The numbers in [`WarpMesh::vertices`] of every leaf's vertices, in the order of the mesh.
+    pub fn corners(&self) -> &[[u32; 3]] {
+        &self.corners
+    }
+
+    /// Memory of the tables in bytes.
+    pub fn memory(&self) -> usize {
+        size_of::<Self>()
+            + size_of_val(&*self.planes)
+            + size_of_val(&*self.leaves)
+            + size_of_val(&*self.places)
+            + size_of_val(&*self.framed)
+            + size_of_val(&*self.corners)
+            + size_of_val(&*self.quads)
+            + size_of_val(&*self.points)
+            + size_of_val(&*self.measures)
+            + size_of_val(&*self.cosines)
+            + size_of_val(&*self.exact)
+    }
+
+    /// Groups of one tree: the root, then one for every square above the last level.
+    pub(super) fn groups(&self) -> usize {
+        self.children(self.mesh.level(), 0)
+    }
+
+    /// The group of the quadrants of `square`, a square of `level`.
+    pub(super) fn children(&self, level: u8, square: usize) -> usize {
+        1 + self.mesh.bases() / 2 * first(level) + square
+    }
+
+    /// The trees' measure alone.
+    pub(super) fn geometry(&self) -> &[Group] {
+        &self.measures
+    }
+
+    /// |cos θ| or 1 at the vertices.
+    pub(super) fn cosines(&self) -> &[f32] {
+        &self.cosines
+    }
+
+    /// Writes the tree of the leaves' integrals. `sums` is spent.
+    pub(super) fn fill(&self, sums: &mut [f64], tree: &mut [Group]) {
+        for level in (0..=self.mesh.level()).rev() {
+            let nodes = self.mesh.bases() << (2 * u32::from(level));
+            for (node, &sum) in sums[..nodes].iter().enumerate() {
+                let at = self.slot(level, node);
+                tree[at / 8].0[at % 8] = sum as f32;
+            }
+            for parent in 0..nodes / 4 {
+                sums[parent] = sums[4 * parent] + sums[4 * parent + 1] + sums[4 * parent + 2] + sums[4 * parent + 3];
+            }
+        }
+    }
+
+    /// The entry of triangle `node` of `level` in a tree, counted in single numbers.
+    pub(super) fn slot(&self, level: u8, node: usize) -> usize {
+        let place = self.place(level, node);
+        8 * self.group_of(level, place / 2) + place % 8
+    }
+
+    /// The group that holds a square of `level` among its parent's quadrants.
+    pub(super) fn group_of(&self, level: u8, square: usize) -> usize {
+        level.checked_sub(1).map_or(0, |above| self.children(above, square / 4))
+    }
+
+    /// 2 · the square of triangle `node` of `level`, + 1 for the upper half.
+    pub(super) fn place(&self, level: u8, node: usize) -> usize {
+        self.places[self.mesh.bases() * first(level) + node] as usize
+    }
+
+    /// The leaf at a place of the last level, and its frame.
+    pub(super) fn framed(&self, place: usize) -> (usize, Frame) {
+        unframed(self.framed[place])
+    }
+
+    /// The numbers of the vertices of a square of leaves: (0,0), (0,1), (1,0), (1,1).
+    pub(super) fn quad(&self, square: usize) -> [u32; 4] {
+        self.quads[square]
+    }
+
+    /// The numbers of a leaf's vertices.
+    pub(super) fn corners_of(&self, leaf: usize) -> [u32; 3] {
+        self.corners[leaf]
+    }
+
+    /// The direction through the point of the planar triangle `leaf` with these barycentric coordinates of the vertices in
+    /// `frame`, and what turns a density of the coordinates (mean 1 over the triangle) into one of solid angle:
+    /// |p|³ / (area · distance).
+    #[inline]
+    pub(super) fn point(&self, leaf: usize, frame: Frame, [a, b, c]: [f64; 3]) -> (Direction, f64) {
+        let geometry = &self.leaves[leaf & (self.leaves.len() - 1)];
+        let [v0, v1, v2] = frame;
+        let vertex = |k: u8| &geometry.vertices[usize::from(k)];
+        let (v0, v1, v2) = (vertex(v0), vertex(v1), vertex(v2));
+        let on = |k: usize| a * v0[k] + b * v1[k] + c * v2[k];
+        let [x, y, z] = [on(0), on(1), on(2)];
+        let square = x * x + y * y + z * z;
+        let length = square.sqrt();
+        let inverse = 1.0 / length;
+        let base = leaf >> (2 * u32::from(self.mesh.level()));
+        let [cos, sin] = TURNS[base & 3];
+        let up = if base >= 4 || self.mesh.domain() == Domain::Lower { -inverse } else { inverse };
+        let direction = Direction::from_unit([(cos * x - sin * y) * inverse, (sin * x + cos * y) * inverse, z * up]);
+        (direction, square * length * geometry.density)
+    }
+
+    /// The leaf that holds `direction`, the barycentric coordinates of the planar point on its ray and the factor of
+    /// [`WarpMesh::point`]; `None` outside the domain.
+    pub(super) fn locate(&self, direction: Direction) -> Option<(usize, [f64; 3], f64)> {
+        let [x, y, z] = direction.xyz();
+        let down = match self.mesh.domain() {
+            Domain::Hemisphere if z < 0.0 => return None,
+            Domain::Lower if z > 0.0 => return None,
+            Domain::Sphere => z < 0.0,
+            _ => false,
+        };
+        // A direction on an edge belongs to exactly one.
+        let second = x <= 0.0 && y > 0.0;
+        let third = x < 0.0 && y <= 0.0;
+        let fourth = x >= 0.0 && y < 0.0;
+        let quadrant = usize::from(second) + 2 * usize::from(third) + 3 * usize::from(fourth);
+        let [cos, sin] = TURNS[quadrant];
+        let folded = [cos * x + sin * y, cos * y - sin * x, z.abs()];
+        let (mut node, mut offset) = (0, 0);
+        for level in 0..self.mesh.level() {
+            let [corner0, corner1, corner2] = self.planes[offset + node];
+            let child = select_unpredictable(dot(corner2, folded) > 0.0, 2, 3);
+            let child = select_unpredictable(dot(corner1, folded) > 0.0, 1, child);
+            let child = select_unpredictable(dot(corner0, folded) > 0.0, 0, child);
+            node = 4 * node + child;
+            offset += 1 << (2 * u32::from(level));
+        }
+        let geometry = &self.leaves[node];
+        let [d0, d1, d2] = geometry.duals;
+        let (a, b, c) = (dot(d0, folded).max(0.0), dot(d1, folded).max(0.0), dot(d2, folded).max(0.0));
+        let length = 1.0 / (a + b + c);
+        let leaf = (quadrant + 4 * usize::from(down)) * self.leaves.len() + node;
+        Some((leaf, [a * length, b * length, c * length], length * length * length * geometry.density))
+    }
+}
+
+impl Leaf {
+    fn new(vertices: [Vector; 3]) -> Self {
+        let [a, b, c] = vertices;
+        let planes = [cross(b, c), cross(c, a), cross(a, b)];
+        // Six volumes of the tetrahedron with the origin: twice the area times the distance. Negative for clockwise.
+        let determinant = dot(a, planes[0]);
+        Self { vertices, duals: planes.map(|plane| plane.map(|x| x / determinant)), density: 2.0 / determinant.abs() }
+    }
+}
+
+fn unframed(framed: u32) -> (usize, Frame) {
+    ((framed >> 3) as usize, FRAMES[(framed & 7) as usize])
+}
+
+/// How many nodes of one octant lie above `level`.
+fn first(level: u8) -> usize {
+    ((1 << (2 * u32::from(level))) - 1) / 3
+}
+
+/// The triangles of octant 0 at a level.
+fn octant_triangles(level: u8) -> Vec<[Vector; 3]> {
+    let octant = 1_usize << (2 * u32::from(level));
+    TriangleMesh::new(Domain::Hemisphere, level)
+        .map(|mesh| (0..octant).map(|i| mesh.vertices(i)).collect())
+        .unwrap_or_default()
+}
+
+fn middle(a: Vector, b: Vector) -> Vector {
+    unit(add(a, b))
+}
+
+/// The plane through `a`, `b` and the origin, positive on the side of `corner`.
+fn cut(a: Vector, b: Vector, corner: Vector) -> Vector {
+    let plane = cross(a, b);
+    if dot(plane, corner) < 0.0 { plane.map(|x| -x) } else { plane }
+}
+
+/// For each triangle, level by level, its place; for each place of the last level its leaf and frame.
+fn places(mesh: TriangleMesh) -> (Vec<u32>, Vec<u32>) {
+    let bases = mesh.bases();
+    let mut squares: Vec<[(u32, Frame); 2]> = TOP[..bases / 2].to_vec();
+    let mut places = vec![0; bases * first(mesh.level() + 1)];
+    for level in 0..=mesh.level() {
+        if level > 0 {
+            squares = squares.into_iter().flat_map(quadrants).collect();
+        }
+        let level = &mut places[bases * first(level)..];
+        for (place, (node, _)) in (0..).zip(squares.as_flattened()) {
+            level[*node as usize] = place;
+        }
+    }
+    let number = |frame: &Frame| FRAMES.iter().position(|known| known == frame).unwrap_or(0) as u32;
+    let framed = squares.as_flattened().iter().map(|(leaf, frame)| leaf << 3 | number(frame)).collect();
+    (places, framed)
+}
+
+/// The quadrants of a square. The centre child's right angle is the middle of its parent's hypotenuse, and it sees the
+/// hypotenuse it shares with the child at the right angle from the other side.
+fn quadrants([lower, upper]: [(u32, Frame); 2]) -> [[(u32, Frame); 2]; 4] {
+    let child = |(node, frame): (u32, Frame), which: usize| (4 * node + u32::from(frame[which]), frame);
+    let centre = |(node, [right, start, end]): (u32, Frame)| (4 * node + 3, [right, end, start]);
+    [
+        [child(lower, 1), child(upper, 1)],
+        [centre(upper), child(upper, 0)],
+        [child(lower, 0), centre(lower)],
+        [child(lower, 2), child(upper, 2)],
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn meshes() -> impl Iterator<Item = TriangleMesh> {
+        Domain::ALL.iter().flat_map(|&d| (0..=5).map(move |level| TriangleMesh::new(d, level).unwrap()))
+    }
+
+    fn close(a: Vector, b: Vector) -> bool {
+        a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12)
+    }
+
+    #[test]
+    fn halves_share_their_hypotenuse_and_quadrants_their_corners() {
+        for mesh in meshes() {
+            let warp = WarpMesh::new(mesh, Measure::SolidAngle);
+            let corners_of = |square: usize| {
+                let [lower, upper] = [0, 1].map(|half| {
+                    let (leaf, frame) = warp.framed(2 * square + half);
+                    frame.map(|k| mesh.vertices(leaf)[usize::from(k)])
+                });
+                assert!(close(lower[1], upper[1]) && close(lower[2], upper[2]), "{mesh:?} {square}");
+                // By quadrant number: (0,0), (0,1), (1,0), (1,1).
+                [lower[1], upper[0], lower[0], lower[2]]
+            };
+            for square in 0..mesh.len() / 2 {
+                corners_of(square);
+            }
+            // Quadrants 0 and 1 of every parent share an edge, 0 and 2 too, and all four the middle.
+            if mesh.level() > 0 {
+                for parent in 0..mesh.len() / 8 {
+                    let [c0, c1, c2, c3] = [0, 1, 2, 3].map(|k| corners_of(4 * parent + k));
+                    assert!(close(c0[1], c1[0]) && close(c0[3], c1[2]));
+                    assert!(close(c0[2], c2[0]) && close(c0[3], c2[1]));
+                    assert!(close(c0[3], c3[0]) && close(c1[3], c3[1]) && close(c2[3], c3[2]));
+                }
+            } else if mesh.bases() == 8 {
+                // The unfolding: 0 and 1 share z–x against b, 1 and 3 share x–y against a.
+                let [c0, c1, c2, c3] = [0, 1, 2, 3].map(corners_of);
+                assert!(close(c0[0], c1[0]) && close(c0[2], c1[2]));
+                assert!(close(c1[2], c3[2]) && close(c1[3], c3[3]));
+                assert!(close(c0[2], c2[2]) && close(c0[3], c2[3]));
+            }
+        }
+    }
+
+    #[test]
+    fn the_tables_find_the_triangle_that_the_mesh_finds_and_its_point() {
+        for mesh in meshes() {
+            let warp = WarpMesh::new(mesh, Measure::SolidAngle);
+            for leaf in 0..mesh.len() {
+                let coordinates = [0.2, 0.5, 0.3];
+                let (direction, factor) = warp.point(leaf, [0, 1, 2], coordinates);
+                let (found, back, again) = warp.locate(direction).unwrap();
+                assert_eq!((found, mesh.locate(direction)), (leaf, Some(leaf)));
+                assert!(back.iter().zip(coordinates).all(|(a, b)| (a - b).abs() < 1e-12));
+                assert!((again / factor - 1.0).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn places_are_a_numbering_of_every_level_and_parents_agree() {
+        for mesh in meshes() {
+            let warp = WarpMesh::new(mesh, Measure::Projected);
+            for level in 0..=mesh.level() {
+                let nodes = mesh.bases() << (2 * u32::from(level));
+                let mut seen = vec![false; nodes];
+                for node in 0..nodes {
+                    seen[warp.place(level, node)] = true;
+                    if level > 0 {
+                        assert_eq!(warp.place(level, node) / 8, warp.place(level - 1, node / 4) / 2);
+                    }
+                }
+                assert!(seen.into_iter().all(|s| s));
+            }
+            let total: f64 = warp.geometry()[0].0.iter().map(|&m| f64::from(m)).sum();
+            assert!((total - warp.measures().iter().sum::<f64>()).abs() < 1e-6);
+        }
+    }
+}

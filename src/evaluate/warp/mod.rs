@@ -1,0 +1,496 @@
+//! Warps of the unit square onto directions, by descent of a tree of triangles; pure geometry, without a material.
+//!
+//! A warp draws directions in proportion to a function on a mesh, given by its integrals over the leaf triangles (and, for
+//! a density that is linear inside them, by values at their vertices). \[CPB06\] section 6.1.2, figure 11, and its Table 9.
+//!
+//! # The map
+//! * The octahedron is unfolded into two (hemisphere) or four (sphere) squares of two triangles each; the four-way split
+//!   of the triangles is the split of the squares into quadrants (the `mesh` file has a picture). At every square the first
+//!   coordinate chooses the half a by the quadrants' own sums and is stretched to 0..1 again, then the second chooses b
+//!   (Clarberg et al. 2005, *Wavelet importance sampling*, section 4.2). No number is thrown away and none is added.
+//! * Down to the *end level* the sums are those of the function; below it a triangle's probability is shared among its
+//!   leaves by the measure alone: the projected solid angle, or the solid angle.
+//! * Inside the last square the density is constant or linear on each of the two planar triangles, drawn by the marginal in
+//!   a and the conditional in b. The inverse, from a direction to the square, is closed: it evaluates polynomials. Forth,
+//!   quadratics are solved by their formula; the marginal of the linear density is a monotone cubic, whose root two of
+//!   Halley's steps between bounds find to rounding.
+//! * The planar point p is pushed onto the sphere. With A the triangle's area and d its plane's distance from the origin
+//!   dω = d/|p|³ dA, so pdf(ω) = P·g(p)·|p|³/(A·d), P the leaf's probability and g the density's shape, mean 1. P is exact;
+//!   a "constant" density varies as |p|³ over its leaf (by 0.6 % at level 4).
+//!
+//! # What is continuous
+//! The map is one-to-one, and continuous on every image of a leaf square (an axis-parallel rectangle of the unit square).
+//! At the rectangles' borders — finitely many segments, of measure zero — it is exactly continuous when the densities on
+//! both sides agree (uniform densities give one continuous map of the whole unit square), and otherwise jumps along the
+//! border by as much as the two sides' distributions along it differ; it never leaves the two squares' common edge but for
+//! squares that the tree itself separates. So stratified and low-discrepancy points stay well distributed, and children
+//! need no random order. The two sides of the unit square that are glued on the octahedron (the meridian through −x) are
+//! not neighbours in u.
+//!
+//! # Precision
+//! Tables are f32, arithmetic is f64. A parent is the rounded sum of its leaves, so that the probability with which the
+//! descent reaches a leaf and the stored one that [`Warps::pdf`] tells differ by up to 1e-7 of it per level.
+
+mod mesh;
+mod square;
+#[cfg(test)]
+mod table9;
+#[cfg(test)]
+mod tests;
+
+pub use mesh::WarpMesh;
+
+use crate::domain::{Direction, Domain};
+use mesh::{FLIPS, Group};
+use rayon::prelude::*;
+use square::{Constant, Linear, Point, linear_at};
+use std::f64::consts::{FRAC_1_PI, TAU};
+use std::hint::select_unpredictable;
+use std::sync::Arc;
+
+/// The largest number below 1.
+const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
+/// Points keep this barycentric distance from the edges of their leaf, so that rounding cannot carry one over the edge.
+const MARGIN: f64 = 1e-9;
+
+/// What values are weighed with in the tree, and what shares a probability below the end level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Measure {
+    /// |cos θ| dω: BRDF, BTDF, BSDF.
+    Projected,
+    /// dω: emission and phase functions.
+    SolidAngle,
+}
+
+/// The density inside the last triangle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Density {
+    /// Constant on the planar triangle.
+    Uniform,
+    /// Linear on the planar triangle between the vertex values (f·cos; cos below a coarser end level); constant where the
+    /// vertex values are all 0.
+    #[default]
+    Linear,
+}
+
+/// How directions are drawn. Sampling, density and inversion belong together only with the same options.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SampleOptions {
+    /// Ends the choice by value at this level (0 = the base triangles, `None` or more than there are = the leaves) and
+    /// goes on by the measure.
+    pub level: Option<u8>,
+    /// The density inside the last triangle.
+    pub density: Density,
+    /// The part δ in 0..1 of directions drawn without regard to the function: by the cosine for [`Measure::Projected`],
+    /// uniformly for [`Measure::SolidAngle`], over the whole domain. Then no direction of the domain has density 0, as a
+    /// function needs that is not 0 on leaves whose integral is (data evaluated smoothly at the edge of zeros). The first
+    /// coordinate is split: below 1 − δ the tree's, above it the defensive one's.
+    pub defensive: f64,
+}
+
+impl From<Option<u8>> for SampleOptions {
+    fn from(level: Option<u8>) -> Self {
+        Self { level, ..Self::default() }
+    }
+}
+
+/// A direction that a warp has drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drawn {
+    /// The direction.
+    pub direction: Direction,
+    /// Its density in sr⁻¹, of the mixture if there is one: what [`Warps::pdf`] tells of it.
+    pub pdf: f64,
+    /// The leaf triangle that holds it.
+    pub leaf: usize,
+    /// The barycentric coordinates in the planar triangle of the leaf's vertices ([`WarpMesh::corners`]): a function that is
+    /// linear on triangles is evaluated without another search.
+    pub coordinates: [f64; 3],
+}
+
+/// The warps of many functions (one for each incoming cell) on one mesh, in flat tables.
+#[derive(Clone, Debug)]
+pub struct Warps {
+    mesh: Arc<WarpMesh>,
+    /// For each cell its tree, in parts of the cell's total.
+    trees: Vec<Group>,
+    /// `[cell, vertex]`, to any scale; empty without vertex values.
+    vertices: Vec<f32>,
+    totals: Vec<f64>,
+}
+
+impl Warps {
+    /// The warps of `cells` functions. `fill(cell, integrals, values)` writes the integral of the cell's function over every
+    /// leaf (mean × [`WarpMesh::measures`]) and its value times the measure's cosine at every vertex
+    /// ([`WarpMesh::vertices`]), both in the order of the mesh, given as zeros. Negative and non-finite numbers count as 0.
+    pub fn new(mesh: Arc<WarpMesh>, cells: usize, fill: impl Fn(usize, &mut [f64], &mut [f64]) + Sync) -> Self {
+        let (leaves, groups, points) = (mesh.mesh().len(), mesh.groups(), mesh.vertices().len());
+        let mut trees = vec![Group::default(); cells * groups];
+        let mut vertices = vec![0.0_f32; cells * points];
+        let mut totals = vec![0.0; cells];
+        let each = trees.par_chunks_mut(groups).zip(vertices.par_chunks_mut(points)).zip(&mut totals).enumerate();
+        each.for_each(|(cell, ((tree, vertices), total))| {
+            let (mut integrals, mut values) = (vec![0.0; leaves], vec![0.0; points]);
+            fill(cell, &mut integrals, &mut values);
+            for number in integrals.iter_mut().chain(&mut values) {
+                *number = if number.is_finite() { number.max(0.0) } else { 0.0 };
+            }
+            *total = integrals.iter().sum();
+            if *total > 0.0 {
+                for integral in &mut integrals {
+                    *integral /= *total;
+                }
+                mesh.fill(&mut integrals, tree);
+            }
+            let largest = values.iter().fold(0.0_f64, |a, &b| a.max(b));
+            if largest > 0.0 {
+                vertices.iter_mut().zip(values).for_each(|(to, from)| *to = (from / largest) as f32);
+            }
+        });
+        Self { mesh, trees, vertices, totals }
+    }
+
+    /// The tables shared by all cells.
+    pub fn mesh(&self) -> &Arc<WarpMesh> {
+        &self.mesh
+    }
+
+    /// How many functions there are.
+    pub fn cells(&self) -> usize {
+        self.totals.len()
+    }
+
+    /// The integral of a cell's function over all leaves. At 0 nothing is drawn, unless defensively.
+    pub fn total(&self, cell: usize) -> f64 {
+        self.totals[cell]
+    }
+
+    /// The mean of a cell's function over a leaf, by the measure, as the tree holds it.
+    pub fn mean(&self, cell: usize, leaf: usize) -> f64 {
+        f64::from(self.probability_at(cell, self.mesh.mesh().level(), leaf)) * self.totals[cell]
+            / self.mesh.measures()[leaf]
+    }
+
+    /// Memory in bytes, without the shared tables: 4 bytes for every triangle of every level and every vertex of a cell.
+    pub fn memory(&self) -> usize {
+        size_of::<Self>() + size_of_val(&*self.trees) + size_of_val(&*self.vertices) + size_of_val(&*self.totals)
+    }
+
+    /// Draws a direction from a point `u` of the unit square (held within it). `None` where the cell's total is 0 and
+    /// nothing is drawn defensively; with a defensive part such a cell draws all its directions so.
+    pub fn sample(&self, cell: usize, u: [f64; 2], options: &SampleOptions) -> Option<Drawn> {
+        let [first, second] = u.map(|u| u.clamp(0.0, BELOW_ONE));
+        let defensive = self.defensive(cell, options);
+        if self.totals[cell] == 0.0 && defensive == 0.0 {
+            return None;
+        }
+        let by_tree = 1.0 - defensive;
+        if first < by_tree {
+            if defensive == 0.0 {
+                return Some(self.draw(cell, [first, second], options));
+            }
+            let mut drawn = self.draw(cell, [(first / by_tree).min(BELOW_ONE), second], options);
+            drawn.pdf = by_tree * drawn.pdf + defensive * self.background(drawn.direction);
+            return Some(drawn);
+        }
+        let direction = self.draw_background([((first - by_tree) / defensive).min(BELOW_ONE), second]);
+        let (leaf, coordinates, tree) = self.leaf_density(cell, direction, options)?;
+        let pdf = by_tree * tree + defensive * self.background(direction);
+        Some(Drawn { direction, pdf, leaf, coordinates })
+    }
+
+    /// The density in sr⁻¹ with which [`Warps::sample`] draws `direction`; 0 outside the domain.
+    pub fn pdf(&self, cell: usize, direction: Direction, options: &SampleOptions) -> f64 {
+        let defensive = self.defensive(cell, options);
+        match self.leaf_density(cell, direction, options) {
+            None => 0.0,
+            Some((.., tree)) if defensive == 0.0 => tree,
+            Some((.., tree)) => (1.0 - defensive) * tree + defensive * self.background(direction),
+        }
+    }
+
+    /// The point of the unit square that [`Warps::sample`] takes to `direction`. In a mixture two points lead to it: the
+    /// tree's is given, but where the tree's density is 0 the defensive one's. `None` where nothing does.
+    pub fn invert(&self, cell: usize, direction: Direction, options: &SampleOptions) -> Option<[f64; 2]> {
+        let defensive = self.defensive(cell, options);
+        let (leaf, coordinates, _) = self.mesh.locate(direction)?;
+        let end = self.end(options);
+        if defensive < 1.0 && self.probability(cell, end, leaf) > 0.0 {
+            let [u, v] = self.place(cell, leaf, coordinates, options);
+            return Some([u * (1.0 - defensive), v]);
+        }
+        let [u, v] = self.place_background(direction);
+        (defensive > 0.0).then_some([1.0 - defensive + u * defensive, v])
+    }
+
+    /// The part drawn defensively.
+    fn defensive(&self, cell: usize, options: &SampleOptions) -> f64 {
+        if self.totals[cell] > 0.0 {
+            options.defensive.clamp(0.0, BELOW_ONE)
+        } else {
+            // Nothing by the tree: all or nothing.
+            f64::from(u8::from(options.defensive > 0.0))
+        }
+    }
+
+    fn end(&self, options: &SampleOptions) -> u8 {
+        let level = self.mesh.mesh().level();
+        options.level.map_or(level, |end| end.min(level))
+    }
+
+    fn tree(&self, cell: usize) -> &[Group] {
+        let groups = self.mesh.groups();
+        &self.trees[cell * groups..][..groups]
+    }
+
+    /// The share of triangle `node` of `level`.
+    fn probability_at(&self, cell: usize, level: u8, node: usize) -> f32 {
+        let slot = self.mesh.slot(level, node);
+        self.tree(cell)[slot / 8].0[slot % 8]
+    }
+
+    /// The probability of a leaf with the end level `end`.
+    fn probability(&self, cell: usize, end: u8, leaf: usize) -> f64 {
+        let level = self.mesh.mesh().level();
+        if end == level {
+            return f64::from(self.probability_at(cell, level, leaf));
+        }
+        let node = leaf >> (2 * u32::from(level - end));
+        let slot = self.mesh.slot(end, node);
+        let of_measure = f64::from(self.mesh.geometry()[slot / 8].0[slot % 8]);
+        f64::from(self.probability_at(cell, end, node)) * self.mesh.measures()[leaf] / of_measure
+    }
+
+    /// The numbers at the vertices that shape the linear density inside a leaf.
+    fn shape(&self, cell: usize, end: u8) -> &[f32] {
+        if end == self.mesh.mesh().level() {
+            let points = self.mesh.vertices().len();
+            &self.vertices[cell * points..][..points]
+        } else {
+            self.mesh.cosines()
+        }
+    }
+
+    /// The leaf that holds a direction, its coordinates there, and the tree's density.
+    fn leaf_density(
+        &self,
+        cell: usize,
+        direction: Direction,
+        options: &SampleOptions,
+    ) -> Option<(usize, [f64; 3], f64)> {
+        let (leaf, coordinates, factor) = self.mesh.locate(direction)?;
+        let end = self.end(options);
+        let probability = self.probability(cell, end, leaf);
+        let density = match options.density {
+            Density::Uniform => probability,
+            Density::Linear => {
+                let shape = self.shape(cell, end);
+                let [a, b, c] = self.mesh.corners_of(leaf);
+                let value = |id: u32| f64::from(shape[id as usize]);
+                linear_at(probability, [value(a), value(b), value(c)], coordinates)
+            }
+        };
+        Some((leaf, coordinates, density * factor))
+    }
+
+    /// The tree's warp.
+    fn draw(&self, cell: usize, mut u: [f64; 2], options: &SampleOptions) -> Drawn {
+        let end = self.end(options);
+        let (square, masses) = self.descend(cell, end, |level, weights| {
+            let quadrant = choose(weights, &mut u);
+            if level == 0 {
+                u = flipped(quadrant, u);
+            }
+            quadrant
+        });
+        let (point, linear) = match options.density {
+            Density::Uniform => (Constant(masses).draw(u), None),
+            Density::Linear => {
+                let linear = self.linear(cell, end, square, masses);
+                (linear.draw(u), Some(linear))
+            }
+        };
+        let half = usize::from(point.upper);
+        let (leaf, frame) = self.mesh.framed(2 * square + half);
+        let inside = inward(point.coordinates());
+        let (direction, factor) = self.mesh.point(leaf, frame, inside);
+        let density = linear.map_or(masses[half], |linear| linear.density(half, inside));
+        let mut coordinates = [0.0; 3];
+        for (k, coordinate) in frame.into_iter().zip(inside) {
+            coordinates[usize::from(k)] = coordinate;
+        }
+        Drawn { direction, pdf: density * factor, leaf, coordinates }
+    }
+
+    /// The inverse of [`Warps::draw`]: the tree's point for a leaf and coordinates in it.
+    fn place(&self, cell: usize, leaf: usize, coordinates: [f64; 3], options: &SampleOptions) -> [f64; 2] {
+        let (last, end) = (self.mesh.mesh().level(), self.end(options));
+        let place = self.mesh.place(last, leaf);
+        // u = offset + scale · what is left of it.
+        let (mut offset, mut scale) = ([0.0; 2], [1.0; 2]);
+        let (square, masses) = self.descend(cell, end, |level, weights| {
+            let quadrant = (place >> (1 + 2 * u32::from(last - level))) & 3;
+            let (start, length) = interval(weights, quadrant);
+            for k in 0..2 {
+                offset[k] += scale[k] * start[k];
+                scale[k] *= length[k];
+                if level == 0 {
+                    let [start, direction] = FLIPS[quadrant][k];
+                    offset[k] += scale[k] * start;
+                    scale[k] *= direction;
+                }
+            }
+            quadrant
+        });
+        let (_, [right, start, end_of]) = self.mesh.framed(place);
+        let in_frame = [right, start, end_of].map(|k| coordinates[usize::from(k)]);
+        let point = Point::new(place & 1 == 1, in_frame);
+        let u = match options.density {
+            Density::Uniform => Constant(masses).place(point),
+            Density::Linear => self.linear(cell, end, square, masses).place(point),
+        };
+        [0, 1].map(|k| (offset[k] + scale[k] * u[k]).clamp(0.0, BELOW_ONE))
+    }
+
+    /// Goes down to a square of leaves by the quadrants that `decide` chooses from a level and their four weights; returns it
+    /// and the probabilities of its halves.
+    #[inline]
+    fn descend(&self, cell: usize, end: u8, mut decide: impl FnMut(u8, [f64; 4]) -> usize) -> (usize, [f64; 2]) {
+        let (mesh, last) = (&*self.mesh, self.mesh.mesh().level());
+        let tree = self.tree(cell);
+        let (mut group, mut quadrant, mut square) = (&tree[0].0, 0, 0);
+        // The first group of the next level, and how many there are.
+        let (mut start, mut width) = (1, mesh.mesh().bases() / 2);
+        for level in 0..=end {
+            if level > 0 {
+                group = &tree[start + square].0;
+                start += width;
+                width *= 4;
+            }
+            let [a, b, c, d, e, f, g, h] = group.map(f64::from);
+            quadrant = decide(level, [a + b, c + d, e + f, g + h]);
+            square = 4 * square + quadrant;
+        }
+        let of =
+            |group: &[f32; 8], quadrant: usize| [f64::from(group[2 * quadrant]), f64::from(group[2 * quadrant + 1])];
+        let masses = of(group, quadrant);
+        if end == last {
+            return (square, masses);
+        }
+        // Below the end level the table is the measure's; triangles of the lower and of the upper half of the square share
+        // different probabilities. Quadrant 1 is all in the upper half, quadrant 2 in the lower.
+        let table = mesh.geometry();
+        let measures = of(&table[mesh.group_of(end, square)].0, quadrant);
+        let (mut lower, mut upper) = (masses[0] / measures[0], masses[1] / measures[1]);
+        for level in end + 1..=last {
+            group = &table[start + square].0;
+            start += width;
+            width *= 4;
+            let [a, b, c, d, e, f, g, h] = group.map(f64::from);
+            let weights = [a * lower + b * upper, (c + d) * upper, (e + f) * lower, g * lower + h * upper];
+            quadrant = decide(level, weights);
+            square = 4 * square + quadrant;
+            (lower, upper) =
+                (select_unpredictable(quadrant == 1, upper, lower), select_unpredictable(quadrant == 2, lower, upper));
+        }
+        let measures = of(group, quadrant);
+        (square, [measures[0] * lower, measures[1] * upper])
+    }
+
+    /// The linear density on a square of leaves.
+    fn linear(&self, cell: usize, end: u8, square: usize, masses: [f64; 2]) -> Linear {
+        let shape = self.shape(cell, end);
+        let [start, upper, lower, end] = self.mesh.quad(square);
+        let value = |id: u32| f64::from(shape[id as usize]);
+        let (start, end) = (value(start), value(end));
+        Linear::new(masses, [[value(lower), start, end], [value(upper), start, end]])
+    }
+
+    /// The defensive density: |cos θ| over its integral, or 1 over the solid angle, on the domain.
+    pub(in crate::evaluate) fn background(&self, direction: Direction) -> f64 {
+        let sides = if self.mesh.mesh().domain() == Domain::Sphere { 0.5 } else { 1.0 };
+        match self.mesh.measure() {
+            Measure::Projected => sides * FRAC_1_PI * direction.cos_theta().abs(),
+            Measure::SolidAngle => sides / TAU,
+        }
+    }
+
+    /// By polar angles: the first coordinate is the height (each half of a sphere has half of it), the second the azimuth.
+    pub(in crate::evaluate) fn draw_background(&self, [mut u, v]: [f64; 2]) -> Direction {
+        let mut down = self.mesh.mesh().domain() == Domain::Lower;
+        if self.mesh.mesh().domain() == Domain::Sphere {
+            down = u >= 0.5;
+            u = if down { 2.0 * u - 1.0 } else { 2.0 * u };
+        }
+        let z = match self.mesh.measure() {
+            Measure::Projected => (1.0 - u).sqrt(),
+            Measure::SolidAngle => 1.0 - u,
+        };
+        let radius = (1.0 - z * z).max(0.0).sqrt();
+        let (sin, cos) = libm::sincos(TAU * v);
+        Direction::from_unit([radius * cos, radius * sin, if down { -z } else { z }])
+    }
+
+    pub(in crate::evaluate) fn place_background(&self, direction: Direction) -> [f64; 2] {
+        let z = direction.cos_theta().abs();
+        let u = match self.mesh.measure() {
+            Measure::Projected => 1.0 - z * z,
+            Measure::SolidAngle => 1.0 - z,
+        };
+        let u = match self.mesh.mesh().domain() {
+            Domain::Sphere if direction.cos_theta() < 0.0 => 0.5 + 0.5 * u,
+            Domain::Sphere => 0.5 * u,
+            _ => u,
+        };
+        [u, direction.phi() / TAU].map(|u| u.clamp(0.0, BELOW_ONE))
+    }
+}
+
+/// Chooses a quadrant, the half a by the first coordinate and the half b by the second, and stretches both over the choice.
+/// Never chooses one without weight.
+#[inline]
+fn choose([w0, w1, w2, w3]: [f64; 4], u: &mut [f64; 2]) -> usize {
+    let (left, right) = (w0 + w1, w2 + w3);
+    let x = u[0] * (left + right);
+    // Both answers to b at once: neither choice can be predicted, and a branch or a wait costs more.
+    let (y0, y1) = (u[1] * left, u[1] * right);
+    let a = x >= left && right > 0.0;
+    let b = select_unpredictable(a, y1 >= w2 && w3 > 0.0, y0 >= w0 && w1 > 0.0);
+    let (low, high) = (select_unpredictable(a, w2, w0), select_unpredictable(a, w3, w1));
+    *u = [stretched(a, x, left, right), stretched(b, select_unpredictable(a, y1, y0), low, high)];
+    2 * usize::from(a) + usize::from(b)
+}
+
+/// What is left of a choice: the part of the `second` mass if it fell `beyond` the `first`, else of the first.
+#[inline]
+fn stretched(beyond: bool, x: f64, first: f64, second: f64) -> f64 {
+    let rest = select_unpredictable(beyond, x - first, x) / select_unpredictable(beyond, second, first);
+    if rest < BELOW_ONE { rest } else { BELOW_ONE }
+}
+
+/// Where [`choose`] takes a quadrant from: start and length in both coordinates.
+fn interval([w0, w1, w2, w3]: [f64; 4], quadrant: usize) -> ([f64; 2], [f64; 2]) {
+    let share = |first: f64, second: f64, which: usize| {
+        let (first, second) = (first / (first + second), second / (first + second));
+        if which == 0 { (0.0, first) } else { (first, second) }
+    };
+    let (bottom, top) = if quadrant < 2 { (w0, w1) } else { (w2, w3) };
+    let (a, width) = share(w0 + w1, w2 + w3, quadrant / 2);
+    let (b, height) = share(bottom, top, quadrant % 2);
+    ([a, b], [width, height])
+}
+
+/// `u` in the square of level 0, which may run the other way.
+#[inline]
+fn flipped(square: usize, u: [f64; 2]) -> [f64; 2] {
+    let [[a, da], [b, db]] = FLIPS[square];
+    [a + da * u[0], b + db * u[1]]
+}
+
+/// Coordinates at least [`MARGIN`] from the edges.
+#[inline]
+fn inward([a, b, c]: [f64; 3]) -> [f64; 3] {
+    let (a, b, c) = (a.max(MARGIN), b.max(MARGIN), c.max(MARGIN));
+    let scale = 1.0 / (a + b + c);
+    [a * scale, b * scale, c * scale]
+}

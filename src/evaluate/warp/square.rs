@@ -1,0 +1,279 @@
+//! One square of two triangles: densities constant or linear on each half, from the unit square and back.
+//!
+//! The square is drawn by its marginal density in a and the conditional one in b, so that the map is continuous over both
+//! halves and runs along the square's edges. A density is measured against area with mean = mass on each half: a constant
+//! one is its mass everywhere.
+
+use std::hint::select_unpredictable;
+
+/// A point of a square.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Point {
+    /// In the upper half, b > a.
+    pub(super) upper: bool,
+    pub(super) a: f64,
+    pub(super) b: f64,
+}
+
+impl Point {
+    /// The point of a half with these barycentric coordinates: of the right angle, the hypotenuse's ends (0,0), (1,1).
+    pub(super) fn new(upper: bool, [_, start, end]: [f64; 3]) -> Self {
+        if upper { Self { upper, a: end, b: 1.0 - start } } else { Self { upper, a: 1.0 - start, b: end } }
+    }
+
+    /// The barycentric coordinates in its half: of the right angle, of (0,0), of (1,1).
+    pub(super) fn coordinates(self) -> [f64; 3] {
+        if self.upper { [self.b - self.a, 1.0 - self.b, self.a] } else { [self.a - self.b, 1.0 - self.a, self.b] }
+    }
+}
+
+/// Constant on each half: the masses.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Constant(pub(super) [f64; 2]);
+
+impl Constant {
+    pub(super) fn draw(self, u: [f64; 2]) -> Point {
+        let Self([lower, upper]) = self;
+        let below = u[0] * (lower + upper);
+        let root = (upper * upper + (lower - upper) * below).max(0.0).sqrt();
+        let a = (below / (upper + root).max(f64::MIN_POSITIVE)).min(1.0);
+        let (column, above) = (lower * a, upper * (1.0 - a));
+        let v = u[1] * (column + above);
+        // Which half is a toss-up: selects rather than branches, as far as the processor has them.
+        let is_upper = v >= column && above > 0.0;
+        let start = select_unpredictable(is_upper, a, 0.0);
+        let end = select_unpredictable(is_upper, 1.0, a);
+        let mass = select_unpredictable(is_upper, v - column, v);
+        Point { upper: is_upper, a, b: (start + mass / select_unpredictable(is_upper, upper, lower)).min(end) }
+    }
+
+    pub(super) fn place(self, Point { upper: is_upper, a, b }: Point) -> [f64; 2] {
+        let Self([lower, upper]) = self;
+        let (column, above) = (lower * a, upper * (1.0 - a));
+        let v = if is_upper { column + upper * (b - a) } else { lower * b };
+        [(lower * a * a + upper * a * (2.0 - a)) / (lower + upper), ratio(v, column + above)]
+    }
+}
+
+/// Linear on each half.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Linear {
+    /// For each half the density at the right angle, at (0,0) and at (1,1), over `scale`.
+    values: [[f64; 3]; 2],
+    scale: f64,
+}
+
+impl Linear {
+    /// The linear density with the shape of `shapes` ≥ 0 at the corners and these masses; constant where a half's are all 0.
+    pub(super) fn new(masses: [f64; 2], shapes: [[f64; 3]; 2]) -> Self {
+        let [(lower, lower_sum), (upper, upper_sum)] = [shaped(shapes[0]), shaped(shapes[1])];
+        // Brought to one scale without a division, which the draw need not wait for.
+        let (l, u) = (masses[0] * upper_sum, masses[1] * lower_sum);
+        let values = [[lower[0] * l, lower[1] * l, lower[2] * l], [upper[0] * u, upper[1] * u, upper[2] * u]];
+        Self { values, scale: 3.0 / (lower_sum * upper_sum) }
+    }
+
+    /// The density in a half at the point of these barycentric coordinates.
+    pub(super) fn density(self, half: usize, [a, b, c]: [f64; 3]) -> f64 {
+        let [right, start, end] = self.values[half];
+        (right * a + start * b + end * c) * self.scale
+    }
+
+    /// The coefficients of a, a² and a³ of the mass left of a.
+    fn marginal(self) -> [f64; 3] {
+        let [[lr, l0, l1], [ur, u0, u1]] = self.values;
+        let side = u0 + ur;
+        [side, l0 + u1 - side, (lr + l1 - 2.0 * l0 + side - 2.0 * u1) / 3.0]
+    }
+
+    /// The density where the line at a meets the bottom, the hypotenuse from below and from above, and the top.
+    fn column(self, a: f64) -> [f64; 4] {
+        let [[lr, l0, l1], [ur, u0, u1]] = self.values;
+        let c = 1.0 - a;
+        [c * l0 + a * lr, c * l0 + a * l1, c * u0 + a * u1, c * ur + a * u1]
+    }
+
+    pub(super) fn draw(self, u: [f64; 2]) -> Point {
+        let a = root(self.marginal(), u[0]);
+        let [bottom, below, above, top] = self.column(a);
+        let (lower, upper) = (a * (bottom + below), (1.0 - a) * (above + top));
+        let v = u[1] * (lower + upper);
+        let is_upper = v >= lower && upper > 0.0;
+        let start = select_unpredictable(is_upper, a, 0.0);
+        let end = select_unpredictable(is_upper, 1.0, a);
+        let p = select_unpredictable(is_upper, above, bottom);
+        let q = select_unpredictable(is_upper, top, below);
+        let mass = select_unpredictable(is_upper, v - lower, v);
+        Point { upper: is_upper, a, b: (start + along(p, q, end - start, mass)).min(end) }
+    }
+
+    pub(super) fn place(self, Point { upper: is_upper, a, b }: Point) -> [f64; 2] {
+        let [c1, c2, c3] = self.marginal();
+        let [bottom, below, above, top] = self.column(a);
+        let (lower, upper) = (a * (bottom + below), (1.0 - a) * (above + top));
+        let v = if is_upper {
+            lower + upper * mass_below(above, top, ratio(b - a, 1.0 - a))
+        } else {
+            lower * mass_below(bottom, below, ratio(b, a))
+        };
+        [ratio(a * (c1 + a * (c2 + a * c3)), c1 + c2 + c3), ratio(v, lower + upper)]
+    }
+}
+
+/// The shape and its sum; constant where all are 0.
+fn shaped(values: [f64; 3]) -> ([f64; 3], f64) {
+    let sum = values[0] + values[1] + values[2];
+    if sum > 0.0 { (values, sum) } else { ([1.0; 3], 3.0) }
+}
+
+/// The linear density of one triangle with the shape of `values` at its vertices and mean `mass`, at barycentric coordinates.
+pub(super) fn linear_at(mass: f64, values: [f64; 3], [a, b, c]: [f64; 3]) -> f64 {
+    let ([x, y, z], sum) = shaped(values);
+    3.0 * mass * (x * a + y * b + z * c) / sum
+}
+
+/// `a / b`, 0 where `b` is.
+fn ratio(a: f64, b: f64) -> f64 {
+    if b > 0.0 { a / b } else { 0.0 }
+}
+
+/// How far along a line of this length with densities `p` and `q` at its ends twice the mass `v` goes.
+fn along(p: f64, q: f64, length: f64, v: f64) -> f64 {
+    ratio(v, p + (p * p + v * (q - p) / length).max(0.0).sqrt())
+}
+
+/// Which part of a line's mass is below its part `x`: the inverse of [`along`].
+fn mass_below(p: f64, q: f64, x: f64) -> f64 {
+    ratio(x * (p * (2.0 - x) + q * x), p + q)
+}
+
+/// Errors of the mass below this part of the total are of rounding.
+const ROUNDING: f64 = 1e-14;
+/// Steps that halve an interval reach neighbouring numbers after about as many as there are digits.
+const MOST_STEPS: usize = 64;
+
+/// The root in 0..=1 of m(a) = c1·a + c2·a² + c3·a³ = u·(c1 + c2 + c3), whose left side grows on 0..=1. Halley's steps
+/// (the next derivatives are at hand) kept between bounds that every step narrows; two are nearly always enough. Cardano's
+/// formula is exact only on paper: it needs a cosine of a third of an arc cosine, and cancels where the slope is small.
+fn root([c1, c2, c3]: [f64; 3], u: f64) -> f64 {
+    let total = c1 + c2 + c3;
+    let target = u * total;
+    let error = |a: f64| a * (c1 + a * (c2 + a * c3)) - target;
+    let step = |a: f64, error: f64| {
+        let slope = c1 + a * (2.0 * c2 + a * 3.0 * c3);
+        let bend = c2 + 3.0 * a * c3;
+        a - error * slope / (slope * slope - error * bend)
+    };
+    // m(u) − u·m(1), with fewer operations after u.
+    let mut a = step(u, -u * (1.0 - u) * (c2 + c3 + u * c3));
+    a = step(a, error(a));
+    let mut left = error(a);
+    if left.abs() <= ROUNDING * total && (0.0..=1.0).contains(&a) {
+        return a;
+    }
+    let (mut low, mut high) = (0.0, 1.0);
+    a = u;
+    for _ in 0..MOST_STEPS {
+        left = error(a);
+        if left.abs() <= ROUNDING * total {
+            break;
+        }
+        if left > 0.0 {
+            high = a;
+        } else {
+            low = a;
+        }
+        a = step(a, left);
+        if !(low < a && a < high) {
+            a = 0.5 * (low + high);
+        }
+    }
+    a
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::RngExt;
+    use rand_pcg::Pcg32;
+
+    /// Random corner values, some of them 0, some tiny.
+    fn values(rng: &mut Pcg32) -> [[f64; 3]; 2] {
+        [0, 1].map(|_| {
+            [0, 1, 2].map(|_| match rng.random::<u32>() % 5 {
+                0 => 0.0,
+                1 => 1e-9 * rng.random::<f64>(),
+                _ => rng.random::<f64>(),
+            })
+        })
+    }
+
+    fn masses(rng: &mut Pcg32) -> [f64; 2] {
+        [[1.0, 0.0], [0.0, 1.0], [1e-12, 1.0], [rng.random(), rng.random()]][rng.random::<u32>() as usize % 4]
+    }
+
+    #[test]
+    fn the_root_of_the_marginal_is_its_inverse() {
+        let mut rng = Pcg32::new(11, 1);
+        for _ in 0..200_000 {
+            let linear = Linear::new(masses(&mut rng), values(&mut rng));
+            let [c1, c2, c3] = linear.marginal();
+            let total = c1 + c2 + c3;
+            for u in [0.0, 1e-18, 1e-12, rng.random(), 1.0 - 1e-12, 1.0] {
+                let a = root([c1, c2, c3], u);
+                let back = a * (c1 + a * (c2 + a * c3)) / total;
+                assert!((0.0..=1.0).contains(&a) && (back - u).abs() < 1e-13, "{linear:?} {u}: {a} {back}");
+            }
+        }
+    }
+
+    #[test]
+    fn squares_are_inverted() {
+        let mut rng = Pcg32::new(12, 1);
+        for _ in 0..100_000 {
+            let (masses, values) = (masses(&mut rng), values(&mut rng));
+            let (constant, linear) = (Constant(masses), Linear::new(masses, values));
+            let u: [f64; 2] = [rng.random(), rng.random()];
+            for (point, back) in
+                [(constant.draw(u), constant.place(constant.draw(u))), (linear.draw(u), linear.place(linear.draw(u)))]
+            {
+                assert!(u.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-6), "{masses:?} {values:?} {u:?}: {back:?}");
+                assert!(masses[usize::from(point.upper)] > 0.0);
+                let coordinates = point.coordinates();
+                assert!(coordinates.iter().all(|c| (-1e-12..=1.0).contains(c)), "{point:?}");
+                let again = Point::new(point.upper, coordinates);
+                assert!((again.a - point.a).abs() < 1e-15 && (again.b - point.b).abs() < 1e-15);
+            }
+        }
+    }
+
+    #[test]
+    fn the_density_is_that_of_the_map() {
+        // |∂(a,b)/∂u| · density = total, by central differences away from the hypotenuse.
+        let mut rng = Pcg32::new(13, 1);
+        let mut tried = 0;
+        while tried < 2000 {
+            let (masses, values) = (
+                [0, 1].map(|_| 0.1 + rng.random::<f64>()),
+                [0, 1].map(|_| [0, 1, 2].map(|_| 0.1 + rng.random::<f64>())),
+            );
+            let linear = Linear::new(masses, values);
+            let u: [f64; 2] = [0.05 + 0.9 * rng.random::<f64>(), 0.05 + 0.9 * rng.random::<f64>()];
+            let h = 1e-5;
+            let at = |du: f64, dv: f64| linear.draw([u[0] + du, u[1] + dv]);
+            let points = [at(h, 0.0), at(-h, 0.0), at(0.0, h), at(0.0, -h)];
+            let centre = at(0.0, 0.0);
+            if points.iter().any(|p| p.upper != centre.upper) {
+                continue;
+            }
+            tried += 1;
+            let [right, left, up, down] = points;
+            let jacobian =
+                ((right.a - left.a) * (up.b - down.b) - (right.b - left.b) * (up.a - down.a)) / (4.0 * h * h);
+            let density = linear.density(usize::from(centre.upper), centre.coordinates());
+            // Area 1/2 a half: a density of mean = mass against area is twice itself.
+            let expected = (masses[0] + masses[1]) / (2.0 * density);
+            assert!((jacobian / expected - 1.0).abs() < 1e-4, "{jacobian} {expected}");
+        }
+    }
+}
