@@ -96,4 +96,6 @@ fn unfit<T>(message: impl Into<String>) -> Result<T, EvaluateError> {
 }
 
 #[cfg(test)]
+mod smooth_tests;
+#[cfg(test)]
 mod tests;

@@ -23,6 +23,8 @@ const CORRECTIONS: usize = 2;
 const LARGEST_CORRECTION: f64 = 0.5;
 /// Nodes at which alignments are compared, about.
 const COMPARED: usize = 600;
+/// Changes of shape below this are none.
+const NO_CHANGE: f64 = 0.02;
 /// Pairs of neighbouring incoming directions that are compared at most, about.
 const MOST_PAIRS: usize = 256;
 /// If carried directions agree this well, one of them serves for all.
@@ -287,12 +289,13 @@ impl Smooth {
                         second += weight * ratio * ratio;
                     }
                 }
-                if light > 0.0 { ((second / light - (first / light).powi(2)).max(0.0), 1.0) } else { (0.0, 0.0) }
+                let deviation = (second / light - (first / light).powi(2)).max(0.0).sqrt();
+                if light > 0.0 { (libm::log(deviation + NO_CHANGE), 1.0) } else { (0.0, 0.0) }
             })
             .collect();
-        // Every pair has the same say, or grazing ones, where lobes are bright, would have it alone.
-        let (variance, count) = sums.iter().fold((0.0, 0.0), |sum: (f64, f64), s| (sum.0 + s.0, sum.1 + s.1));
-        if count > 0.0 { (variance / count).sqrt() } else { 0.0 }
+        // The geometric mean, or pairs at grazing incidence, where the height of lobes changes most, would have all the say.
+        let (logarithms, count) = sums.iter().fold((0.0, 0.0), |sum: (f64, f64), s| (sum.0 + s.0, sum.1 + s.1));
+        if count > 0.0 { libm::exp(logarithms / count) - NO_CHANGE } else { 0.0 }
     }
 
     /// The mean of three wavelengths.
