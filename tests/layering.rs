@@ -15,6 +15,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("codec", &["transform", "domain"]),
     ("compress", &["codec", "transform", "domain"]),
     ("evaluate", &["compress", "codec", "transform", "domain"]),
+    ("preview", &["evaluate", "domain"]),
     ("paper", &["projection", "formats", "compress", "codec", "transform", "domain"]),
     ("pipeline", SCIENCE),
     ("store", &[]),
@@ -24,7 +25,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("cli", BELOW_CLI),
 ];
 
-const SCIENCE: &[&str] = &["domain", "formats", "projection", "transform", "codec", "compress", "evaluate"];
+const SCIENCE: &[&str] = &["domain", "formats", "projection", "transform", "codec", "compress", "evaluate", "preview"];
 const BELOW_JOBS: &[&str] = &[
     "domain",
     "formats",
@@ -33,6 +34,7 @@ const BELOW_JOBS: &[&str] = &[
     "codec",
     "compress",
     "evaluate",
+    "preview",
     "paper",
     "pipeline",
     "store",
@@ -46,6 +48,7 @@ const BELOW_API: &[&str] = &[
     "codec",
     "compress",
     "evaluate",
+    "preview",
     "paper",
     "pipeline",
     "store",
@@ -60,6 +63,7 @@ const BELOW_CLI: &[&str] = &[
     "codec",
     "compress",
     "evaluate",
+    "preview",
     "paper",
     "pipeline",
     "store",

@@ -4,6 +4,7 @@ use crate::compress::{CompressError, DecodeError};
 use crate::evaluate::EvaluateError;
 use crate::formats::FormatErrorKind;
 use crate::pipeline::PipelineError;
+use crate::preview::PreviewError;
 use std::fmt;
 use std::path::Path;
 
@@ -97,6 +98,16 @@ impl From<EvaluateError> for Failure {
         match error {
             EvaluateError::Decode(_) => Self::failed(error),
             EvaluateError::Unfit(_) => Self::usage(error),
+        }
+    }
+}
+
+impl From<PreviewError> for Failure {
+    fn from(error: PreviewError) -> Self {
+        match error {
+            PreviewError::Evaluate(error) => error.into(),
+            PreviewError::Unfit(_) => Self::usage(error),
+            PreviewError::Colour(_) | PreviewError::Encode(_) => Self::failed(error),
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The command line: one file a command; translation between words and the library, no science of its own.
 
 mod bases;
+mod color;
 mod compress;
 mod decode;
 mod demo;
@@ -17,6 +18,7 @@ mod migrate;
 mod openapi;
 mod output;
 mod paper;
+mod preview;
 mod project;
 mod query;
 mod report;
@@ -24,6 +26,7 @@ mod request;
 mod runtime;
 mod sample;
 mod serve;
+mod viewing;
 
 pub use failure::Failure;
 
@@ -65,6 +68,10 @@ enum Command {
     Evaluate(evaluate::Args),
     /// Draw directions from a material
     Sample(sample::Args),
+    /// Say what colour a material has: XYZ, Lab, sRGB
+    Color(color::Args),
+    /// Draw a material: a ball, a polar diagram or a plot, as PNG
+    Preview(preview::Args),
     /// Write a material in a format that others read
     Export(export::Args),
     /// List the spectral bases
@@ -126,6 +133,8 @@ impl Cli {
             Command::Decode(args) => decode::run(&args),
             Command::Evaluate(args) => evaluate::run(&args),
             Command::Sample(args) => sample::run(&args),
+            Command::Color(args) => color::run(&args),
+            Command::Preview(args) => preview::run(&args),
             Command::Export(args) => export::run(&args),
             Command::Bases(args) => bases::run(&args),
             Command::Formats(args) => formats::run(&args),

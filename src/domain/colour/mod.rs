@@ -24,6 +24,7 @@ pub use adaptation::Adaptation;
 pub use difference::ciede2000;
 pub use gamut::{Oklab, in_gamut, map_to_gamut};
 pub use lab::Lab;
+pub(crate) use spectra::xyz_of;
 pub use spectra::{ColourReport, SpectraColours};
 pub use srgb::{linear_to_bytes, linear_to_srgb, linear_to_xyz, srgb_to_linear, xyz_to_linear};
 pub use tables::{Curve, Illuminant, Observer, StandardObserver, TableError};

@@ -86,6 +86,11 @@ impl Tristimulus {
         Self::new(grid, &[], |_| EFFICACY, observer)
     }
 
+    /// XYZ of a sample of 1 at each wavelength alone.
+    pub fn weights(&self) -> &[[f64; 3]] {
+        &self.weights
+    }
+
     /// XYZ of one spectrum; terms are added in the order of the wavelengths.
     ///
     /// # Panics
