@@ -6,7 +6,7 @@
 use super::PreviewError;
 use super::colours::{JOULES_PER_MICROMOLE, counts_photons, emits};
 use super::viewing::Viewing;
-use crate::domain::colour::{Tristimulus, xyz_to_linear};
+use crate::domain::colour::{Tristimulus, Xyz, xyz_to_linear};
 use crate::domain::{Axis, Measurement, WavelengthGrid};
 
 /// Weights by wavelength: linear sRGB = Σ weight · sample, with 1 for the perfect diffuser.
@@ -84,16 +84,15 @@ impl Channels {
     }
 }
 
-/// XYZ / 100 of a sample of 1 at each wavelength, and the white; `None` where the wavelengths are too few for a colour.
-#[allow(clippy::type_complexity, reason = "two plain values, named where they are taken apart")]
+/// XYZ of a sample of 1 at each wavelength, and the white; `None` where the wavelengths are too few for a colour.
 fn weights(
     grid: &WavelengthGrid,
     light: bool,
     viewing: &Viewing,
-) -> Result<Option<(Vec<crate::domain::colour::Xyz>, crate::domain::colour::Xyz)>, PreviewError> {
+) -> Result<Option<(Vec<Xyz>, Xyz)>, PreviewError> {
     let of = |grid: &WavelengthGrid| if light { viewing.emission(grid) } else { viewing.reflectance(grid) };
     let as_xyz = |weights: &[[f64; 3]]| {
-        weights.iter().map(|&[x, y, z]| crate::domain::colour::Xyz { x, y, z }.scaled(0.01)).collect::<Vec<_>>()
+        weights.iter().map(|&[x, y, z]| Xyz { x, y, z }).collect::<Vec<_>>()
     };
     if let Ok(strict) = of(grid) {
         let white = if light { viewing.white()? } else { strict.white() };

@@ -95,8 +95,7 @@ pub(super) fn luminaire(
     for ring in shown {
         canvas.label(dial.at(ring / largest, 15.0), Hold::Middle, &short(ring), TEXT);
     }
-    let corner = 0.5 * canvas.extent("0").1 + 4.0;
-    canvas.label([whole - 4.0, whole - corner], Hold::Right, amount.unit, TEXT);
+    legend(&mut canvas, amount.unit, &[("C0-180", false), ("C90-270", true)]);
     canvas.finish()
 }
 
@@ -182,9 +181,26 @@ pub(super) fn phase(
         let value = if logarithmic { libm::pow(10.0, ring) } else { ring };
         canvas.label(at((ring - low) / (high - low), 75.0), Hold::Middle, &short(value), TEXT);
     }
-    let corner = 0.5 * canvas.extent("0").1 + 4.0;
-    canvas.label([whole - 4.0, whole - corner], Hold::Right, symbol(material.measurement().unit), TEXT);
+    legend(&mut canvas, symbol(material.measurement().unit), &[]);
     canvas.finish()
+}
+
+/// The unit in the upper left corner, what lines mean in the upper right one.
+fn legend(canvas: &mut Canvas, unit: &str, lines: &[(&str, bool)]) {
+    let (_, height) = canvas.extent("0");
+    let whole = canvas.size();
+    canvas.label([4.0, 0.5 * height + 4.0], Hold::Left, unit, TEXT);
+    if !canvas.is_labelled() {
+        return;
+    }
+    for (i, (name, is_dashed)) in lines.iter().enumerate() {
+        let y = 0.5 * height + 4.0 + i as f64 * 1.5 * height;
+        canvas.label([whole - 3.0, y], Hold::Right, name, TEXT);
+        let (width, _) = canvas.extent("C90-270");
+        let (end, stroke) = (whole - width - 6.0, canvas.stroke(1.5));
+        let points = [Some([end - 9.0 * stroke, y]), Some([end, y])];
+        if *is_dashed { dashed(canvas, &points, stroke, TEXT) } else { canvas.line(&points, stroke, TEXT) }
+    }
 }
 
 /// The light's way in, from the left to the middle.
@@ -282,7 +298,8 @@ fn label_angles(canvas: &mut Canvas, dial: &Dial, half: bool) {
     let (inset, side) = (0.5 * height + 4.0, 4.0);
     for angle in (0..360_u32).step_by(30) {
         let shown = if angle > 180 { 360 - angle } else { angle };
-        if half && shown > 90 {
+        // The legend is where 150° would be.
+        if shown == 150 || half && shown > 90 {
             continue;
         }
         let (sin, cos) = libm::sincos(f64::from(angle).to_radians());

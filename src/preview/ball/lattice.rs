@@ -44,18 +44,19 @@ impl Lattice {
     /// The three nodes around a direction of any length with z ≥ 0, and their weights.
     pub(super) fn corners(self, [x, y, z]: Vector) -> [(usize, f32); 3] {
         let scale = f64::from(self.n) / (x.abs() + y.abs() + z.max(0.0)).max(f64::MIN_POSITIVE);
+        // Positive, so that a cast is the floor.
         let (a, b) = (x.abs() * scale, y.abs() * scale);
-        let (i, j) = (a.floor().min(f64::from(self.n)), b.floor().min(f64::from(self.n)));
-        let (s, t) = (a - i, b - j);
-        let (i, j) = (i as i32, j as i32);
-        let sign = |c: f64, k: i32| if c < 0.0 { -k } else { k };
-        let place = |i: i32, j: i32| self.place(sign(x, i.min(self.n)), sign(y, j.min(self.n)));
-        let [first, second, third] = if s + t <= 1.0 {
-            [(place(i, j), 1.0 - s - t), (place(i + 1, j), s), (place(i, j + 1), t)]
+        let (i, j) = ((a as i32).min(self.n - 1), (b as i32).min(self.n - 1));
+        let (s, t) = ((a - f64::from(i)) as f32, (b - f64::from(j)) as f32);
+        let right = if x < 0.0 { -1 } else { 1 };
+        let down = if y < 0.0 { -(2 * self.n + 1) } else { 2 * self.n + 1 };
+        let near = (self.n + j * down.signum()) * (2 * self.n + 1) + self.n + i * right;
+        let (beside, below) = ((near + right) as usize, (near + down) as usize);
+        if s + t <= 1.0 {
+            [(near as usize, 1.0 - s - t), (beside, s), (below, t)]
         } else {
-            [(place(i + 1, j + 1), s + t - 1.0), (place(i, j + 1), 1.0 - s), (place(i + 1, j), 1.0 - t)]
-        };
-        [first, second, third].map(|(place, weight)| (place, weight as f32))
+            [((near + right + down) as usize, s + t - 1.0), (below, 1.0 - s), (beside, 1.0 - t)]
+        }
     }
 
     /// The value between the nodes of a table.

@@ -7,7 +7,7 @@
 use super::super::PreviewError;
 use super::super::channels::Channels;
 use super::lattice::{Lattice, Rgb, Vector};
-use crate::domain::vector::{dot, scale, sub};
+use crate::domain::vector::{dot, scale, sub, unit};
 use crate::domain::{Axis, Direction, Domain, Measurement, Quantity, Sampling, Tensor, TriangleMesh, Unit};
 use crate::evaluate::{Interpolation, Material, Place};
 use rayon::prelude::*;
@@ -47,6 +47,8 @@ const EVALUATIONS: usize = 120_000;
 const SAMPLES: usize = 1 << 24;
 /// Elevations that are tabulated.
 const ELEVATIONS: usize = 24;
+/// The cosine of a moved direction from which its value counts in full.
+const FULL_HEIGHT: f64 = 0.2;
 /// Subdivisions of the lattice of incoming directions.
 const FINEST: usize = 6;
 
@@ -95,12 +97,11 @@ impl Lobes {
                 let node = |(to, stencil): (&Vector, &Vec<(usize, f64)>)| {
                     let mut table = vec![[0.0; 3]; lattice.len()];
                     for (place, wo) in lattice.nodes() {
-                        for &(cell, weight) in stencil {
+                        let around = stencil.iter().map(|&(cell, weight)| {
                             let at = used.partition_point(|&known| known < cell);
-                            let moved = if stencil.len() == 1 { wo } else { moved(*to, wo, cells[cell].1) };
-                            let value = lattice.at(&tables[at], moved);
-                            table[place] = [0, 1, 2].map(|k| table[place][k] + weight as f32 * value[k]);
-                        }
+                            (tables[at].as_slice(), cells[cell].1, weight as f32)
+                        });
+                        table[place] = mean(lattice, *to, wo, around);
                     }
                     table
                 };
@@ -122,14 +123,9 @@ impl Lobes {
         let (around, [cos, sin]) = self.incoming.around(wi);
         let wi = turned(wi, cos, -sin);
         let wo = turned(wo, cos, -sin);
-        let mut sum = [0.0; 3];
-        for (node, weight) in around {
-            if weight > 0.0 {
-                let value = self.lattice.at(&tables[node], moved(wi, wo, self.incoming.directions()[node]));
-                sum = [0, 1, 2].map(|k| sum[k] + weight * value[k]);
-            }
-        }
-        sum
+        let directions = self.incoming.directions();
+        let around = around.into_iter().map(|(node, weight)| (tables[node].as_slice(), directions[node], weight));
+        mean(self.lattice, wi, wo, around)
     }
 
     /// What surroundings of radiance `uniform + gradient · z` of the world's z reflect towards `wo`; `up` is the world's z in
@@ -248,8 +244,13 @@ fn nodes(axis: &Axis, cells: &[(usize, Vector)], most: usize) -> (Incoming, Vec<
         near.retain(|(_, distance)| *distance < reach.max(1.2 * closest));
         let weights: Vec<f64> = near.iter().map(|(_, distance)| 1.0 / (distance + 0.1 * reach)).collect();
         let total: f64 = weights.iter().sum();
+        // Where they are on the whole: at the horizon a half vector would not tell one direction from another.
+        let middle = near.iter().zip(&weights).fold([0.0; 3], |sum, ((cell, _), weight)| {
+            let at = cells[*cell].1;
+            [0, 1, 2].map(|k| sum[k] + weight * at[k])
+        });
         stencils.push(near.iter().zip(&weights).map(|((cell, _), weight)| (*cell, weight / total)).collect());
-        directions.push(direction);
+        directions.push(unit(middle));
     }
     (Incoming::Lattice(lattice, numbers, directions), stencils)
 }
@@ -307,15 +308,29 @@ fn outgoing_tables<'a>(
     Ok(if flip { [side(false)?, side(true)?] } else { [side(true)?, side(false)?] })
 }
 
-/// Where the half vector of `wi` and `wo` sends light that comes from `from`; not below the horizon.
-fn moved(wi: Vector, wo: Vector, from: Vector) -> Vector {
+/// The value for `wi` and `wo` from tables of other incoming directions, each with its weight: where they have the same half
+/// vector. A table counts less the nearer to the horizon that is, and hardly where it is below.
+fn mean<'a>(
+    lattice: Lattice,
+    wi: Vector,
+    wo: Vector,
+    tables: impl Iterator<Item = (&'a [Rgb], Vector, f32)>,
+) -> Rgb {
     let half = [wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]];
-    let length = dot(half, half);
-    if length <= 1e-12 {
-        return wo;
+    let squared = dot(half, half);
+    let factor = if squared > 1e-9 { 2.0 / squared } else { 0.0 };
+    let (mut sum, mut total) = ([0.0; 3], 0.0);
+    for (table, from, weight) in tables {
+        if weight <= 0.0 {
+            continue;
+        }
+        let [x, y, z] = sub(scale(half, factor * dot(from, half)), from);
+        let weight = weight * (0.01 + (z / FULL_HEIGHT).clamp(0.0, 1.0) as f32);
+        let value = lattice.at(table, [x, y, z.max(0.0)]);
+        sum = [0, 1, 2].map(|k| sum[k] + weight * value[k]);
+        total += weight;
     }
-    let [x, y, z] = sub(scale(half, 2.0 * dot(from, half) / length), from);
-    [x, y, z.max(0.0)]
+    if total > 0.0 { sum.map(|c| c / total) } else { sum }
 }
 
 /// Turned about +z by the angle of this cosine and sine.

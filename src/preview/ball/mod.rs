@@ -19,8 +19,8 @@ use rayon::prelude::*;
 use scene::Scene;
 
 /// Nine tenths of the ball are darker than this: as bright, and as dark, as they may be without exposure.
-const BRIGHT: f32 = 1.0;
-const DARK: f32 = 0.22;
+const BRIGHT: f32 = 0.9;
+const DARK: f32 = 0.10;
 /// Where the curve to white begins.
 const SHOULDER: f32 = 0.75;
 

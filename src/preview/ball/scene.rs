@@ -11,6 +11,8 @@ pub(super) struct Scene<'a> {
     eye: Vector,
     /// To the right, up and ahead; the first two as long as half the picture is wide, one unit ahead.
     frame: [Vector; 3],
+    /// What the reference direction runs round.
+    axis: Vector,
     /// Distant light: direction, irradiance across it.
     lights: Vec<(Vector, f32)>,
     key: usize,
@@ -75,6 +77,7 @@ impl<'a> Scene<'a> {
             size,
             eye,
             frame: [scale(right, half), scale(up, half), ahead],
+            axis: up,
             lights,
             key,
             lamp,
@@ -127,8 +130,8 @@ impl<'a> Scene<'a> {
 
     /// What the ball sends from `normal`, which is also its point, against `ray`.
     fn radiance(&self, normal: Vector, ray: Vector) -> Rgb {
-        // The reference direction runs round the vertical axis, as brushed or woven things are.
-        let along = cross([0.0, 0.0, 1.0], normal);
+        // The reference direction runs round an axis that is upright in the picture: its poles are on the edge of the ball.
+        let along = cross(self.axis, normal);
         let length = norm(along);
         let x = if length > 1e-9 { scale(along, 1.0 / length) } else { [1.0, 0.0, 0.0] };
         let y = cross(normal, x);
