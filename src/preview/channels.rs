@@ -85,15 +85,9 @@ impl Channels {
 }
 
 /// XYZ of a sample of 1 at each wavelength, and the white; `None` where the wavelengths are too few for a colour.
-fn weights(
-    grid: &WavelengthGrid,
-    light: bool,
-    viewing: &Viewing,
-) -> Result<Option<(Vec<Xyz>, Xyz)>, PreviewError> {
+fn weights(grid: &WavelengthGrid, light: bool, viewing: &Viewing) -> Result<Option<(Vec<Xyz>, Xyz)>, PreviewError> {
     let of = |grid: &WavelengthGrid| if light { viewing.emission(grid) } else { viewing.reflectance(grid) };
-    let as_xyz = |weights: &[[f64; 3]]| {
-        weights.iter().map(|&[x, y, z]| Xyz { x, y, z }).collect::<Vec<_>>()
-    };
+    let as_xyz = |weights: &[[f64; 3]]| weights.iter().map(|&[x, y, z]| Xyz { x, y, z }).collect::<Vec<_>>();
     if let Ok(strict) = of(grid) {
         let white = if light { viewing.white()? } else { strict.white() };
         return Ok(Some((as_xyz(strict.weights()), white)));

@@ -37,12 +37,11 @@ fn rows(material: &Material, index: Option<&[usize]>) -> Result<Vec<Vec<f32>>, P
     let layout = measurement.layout().map_err(|error| PreviewError::Unfit(error.to_string()))?;
     let axes = &measurement.tensor.axes()[..layout.indices];
     let count: usize = axes.iter().map(Axis::len).product();
-    let picked: Vec<Vec<usize>> = match index {
-        Some(index) => vec![index.to_vec()],
-        None => {
-            let most = count.min(MOST_CURVES);
-            (0..most).map(|i| super::unflat(axes, i * count / most)).collect()
-        }
+    let picked: Vec<Vec<usize>> = if let Some(index) = index {
+        vec![index.to_vec()]
+    } else {
+        let most = count.min(MOST_CURVES);
+        (0..most).map(|i| super::unflat(axes, i * count / most)).collect()
     };
     let mut rows = Vec::new();
     for index in &picked {

@@ -354,7 +354,7 @@ fn ink_of(light: [f64; 3], coloured: bool) -> Ink {
     let ink = encoded(map_to_gamut(light.map(|c| 0.9 * c / brightest)));
     // Deep blue would be lost on the paper.
     let seen = ink.iter().sum::<f32>() / 3.0;
-    if seen < 0.35 { mixed(ink, TEXT, (0.35 - seen) as f64) } else { ink }
+    if seen < 0.35 { mixed(ink, TEXT, f64::from(0.35 - seen)) } else { ink }
 }
 
 fn mixed(a: Ink, b: Ink, t: f64) -> Ink {

@@ -19,8 +19,8 @@ pub(super) fn step(largest: f64, most: usize) -> f64 {
 /// A number in few characters: `250`, `0.05`, `2e-7`.
 pub(super) fn short(value: f64) -> String {
     let size = value.abs();
-    if size == 0.0 {
-        return "0".to_owned();
+    if size == 0.0 || !size.is_finite() {
+        return if size == 0.0 { "0".to_owned() } else { String::new() };
     }
     if (1e-3..1e5).contains(&size) {
         // Up to three significant digits.

@@ -19,6 +19,8 @@ const MOST_DISTANCE: f64 = 5e-2;
 /// The temperatures looked at, in reciprocal megakelvin: 1 MK to 1000 K.
 const MIREDS: (f64, f64) = (1.0, 1000.0);
 const COARSE: usize = 64;
+/// (√5 − 1) / 2.
+const RATIO: f64 = 0.618_033_988_749_894_9;
 const REFINEMENTS: usize = 60;
 
 impl ColourTemperature {
@@ -39,7 +41,6 @@ impl ColourTemperature {
             }
         }
         // By golden section: the distance has one minimum between the neighbours of the nearest.
-        const RATIO: f64 = 0.618_033_988_749_894_9;
         let (mut low, mut high) = ((nearest.1 - step).max(MIREDS.0), (nearest.1 + step).min(MIREDS.1));
         let (mut a, mut b) = (high - RATIO * (high - low), low + RATIO * (high - low));
         let (mut at_a, mut at_b) = (distance(a), distance(b));

@@ -73,22 +73,19 @@ impl Lobes {
         let entry = super::super::flat(&axes[..layout.indices], index);
         let rows = &measurement.tensor.samples()[entry * axes[incoming_axis].len() * width * lambdas..];
         let row = |cell: usize| &rows[cell * width * lambdas..][..width * lambdas];
-        let (lattice, tables) = match outgoing {
-            Some(Axis::Triangles(mesh)) => {
-                let finest = (2_usize << mesh.level()).clamp(8, 48);
-                let affordable = ((EVALUATIONS / used.len()) as f64 / 2.0).sqrt() as usize;
-                let lattice = Lattice::new(finest.min(affordable.max(6)));
-                (lattice, outgoing_tables(*mesh, flip, lattice, lambdas, channels, &used, row)?)
-            }
-            _ => {
-                let lattice = Lattice::new(1);
-                let of = |&cell: &usize| {
-                    let rgb = channels.linear(row(cell));
-                    let share = if diffuse { FRAC_1_PI as f32 } else { 1.0 };
-                    vec![rgb.map(|c| if c.is_nan() { 0.0 } else { share * c }); lattice.len()]
-                };
-                (lattice, [Some(used.iter().map(of).collect()), None])
-            }
+        let (lattice, tables) = if let Some(Axis::Triangles(mesh)) = outgoing {
+            let finest = (2_usize << mesh.level()).clamp(8, 48);
+            let affordable = ((EVALUATIONS / used.len()) as f64 / 2.0).sqrt() as usize;
+            let lattice = Lattice::new(finest.min(affordable.max(6)));
+            (lattice, outgoing_tables(*mesh, flip, lattice, lambdas, channels, &used, row)?)
+        } else {
+            let lattice = Lattice::new(1);
+            let of = |&cell: &usize| {
+                let rgb = channels.linear(row(cell));
+                let share = if diffuse { FRAC_1_PI as f32 } else { 1.0 };
+                vec![rgb.map(|c| if c.is_nan() { 0.0 } else { share * c }); lattice.len()]
+            };
+            (lattice, [Some(used.iter().map(of).collect()), None])
         };
         // Cells to nodes, lobes moved along.
         let directions = incoming.directions();
@@ -238,8 +235,11 @@ fn nodes(axis: &Axis, cells: &[(usize, Vector)], most: usize) -> (Incoming, Vec<
         numbers[place] = number;
         let mut near: Vec<(usize, f64)> =
             cells.iter().map(|(cell, centre)| (*cell, (2.0 - 2.0 * dot(*centre, direction)).max(0.0).sqrt())).collect();
-        near.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
-        near.truncate(6.min(most / 2).max(1));
+        let order = |a: &(usize, f64), b: &(usize, f64)| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0));
+        let count = 6.min(most / 2).clamp(1, near.len());
+        near.select_nth_unstable_by(count - 1, order);
+        near.truncate(count);
+        near.sort_by(order);
         let closest = near[0].1;
         near.retain(|(_, distance)| *distance < reach.max(1.2 * closest));
         let weights: Vec<f64> = near.iter().map(|(_, distance)| 1.0 / (distance + 0.1 * reach)).collect();
@@ -310,12 +310,7 @@ fn outgoing_tables<'a>(
 
 /// The value for `wi` and `wo` from tables of other incoming directions, each with its weight: where they have the same half
 /// vector. A table counts less the nearer to the horizon that is, and hardly where it is below.
-fn mean<'a>(
-    lattice: Lattice,
-    wi: Vector,
-    wo: Vector,
-    tables: impl Iterator<Item = (&'a [Rgb], Vector, f32)>,
-) -> Rgb {
+fn mean<'a>(lattice: Lattice, wi: Vector, wo: Vector, tables: impl Iterator<Item = (&'a [Rgb], Vector, f32)>) -> Rgb {
     let half = [wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]];
     let squared = dot(half, half);
     let factor = if squared > 1e-9 { 2.0 / squared } else { 0.0 };
