@@ -71,7 +71,7 @@ struct Color {
     xy: Option<[f64; 2]>,
     /// CIE 1976 L*a*b*, relative to white.
     lab: [f64; 3],
-    /// Linear sRGB, adapted to its white; may be out of gamut.
+    /// Linear sRGB, adapted to its white; may be out of gamut. Of lights, the largest channel of all is 1.
     linear_srgb: [f64; 3],
     /// Linear sRGB mapped into the gamut: hue and lightness of Oklab stay, chroma is reduced.
     mapped_srgb: [f64; 3],

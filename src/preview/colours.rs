@@ -3,8 +3,8 @@
 use super::viewing::Viewing;
 use super::{PreviewError, unfit, unflat};
 use crate::domain::colour::{
-    ColourError, ColourTemperature, Lab, Xyz, in_gamut, linear_to_bytes, linear_to_xyz, map_to_gamut, xyz_of,
-    xyz_to_linear,
+    Adaptation, ColourError, ColourTemperature, Lab, Xyz, in_gamut, linear_to_bytes, linear_to_xyz, map_to_gamut,
+    xyz_of, xyz_to_linear,
 };
 use crate::domain::{Axis, Direction, Quantity, Unit};
 use crate::evaluate::{Interpolation, Material, Place};
@@ -54,7 +54,7 @@ pub struct Colour {
     pub xy: Option<[f64; 2]>,
     /// CIE 1976 L*a*b*, relative to white.
     pub lab: [f64; 3],
-    /// Linear sRGB as it is, which may be out of gamut.
+    /// Linear sRGB as it is, which may be out of gamut; of lights, the largest channel of all is 1.
     pub linear_srgb: [f64; 3],
     /// Linear sRGB mapped into the gamut.
     pub mapped_srgb: [f64; 3],
@@ -112,16 +112,21 @@ pub fn colours(material: &Material, asked: &Question<'_>, viewing: &Viewing) -> 
     } else {
         1.0
     };
-    let colours = entries.into_iter().zip(found).map(|(index, xyz)| {
+    let shown: Vec<Option<[f64; 3]>> = found.iter().map(|xyz| xyz.map(|xyz| view.linear(xyz.scaled(scale)))).collect();
+    let peak = shown.iter().flatten().flatten().copied().fold(0.0, f64::max);
+    // A light as bright as its white would be nothing but white.
+    let display = if view.emits() && peak > 0.0 { 1.0 / peak } else { 1.0 };
+    let colours = entries.into_iter().zip(found).zip(shown).map(|((index, xyz), linear)| {
         let label = label(axes, &index);
-        xyz.map(|xyz| view.colour(index, label, xyz, scale)).transpose()
+        let linear = linear.map(|linear| linear.map(|c| display * c));
+        xyz.zip(linear).map(|(xyz, linear)| view.colour(index, label, xyz, scale, linear))
     });
     Ok(Colours {
         of: view.name(integrated),
         illuminant: viewing.illuminant().to_owned(),
         observer: viewing.observer().to_owned(),
         white: [view.white.x, view.white.y, view.white.z],
-        colours: colours.collect::<Result<_, PreviewError>>()?,
+        colours: colours.collect(),
     })
 }
 
@@ -133,6 +138,8 @@ struct Look<'a> {
     weights: Option<crate::domain::colour::Tristimulus>,
     lambdas: Vec<f64>,
     white: Xyz,
+    /// `None` for RGB.
+    adaptation: Option<Adaptation>,
 }
 
 impl<'a> Look<'a> {
@@ -144,10 +151,12 @@ impl<'a> Look<'a> {
                     if emits(measurement.quantity) { viewing.emission(grid)? } else { viewing.reflectance(grid)? };
                 // On the material's own grid, so that the perfect diffuser is white to the last digit.
                 let white = if emits(measurement.quantity) { viewing.white()? } else { weights.white() };
-                Ok(Self { material, viewing, weights: Some(weights), lambdas: grid.values(), white })
+                let adaptation = Some(Viewing::adaptation(white)?);
+                Ok(Self { material, viewing, weights: Some(weights), lambdas: grid.values(), white, adaptation })
             }
             Some(Axis::Rgb) if viewing.is_d65() => {
-                Ok(Self { material, viewing, weights: None, lambdas: Vec::new(), white: linear_to_xyz([1.0; 3]) })
+                let white = linear_to_xyz([1.0; 3]);
+                Ok(Self { material, viewing, weights: None, lambdas: Vec::new(), white, adaptation: None })
             }
             Some(Axis::Rgb) => unfit(format!(
                 "these are RGB data, which have no spectrum to see under {}, expected D65",
@@ -213,27 +222,21 @@ impl<'a> Look<'a> {
         xyz_of(weights, &self.lambdas, &energy)
     }
 
-    fn colour(
-        &self,
-        index: Vec<usize>,
-        label: Option<String>,
-        absolute: Xyz,
-        scale: f64,
-    ) -> Result<Colour, PreviewError> {
+    /// Linear sRGB of a colour whose white has Y = 100.
+    fn linear(&self, xyz: Xyz) -> [f64; 3] {
+        xyz_to_linear(self.adaptation.map_or(xyz, |adaptation| adaptation.apply(xyz)))
+    }
+
+    fn colour(&self, index: Vec<usize>, label: Option<String>, absolute: Xyz, scale: f64, linear: [f64; 3]) -> Colour {
         let xyz = absolute.scaled(scale);
         let lab = Lab::of(xyz, self.white);
-        let linear = if self.weights.is_some() {
-            xyz_to_linear(Viewing::adaptation(self.white)?.apply(xyz))
-        } else {
-            xyz_to_linear(xyz)
-        };
         let mapped = map_to_gamut(linear);
         let [r, g, b] = linear_to_bytes(mapped);
         let sum = xyz.x + xyz.y + xyz.z;
         let is_light = self.emits() && self.weights.is_some();
         let temperature = is_light.then(|| ColourTemperature::of(xyz, self.viewing.functions())).flatten();
         let watts = watts(self.material.measurement().unit).filter(|_| is_light && self.viewing.is_photometric());
-        Ok(Colour {
+        Colour {
             index,
             label,
             xyz: [xyz.x, xyz.y, xyz.z],
@@ -246,7 +249,7 @@ impl<'a> Look<'a> {
             cct: temperature.map(|t| t.kelvin),
             duv: temperature.map(|t| t.duv),
             luminous: watts.map(|watts| watts * absolute.y),
-        })
+        }
     }
 }
 

@@ -3,7 +3,8 @@
 //! # Conventions
 //! * **Reflectance** is relative to the perfect diffuser, which is white: radiance factors π·f, albedos, reflectances.
 //!   Relative values are relative to the brightest spectrum asked for.
-//! * **Lights** are relative to the brightest spectrum asked for too, beside a white of the illuminant's chromaticity.
+//! * **Lights** are relative to the brightest spectrum asked for too, beside a white of the illuminant's chromaticity; their
+//!   sRGB is as bright as can be shown without turning white: the largest channel is 1.
 //! * **sRGB** is what an eye adapted to the illuminant's white sees (linear Bradford to D65): the perfect diffuser is white in
 //!   any light. Out of gamut, hue and lightness are kept and chroma is reduced ([`map_to_gamut`]).
 //! * **RGB data** are taken as linear sRGB.
