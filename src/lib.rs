@@ -2,6 +2,7 @@
 //!
 //! Data flow downward; nothing imports upward:
 //! file → [`formats`] → [`projection`] → tensor ([`domain`]) → [`transform`] → [`codec`] → [`compress`] → [`algebra`] → [`evaluate`].
+//! [`preview`] says what an opened material looks like: its colours, and a picture.
 //! `paper` makes the tables of the paper again on the same rooms.
 //! The service stands on these: `store` (bytes under their digest) → `catalog` (what is known of them) → `jobs` → `api`.
 
@@ -21,6 +22,7 @@ pub mod formats;
 pub mod jobs;
 pub mod paper;
 pub mod pipeline;
+pub mod preview;
 pub mod projection;
 #[cfg(feature = "service")]
 pub mod store;

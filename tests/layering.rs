@@ -16,6 +16,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("compress", &["codec", "transform", "domain"]),
     ("algebra", &["compress", "codec", "transform", "domain"]),
     ("evaluate", &["compress", "codec", "transform", "domain"]),
+    ("preview", &["evaluate", "domain"]),
     ("paper", &["projection", "formats", "compress", "codec", "transform", "domain"]),
     ("pipeline", SCIENCE),
     ("store", &[]),
@@ -25,7 +26,8 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("cli", BELOW_CLI),
 ];
 
-const SCIENCE: &[&str] = &["domain", "formats", "projection", "transform", "codec", "compress", "algebra", "evaluate"];
+const SCIENCE: &[&str] =
+    &["domain", "formats", "projection", "transform", "codec", "compress", "algebra", "evaluate", "preview"];
 const BELOW_JOBS: &[&str] = &[
     "domain",
     "formats",
@@ -35,6 +37,7 @@ const BELOW_JOBS: &[&str] = &[
     "compress",
     "algebra",
     "evaluate",
+    "preview",
     "paper",
     "pipeline",
     "store",
@@ -49,6 +52,7 @@ const BELOW_API: &[&str] = &[
     "compress",
     "algebra",
     "evaluate",
+    "preview",
     "paper",
     "pipeline",
     "store",
@@ -64,6 +68,7 @@ const BELOW_CLI: &[&str] = &[
     "compress",
     "algebra",
     "evaluate",
+    "preview",
     "paper",
     "pipeline",
     "store",

@@ -1,5 +1,6 @@
 //! HTTP: translation only; one file a resource, one place that maps errors to problems.
 
+mod color;
 mod content;
 mod events;
 mod export;
@@ -10,6 +11,7 @@ mod layers;
 mod materials;
 mod measurements;
 mod patient;
+mod preview;
 mod problem;
 mod query;
 mod root;
@@ -35,6 +37,8 @@ fn routes() -> OpenApiRouter<App> {
         .merge(jobs::routes())
         .merge(materials::routes())
         .merge(query::routes())
+        .merge(color::routes())
+        .merge(preview::routes())
         .merge(export::routes())
         .merge(known::routes())
 }

@@ -4,6 +4,7 @@ use crate::catalog::CatalogError;
 use crate::evaluate::EvaluateError;
 use crate::formats::FormatErrorKind;
 use crate::jobs::{Code, IngestError, JobProblem, MathsError, OpenError};
+use crate::preview::PreviewError;
 use crate::store::{Digest, StoreError};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -180,6 +181,17 @@ impl From<EvaluateError> for Problem {
             EvaluateError::Unfit(detail) => Self::new(Kind::UnfitQuery, detail),
             // The digest was right: these are the bytes that were stored.
             EvaluateError::Decode(_) => Self::inside(Kind::Corrupt, &error, "the stored material cannot be opened"),
+        }
+    }
+}
+
+impl From<PreviewError> for Problem {
+    fn from(error: PreviewError) -> Self {
+        match error {
+            PreviewError::Evaluate(error) => error.into(),
+            PreviewError::Unfit(detail) => Self::new(Kind::UnfitQuery, detail),
+            PreviewError::Colour(error) => Self::new(Kind::UnfitQuery, error.to_string()),
+            PreviewError::Encode(_) => Self::internal(&error),
         }
     }
 }

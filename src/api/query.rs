@@ -300,7 +300,7 @@ pub(super) async fn open(app: &App, id: Digest) -> Result<Arc<Material>, Problem
 }
 
 /// Computes an answer and writes its JSON where the maths run.
-async fn compute<T: Serialize>(
+pub(super) async fn compute<T: Serialize>(
     app: &App,
     work: impl FnOnce(&crate::jobs::Limits) -> Result<T, Problem> + Send + 'static,
 ) -> Result<Response, Problem> {
@@ -369,7 +369,7 @@ fn direction(what: &str, [theta, phi]: [f64; 2]) -> Result<Direction, String> {
     }
 }
 
-fn angles(what: &str, text: &str) -> Result<Direction, String> {
+pub(super) fn angles(what: &str, text: &str) -> Result<Direction, String> {
     let refused = || {
         let shown: String = text.chars().take(80).collect();
         format!("{what}: found `{shown}`, expected THETA,PHI in degrees with THETA from 0 to 180")
@@ -399,7 +399,7 @@ fn check_wavelengths(values: &[f64]) -> Result<(), String> {
     }
 }
 
-fn indices(text: &str) -> Result<Vec<usize>, String> {
+pub(super) fn indices(text: &str) -> Result<Vec<usize>, String> {
     numbers(text).ok_or_else(|| "index: expected numbers from 0 with commas between them".to_owned())
 }
 

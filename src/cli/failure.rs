@@ -5,6 +5,7 @@ use crate::compress::{CompressError, DecodeError};
 use crate::evaluate::EvaluateError;
 use crate::formats::FormatErrorKind;
 use crate::pipeline::PipelineError;
+use crate::preview::PreviewError;
 use std::fmt;
 use std::path::Path;
 
@@ -107,6 +108,16 @@ impl From<AlgebraError> for Failure {
         match error {
             AlgebraError::Compress(CompressError::Setting(_)) | AlgebraError::Unlike { .. } => Self::usage(error),
             _ => Self::failed(error),
+        }
+    }
+}
+
+impl From<PreviewError> for Failure {
+    fn from(error: PreviewError) -> Self {
+        match error {
+            PreviewError::Evaluate(error) => error.into(),
+            PreviewError::Unfit(_) => Self::usage(error),
+            PreviewError::Colour(_) | PreviewError::Encode(_) => Self::failed(error),
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The command line: one file a command; translation between words and the library, no science of its own.
 
 mod bases;
+mod color;
 mod combine;
 mod compress;
 mod decode;
@@ -19,6 +20,7 @@ mod migrate;
 mod openapi;
 mod output;
 mod paper;
+mod preview;
 mod project;
 mod query;
 mod report;
@@ -26,6 +28,7 @@ mod request;
 mod runtime;
 mod sample;
 mod serve;
+mod viewing;
 
 pub use failure::Failure;
 
@@ -67,6 +70,10 @@ enum Command {
     Evaluate(evaluate::Args),
     /// Draw directions from a material
     Sample(sample::Args),
+    /// Say what colour a material has: XYZ, Lab, sRGB
+    Color(color::Args),
+    /// Draw a material: a ball, a polar diagram or a plot, as PNG
+    Preview(preview::Args),
     /// Write a material in a format that others read
     Export(export::Args),
     /// Add materials, each times a factor: coefficients where they are linear in the samples
@@ -132,6 +139,8 @@ impl Cli {
             Command::Decode(args) => decode::run(&args),
             Command::Evaluate(args) => evaluate::run(&args),
             Command::Sample(args) => sample::run(&args),
+            Command::Color(args) => color::run(&args),
+            Command::Preview(args) => preview::run(&args),
             Command::Export(args) => export::run(&args),
             Command::Combine(args) => combine::run(&args),
             Command::Dot(args) => dot::run(&args),

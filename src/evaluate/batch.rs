@@ -87,14 +87,12 @@ impl Material {
         let count = self.check_pairs(pairs, out)?;
         let lambdas = self.lambdas();
         let Form::Planes { planes, smooth } = &self.form else {
-            return (0..count).try_for_each(|i| {
-                self.spectrum(pairs.place(i)?, how, &mut out[i * lambdas..][..lambdas])
-            });
+            return (0..count)
+                .try_for_each(|i| self.spectrum(pairs.place(i)?, how, &mut out[i * lambdas..][..lambdas]));
         };
         if how == Interpolation::Constant {
-            return (0..count).try_for_each(|i| {
-                self.spectrum(pairs.place(i)?, how, &mut out[i * lambdas..][..lambdas])
-            });
+            return (0..count)
+                .try_for_each(|i| self.spectrum(pairs.place(i)?, how, &mut out[i * lambdas..][..lambdas]));
         }
         let entry = self.entry(pairs.index)?;
         let mut found = [Lookup::NOWHERE; BLOCK];

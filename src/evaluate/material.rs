@@ -9,7 +9,7 @@ use super::sampling::Trees;
 use super::smooth::Smooth;
 use super::{EvaluateError, unfit};
 use crate::compress::{self, LevelInfo, Summary};
-use crate::domain::{Axis, Direction, Domain, Measurement, Quantity, Sampling, Unit, WavelengthGrid};
+use crate::domain::{Axis, Direction, Domain, Layout, Measurement, Quantity, Sampling, Unit, WavelengthGrid};
 use std::sync::Arc;
 
 /// An opened material; share it between threads by reference.
@@ -18,6 +18,7 @@ pub struct Material {
     quantity: Quantity,
     unit: Unit,
     axes: Vec<Axis>,
+    layout: Layout,
     summary: Option<Summary>,
     /// The lengths of the leading opaque axes.
     indices: Vec<usize>,
@@ -154,6 +155,7 @@ impl Material {
             quantity: measurement.quantity,
             unit: measurement.unit,
             axes: axes.to_vec(),
+            layout: layout.clone(),
             summary: None,
             indices,
             incoming,
@@ -182,6 +184,11 @@ impl Material {
     /// The axes of the samples.
     pub fn axes(&self) -> &[Axis] {
         &self.axes
+    }
+
+    /// The roles of the axes.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
     }
 
     /// The header of the compressed material, if it was opened from one.
@@ -381,7 +388,8 @@ fn form(
     let samples = measurement.tensor.samples();
     if let Some((lookup, planes)) = outgoing.and_then(|lookup| Some((lookup, Planes::of(samples, lambdas)?)))
         && let cells = Cells::new(lookup.mesh(), measurement.sampling == Sampling::Average)
-        && let Some(smooth) = Smooth::new(&planes, &cells, lookup, nodes, entries, candidates, measurement.quantity.has_cosine())
+        && let Some(smooth) =
+            Smooth::new(&planes, &cells, lookup, nodes, entries, candidates, measurement.quantity.has_cosine())
     {
         return Form::Planes { planes, smooth };
     }

@@ -196,7 +196,8 @@ impl Material {
             Density::Uniform => Interpolation::Constant,
             Density::Linear => Interpolation::Smooth,
         };
-        let value = f64::from(self.weighted_known(Place { index, wi, wo: Some(direction) }, how, &trees.weights)?).max(0.0);
+        let value =
+            f64::from(self.weighted_known(Place { index, wi, wo: Some(direction) }, how, &trees.weights)?).max(0.0);
         let cosine = if trees.has_cosine { direction.cos_theta().abs() } else { 1.0 };
         Ok(Some(DirectionSample { direction, pdf, weight: value * cosine / pdf }))
     }
@@ -223,7 +224,9 @@ impl Material {
         let by_tree = if trees.warps.total(cell) > 0.0 { 1.0 - options.defensive } else { 0.0 };
         let direction = if u[0] < by_tree || options.defensive == 0.0 {
             let own = SampleOptions { defensive: 0.0, ..options };
-            let Some(drawn) = trees.warps.sample(cell, [(u[0] / by_tree).min(1.0), u[1]], &own) else { return Ok(None) };
+            let Some(drawn) = trees.warps.sample(cell, [(u[0] / by_tree).min(1.0), u[1]], &own) else {
+                return Ok(None);
+            };
             Direction::from_unit(unit(carried.out(drawn.direction.xyz())))
         } else {
             trees.warps.draw_background([((u[0] - by_tree) / (1.0 - by_tree)).min(BELOW_ONE), u[1]])

@@ -1,12 +1,12 @@
 //! Values at a place: whole spectra, chosen wavelengths, luminance; one at a time or in batches.
 
+use super::kernel::LANES;
 use super::lookup::Stencil;
 use super::material::Form;
-use super::kernel::LANES;
-use super::planes::{Cell, MOST_PLANES, Planes};
+use super::planes::{Cell, Planes};
 use super::smooth::{Lookup, Mixed, Smooth};
 use super::{Beyond, EvaluateError, Interpolation, Material, Place, unfit};
-use crate::domain::WavelengthGrid;
+use crate::domain::{Tensor, WavelengthGrid};
 
 /// Samples of a spectrum that are summed together where some are masked.
 const BLOCK: usize = 64;
@@ -130,6 +130,33 @@ impl Material {
         })
     }
 
+    /// The piecewise constant samples `[outgoing, lambda]` of entry `slice` (row-major) of the axes before the outgoing one;
+    /// of a table without directions, of one spectrum. NaN = masked.
+    ///
+    /// # Panics
+    /// If there is no such entry.
+    pub fn slice(&self, slice: usize) -> Vec<f32> {
+        let length = self.shape[1] * self.lambdas();
+        match &self.form {
+            Form::Samples { samples, .. } => samples[slice * length..][..length].to_vec(),
+            Form::Planes { planes, .. } => {
+                let mut out = vec![0.0; length];
+                for (cell, out) in (slice * self.shape[1]..).zip(out.chunks_exact_mut(self.lambdas())) {
+                    planes.expand(&planes.mixed(cell), out);
+                }
+                out
+            }
+        }
+    }
+
+    /// All samples again, as far as planes hold them ([`super::OpenedReport::deviation`]).
+    pub fn tensor(&self) -> Tensor {
+        let slices = self.entries() * self.shape[0];
+        let samples = (0..slices).flat_map(|slice| self.slice(slice)).collect();
+        // The axes are those of the tensor that was opened.
+        Tensor::new(self.axes().to_vec(), samples).unwrap_or_else(|_| unreachable!("as many samples as there were"))
+    }
+
     /// How many cells there are: entries of all axes but the last.
     pub(super) fn cells(&self) -> usize {
         let [n_in, n_out, _] = self.shape;
@@ -139,7 +166,9 @@ impl Material {
     /// The inner product of a cell's spectrum with weights; masked samples are left out and the others weigh more.
     pub(super) fn cell_value(&self, cell: usize, weights: &[f32]) -> f32 {
         match &self.form {
-            Form::Planes { planes, .. } if planes.cell(cell) == Cell::Live => planes.weighted(planes.row(cell), weights),
+            Form::Planes { planes, .. } if planes.cell(cell) == Cell::Live => {
+                planes.weighted(planes.row(cell), weights)
+            }
             Form::Planes { .. } => 0.0,
             Form::Samples { samples, .. } => {
                 let lambdas = self.lambdas();
@@ -174,15 +203,7 @@ impl Material {
         match (&self.form, how) {
             (Form::Planes { planes, .. }, Interpolation::Constant) => {
                 let Some(cell) = self.cell_at(entry, place)? else { return Ok(Found::Outside) };
-                let mut row = [0.0; MOST_PLANES];
-                let coefficients = planes.row(cell);
-                row[..coefficients.len()].copy_from_slice(coefficients);
-                let presence = match planes.cell(cell) {
-                    Cell::Live => 1.0,
-                    Cell::Zero => 0.0,
-                    Cell::Masked => f32::NAN,
-                };
-                Ok(Found::Planes(planes, Mixed { row, presence }))
+                Ok(Found::Planes(planes, planes.mixed(cell)))
             }
             (Form::Planes { planes, smooth }, Interpolation::Smooth) => {
                 Ok(self.mixed(smooth, entry, place)?.map_or(Found::Outside, |mixed| Found::Planes(planes, mixed)))
@@ -337,13 +358,7 @@ fn few(
 
 /// Linear between the samples of a spectrum.
 #[inline]
-fn between(
-    grid: &WavelengthGrid,
-    beyond: Beyond,
-    wavelengths: &[f64],
-    out: &mut [f32],
-    sample: impl Fn(usize) -> f32,
-) {
+fn between(grid: &WavelengthGrid, beyond: Beyond, wavelengths: &[f64], out: &mut [f32], sample: impl Fn(usize) -> f32) {
     for (value, &lambda) in out.iter_mut().zip(wavelengths) {
         *value = match (grid.locate(lambda), beyond) {
             (Some((below, 0.0)), _) => sample(below),

@@ -11,6 +11,9 @@ no interpolation of its own then): the method of src/domain/colour/tristimulus.r
 `at_5_nm`: XYZ under D65 summed at 5 nm; `astm_e308`: XYZ under D65 by `sd_to_XYZ_ASTME308`, which interpolates by Sprague's and
 Lagrange's polynomials: other methods, near ours. `differences`: CIEDE2000 of each patch to the next, under each illuminant.
 `srgb`: linear values and their sRGB values; `matrix`: the inverse of the matrix from sRGB to XYZ.
+`observer_1964`: XYZ under D65 by the 10° observer. `adapted`: patches under A and F11 as they look under D65 (Bradford), XYZ.
+`temperatures`: correlated colour temperature and (u, v) of lights and of some chromaticities beside the Planckian locus, by
+minimising the distance to Planck's law. `oklab`: linear sRGB and its Oklab.
 """
 import json
 import os
@@ -46,14 +49,19 @@ def light(name, at=FINE):
     return sd(lambdas, values[:, 0], name, at)
 
 
-def cmfs(at=FINE):
-    names, lambdas, values = table("cmfs_CIE_1931_2_Degree_Standard_Observer.csv")
+def cmfs(at=FINE, observer="1931_2"):
+    names, lambdas, values = table(f"cmfs_CIE_{observer}_Degree_Standard_Observer.csv")
     columns = np.transpose([np.interp(at, lambdas, values[:, k]) for k in range(3)])
     return colour.colorimetry.XYZ_ColourMatchingFunctions(columns, at)
 
 
 def xyz(spectrum, illuminant, at=FINE, shape=SHAPE):
     return sd_to_XYZ_integration(sd(*spectrum, at=at).values, cmfs(at), light(illuminant, at), shape=shape)
+
+
+def temperature(uv):
+    planck = colour.temperature.uv_to_CCT_Planck1900(uv, cmfs(), optimisation_kwargs={"options": {"fatol": 1e-16}})
+    return {"uv": list(uv), "kelvin": float(planck)}
 
 
 def main():
@@ -72,6 +80,22 @@ def main():
         name: list(100.0 * sd_to_XYZ_integration(light(name).values, cmfs(), unit, k=683, shape=SHAPE))
         for name in patches
     }
+    wide = [
+        sd_to_XYZ_integration(sd(lambdas, values[:, k]).values, cmfs(observer="1964_10"), light("D65"), shape=SHAPE)
+        for k in range(len(names))
+    ]
+    whites = {name: xyz((FINE, np.ones(len(FINE))), name) for name in patches}
+    adapted = {
+        name: [
+            list(colour.adaptation.chromatic_adaptation_VonKries(p["xyz"], whites[name], whites["D65"], "Bradford"))
+            for p in patches[name]
+        ]
+        for name in ("A", "F11")
+    }
+    uvs = [colour.UCS_to_uv(colour.XYZ_to_UCS(lights[name])) for name in lights]
+    for kelvin, duv in ((1500, 0.01), (2700, -0.005), (4000, 0.02), (8000, -0.01), (20000, 0.003)):
+        uvs.append(colour.temperature.CCT_to_uv_Ohno2013([kelvin, duv], cmfs()))
+    oklab = [[1, 1, 1], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.2, 0.5, 0.1], [0.02, 0.01, 0.9]]
     coarse = np.arange(380.0, 781.0, 5.0)
     spectra = [colour.SpectralDistribution(values[:, k], lambdas) for k in range(len(names))]
     e308 = [sd_to_XYZ_ASTME308(s, cmfs(), light("D65"), use_practice_range=False) for s in spectra]
@@ -84,6 +108,13 @@ def main():
         "at_5_nm": [list(xyz((lambdas, values[:, k]), "D65", coarse, COARSE)) for k in range(len(names))],
         "astm_e308": [list(c) for c in e308],
         "differences": differences,
+        "observer_1964": [list(c) for c in wide],
+        "adapted": adapted,
+        "temperatures": [temperature(uv) for uv in uvs],
+        "oklab": [
+            [c, list(colour.XYZ_to_Oklab(colour.RGB_COLOURSPACES["sRGB"].matrix_RGB_to_XYZ @ np.array(c, float)))]
+            for c in oklab
+        ],
         "srgb": [[x, float(colour.models.eotf_inverse_sRGB(x))] for x in linear],
         "matrix": np.linalg.inv(colour.RGB_COLOURSPACES["sRGB"].matrix_RGB_to_XYZ).tolist(),
     }

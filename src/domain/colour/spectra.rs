@@ -112,14 +112,16 @@ impl SpectraColours {
 
 /// XYZ of each row; `None` where too few of its wavelengths were measured.
 fn tristimulus(weights: &Tristimulus, lambdas: &[f64], samples: &[f32]) -> Vec<Option<Xyz>> {
-    let one = |spectrum: &[f32]| {
-        if spectrum.iter().any(|s| s.is_nan()) {
-            bridged(lambdas, spectrum).map(|whole| weights.xyz(&whole))
-        } else {
-            Some(weights.xyz(spectrum))
-        }
-    };
-    samples.par_chunks(lambdas.len()).with_min_len(BLOCK).map(one).collect()
+    samples.par_chunks(lambdas.len()).with_min_len(BLOCK).map(|s| xyz_of(weights, lambdas, s)).collect()
+}
+
+/// XYZ of a spectrum, masked samples passed over; `None` where too few of its wavelengths were measured.
+pub(crate) fn xyz_of(weights: &Tristimulus, lambdas: &[f64], spectrum: &[f32]) -> Option<Xyz> {
+    if spectrum.iter().any(|s| s.is_nan()) {
+        bridged(lambdas, spectrum).map(|whole| weights.xyz(&whole))
+    } else {
+        Some(weights.xyz(spectrum))
+    }
 }
 
 /// A spectrum whose masked samples lie on the lines between measured ones; `None` if these are too few.

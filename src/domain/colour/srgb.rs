@@ -21,6 +21,11 @@ pub fn linear_to_xyz(rgb: [f64; 3]) -> Xyz {
     Xyz { x, y, z }.scaled(100.0)
 }
 
+/// The colour as eight bits a channel, clipped to 0..=255 where it is out of gamut.
+pub fn linear_to_bytes(linear: [f64; 3]) -> [u8; 3] {
+    linear.map(|c| (255.0 * linear_to_srgb(c.clamp(0.0, 1.0)) + 0.5) as u8)
+}
+
 /// A channel's linear value → its sRGB value; values below 0 continue the straight part.
 pub fn linear_to_srgb(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 }
@@ -35,8 +40,8 @@ fn product(m: &Matrix, v: [f64; 3]) -> [f64; 3] {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
-/// By cofactors.
-const fn inverse(m: Matrix) -> Matrix {
+/// The inverse of a matrix, by cofactors.
+pub(super) const fn inverse(m: Matrix) -> Matrix {
     let [[a, b, c], [d, e, f], [g, h, i]] = m;
     let (p, q, r) = (e * i - f * h, f * g - d * i, d * h - e * g);
     let n = 1.0 / (a * p + b * q + c * r);

@@ -1,6 +1,8 @@
 //! The CIE's tables: colour-matching functions and relative spectral powers of illuminants.
 
-use crate::domain::named;
+use super::ColourError;
+use super::tristimulus::check;
+use crate::domain::{Axis, Tensor, named};
 use std::sync::OnceLock;
 
 /// The standard illuminants known.
@@ -25,6 +27,18 @@ pub enum Illuminant {
 }
 named!(Illuminant, "illuminant", { A = "A", B = "B", C = "C", D50 = "D50", D65 = "D65", F11 = "F11", E = "E" });
 
+/// The standard observers known.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum StandardObserver {
+    /// CIE 1931, fields of 2°.
+    #[default]
+    Cie1931,
+    /// CIE 1964, fields of 10°.
+    Cie1964,
+}
+named!(StandardObserver, "observer", { Cie1931 = "1931", Cie1964 = "1964" });
+
 /// A tabulated function of wavelength: linear between its entries, its end values held beyond them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
@@ -32,18 +46,50 @@ pub struct Curve {
     values: Vec<f64>,
 }
 
-/// The colour-matching functions of the CIE 1931 2° standard observer, 360 to 830 nm by 1.
+/// Three colour-matching functions; those of the CIE are 360 to 830 nm by 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Observer {
     /// x̄.
     pub x: Curve,
-    /// ȳ, which is also V(λ).
+    /// ȳ; that of the CIE 1931 observer is also V(λ).
     pub y: Curve,
     /// z̄.
     pub z: Curve,
 }
 
+/// Why a table is no curve or no observer.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TableError {
+    /// Not the columns that were expected.
+    #[error("{0}")]
+    Shape(String),
+    /// The wavelengths are not enough for a colour.
+    #[error(transparent)]
+    Wavelengths(#[from] ColourError),
+}
+
 impl Curve {
+    /// Entry `column` of a table `[lambda]` or `[index, lambda]`: the spectrum of a light, say. Masked samples are passed
+    /// over; what is left must reach from 400 to 700 nm in steps of at most 20 nm.
+    pub fn of_tensor(tensor: &Tensor, column: usize) -> Result<Self, TableError> {
+        let (grid, columns) = match tensor.axes() {
+            [Axis::Wavelength(grid)] => (grid, 1),
+            [Axis::Index { count, .. }, Axis::Wavelength(grid)] => (grid, *count),
+            axes => {
+                let found: Vec<String> = axes.iter().map(Axis::describe).collect();
+                return Err(TableError::Shape(format!("axes {}, expected wavelengths", found.join(" × "))));
+            }
+        };
+        if column >= columns {
+            return Err(TableError::Shape(format!("no column {column}, expected 0 to {}", columns - 1)));
+        }
+        let samples = &tensor.samples()[column * grid.len()..][..grid.len()];
+        let measured = grid.values().into_iter().zip(samples).filter(|(_, sample)| !sample.is_nan());
+        let (lambdas, values): (Vec<f64>, Vec<f64>) = measured.map(|(l, &sample)| (l, f64::from(sample))).unzip();
+        check(&lambdas)?;
+        Ok(Self { lambdas, values })
+    }
+
     /// The wavelengths in nm, strictly increasing.
     pub fn lambdas(&self) -> &[f64] {
         &self.lambdas
@@ -81,15 +127,50 @@ impl Curve {
 }
 
 impl Observer {
+    /// One of the standard observers.
+    pub fn standard(which: StandardObserver) -> &'static Self {
+        match which {
+            StandardObserver::Cie1931 => Self::cie_1931(),
+            StandardObserver::Cie1964 => Self::cie_1964(),
+        }
+    }
+
+    /// A table of x̄, ȳ and z̄, `[3, lambda]`.
+    pub fn of_tensor(tensor: &Tensor) -> Result<Self, TableError> {
+        let columns = match tensor.axes() {
+            [Axis::Wavelength(_)] => 1,
+            [Axis::Index { count, .. }, Axis::Wavelength(_)] => *count,
+            _ => 0,
+        };
+        if columns != 3 {
+            return Err(TableError::Shape(format!("{columns} columns over wavelength, expected 3: x, y and z")));
+        }
+        let observer =
+            Self { x: Curve::of_tensor(tensor, 0)?, y: Curve::of_tensor(tensor, 1)?, z: Curve::of_tensor(tensor, 2)? };
+        for (name, curve) in [("x", &observer.x), ("y", &observer.y), ("z", &observer.z)] {
+            if !curve.values.iter().any(|v| *v > 0.0) {
+                return Err(TableError::Shape(format!("{name} of the observer is nowhere above 0")));
+            }
+        }
+        Ok(observer)
+    }
+
+    /// The CIE 1964 10° standard observer.
+    pub fn cie_1964() -> &'static Self {
+        const TABLE: &str = include_str!("../../../data/cmfs_CIE_1964_10_Degree_Standard_Observer.csv");
+        static PARSED: OnceLock<Observer> = OnceLock::new();
+        PARSED.get_or_init(|| Self::of_table(TABLE))
+    }
+
     /// The CIE 1931 2° standard observer.
     pub fn cie_1931() -> &'static Self {
         const TABLE: &str = include_str!("../../../data/cmfs_CIE_1931_2_Degree_Standard_Observer.csv");
         static PARSED: OnceLock<Observer> = OnceLock::new();
-        PARSED.get_or_init(|| Self {
-            x: Curve::of_table(TABLE, 1),
-            y: Curve::of_table(TABLE, 2),
-            z: Curve::of_table(TABLE, 3),
-        })
+        PARSED.get_or_init(|| Self::of_table(TABLE))
+    }
+
+    fn of_table(text: &str) -> Self {
+        Self { x: Curve::of_table(text, 1), y: Curve::of_table(text, 2), z: Curve::of_table(text, 3) }
     }
 }
 
@@ -116,12 +197,15 @@ mod tests {
 
     #[test]
     fn the_tables_are_whole() {
-        let observer = Observer::cie_1931();
-        for curve in [&observer.x, &observer.y, &observer.z] {
-            let lambdas = curve.lambdas();
-            assert_eq!((lambdas.len(), lambdas[0], lambdas[470]), (471, 360.0, 830.0));
+        for &which in StandardObserver::ALL {
+            let observer = Observer::standard(which);
+            for curve in [&observer.x, &observer.y, &observer.z] {
+                let lambdas = curve.lambdas();
+                assert_eq!((lambdas.len(), lambdas[0], lambdas[470]), (471, 360.0, 830.0), "{which}");
+            }
         }
-        assert_eq!(observer.y.at(555.0), 1.0);
+        assert_eq!(Observer::cie_1931().y.at(555.0), 1.0);
+        assert_eq!(Observer::cie_1964().y.at(557.0), 1.0);
         for &illuminant in Illuminant::ALL {
             let curve = illuminant.power();
             let (lambdas, values) = (curve.lambdas(), curve.values());
@@ -131,6 +215,28 @@ mod tests {
             if matches!(illuminant, Illuminant::A | Illuminant::D50 | Illuminant::D65 | Illuminant::E) {
                 assert!((curve.at(560.0) - 100.0).abs() < 1e-4, "{illuminant}: {}", curve.at(560.0));
             }
+        }
+    }
+
+    fn table(columns: usize, lambdas: usize, sample: impl Fn(usize) -> f32) -> Tensor {
+        let grid = Axis::Wavelength(crate::domain::WavelengthGrid::even(380.0, 10.0, lambdas).unwrap());
+        let index = Axis::Index { count: columns, labels: Vec::new() };
+        Tensor::new(vec![index, grid], (0..columns * lambdas).map(sample).collect()).unwrap()
+    }
+
+    #[test]
+    fn tables_of_the_user_are_curves_and_observers() {
+        let observer = Observer::of_tensor(&table(3, 41, |i| i as f32)).unwrap();
+        assert_eq!((observer.x.at(385.0), observer.y.at(380.0), observer.z.at(800.0)), (0.5, 41.0, 122.0));
+        let holes = table(2, 41, |i| if i == 42 { f32::NAN } else { i as f32 });
+        assert_eq!(Curve::of_tensor(&holes, 1).unwrap().at(390.0), 42.0);
+        let short = table(1, 20, |i| i as f32);
+        assert!(matches!(Curve::of_tensor(&short, 0), Err(TableError::Wavelengths(ColourError::Uncovered { .. }))));
+        assert!(matches!(Curve::of_tensor(&holes, 2), Err(TableError::Shape(_))));
+        let rgb = Tensor::new(vec![Axis::Rgb], vec![1.0; 3]).unwrap();
+        assert!(matches!(Curve::of_tensor(&rgb, 0), Err(TableError::Shape(_))));
+        for bad in [table(2, 41, |_| 1.0), table(3, 41, |i| if i < 41 { 0.0 } else { 1.0 }), rgb] {
+            assert!(matches!(Observer::of_tensor(&bad), Err(TableError::Shape(_))));
         }
     }
 

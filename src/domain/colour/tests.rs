@@ -46,32 +46,32 @@ const SHARMA: [[f64; 7]; 34] = [
 
 const PATCHES: &str = include_str!("../../../data/colorchecker_n_ohta.csv");
 
-fn golden() -> Value {
+pub(super) fn golden() -> Value {
     serde_json::from_str(include_str!("../../../tests/golden/colour_science.json")).unwrap()
 }
 
-fn grid(start: f64, step: f64, count: usize) -> WavelengthGrid {
+pub(super) fn grid(start: f64, step: f64, count: usize) -> WavelengthGrid {
     WavelengthGrid::even(start, step, count).unwrap()
 }
 
-fn patch(k: usize) -> Vec<f32> {
+pub(super) fn patch(k: usize) -> Vec<f32> {
     Curve::of_table(PATCHES, k + 1).values().iter().map(|&v| v as f32).collect()
 }
 
-fn array(xyz: Xyz) -> [f64; 3] {
+pub(super) fn array(xyz: Xyz) -> [f64; 3] {
     [xyz.x, xyz.y, xyz.z]
 }
 
-fn triple(value: &Value) -> [f64; 3] {
+pub(super) fn triple(value: &Value) -> [f64; 3] {
     [0, 1, 2].map(|k| value[k].as_f64().unwrap())
 }
 
-fn relative(found: [f64; 3], wanted: [f64; 3]) -> f64 {
+pub(super) fn relative(found: [f64; 3], wanted: [f64; 3]) -> f64 {
     found.iter().zip(wanted).map(|(f, w)| (f - w).abs() / w.abs()).fold(0.0, f64::max)
 }
 
 #[test]
-fn patches_have_the_colours_of_colour_science() {
+pub(super) fn patches_have_the_colours_of_colour_science() {
     let golden = golden();
     let patches = grid(380.0, 5.0, 81);
     for &illuminant in Illuminant::ALL {

@@ -1,0 +1,81 @@
+//! `/v1/materials/{id}/preview.png`: a picture of a material, made here and the same for good.
+
+use super::color::Asked;
+use super::content::not_modified;
+use super::extract::{Id, Query};
+use super::problem::{Kind, Problem};
+use super::query::{indices, open};
+use super::state::App;
+use crate::preview::{DEFAULT_SIZE, SIZES, picture};
+use crate::store::Digest;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Deserialize;
+use utoipa::IntoParams;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+/// The routes of this resource.
+pub(crate) fn routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new().routes(routes!(preview))
+}
+
+/// How large, and in which light.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct PreviewQuery {
+    /// Pixels along a side, 64 to 512; 256 if nothing is said.
+    #[param(value_type = Option<u32>, minimum = 64, maximum = 512)]
+    size: Option<usize>,
+    /// One entry, from 0, for each leading index axis: `I,J`; the first, and of a spectral table every column, if nothing
+    /// is said.
+    index: Option<String>,
+    /// `A`, `B`, `C`, `D50`, `D65` (the default), `F11`, `E`, or the id of a stored material that is a spectrum.
+    illuminant: Option<String>,
+    /// The column of a stored table of illuminants, by name or by number from 1.
+    illuminant_column: Option<String>,
+    /// `1931` (2°, the default), `1964` (10°), or the id of a stored table of x̄, ȳ, z̄.
+    observer: Option<String>,
+}
+
+/// A ball of a BRDF, BTDF or BSDF, the polar diagram of a luminaire or phase function, the plot of spectra.
+#[utoipa::path(
+    get, path = "/v1/materials/{id}/preview.png", tag = "materials",
+    params(("id" = String, Path, description = "The material"), PreviewQuery),
+    responses(
+        (status = 200, description = "The picture", content_type = "image/png", body = Vec<u8>),
+        (status = 304, description = "The picture of If-None-Match is this one"),
+    )
+)]
+async fn preview(
+    State(app): State<App>,
+    Id(id): Id,
+    Query(query): Query<PreviewQuery>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let bad = |detail: String| Problem::new(Kind::BadQuery, detail);
+    let size = query.size.unwrap_or(DEFAULT_SIZE);
+    if !SIZES.contains(&size) {
+        return Err(bad(format!("size: found {size}, expected {} to {} pixels", SIZES.start(), SIZES.end())));
+    }
+    let index = query.index.as_deref().map(indices).transpose().map_err(bad)?;
+    let asked = Asked::of(query.illuminant, query.illuminant_column, query.observer)?;
+    let material = open(&app, id).await?;
+    // Another version may draw another picture.
+    let what = format!("{id} {size} {index:?} {} {}", asked.key(), env!("CARGO_PKG_VERSION"));
+    let etag = format!("\"{}\"", Digest::of(what.as_bytes()));
+    let mut response = if not_modified(&headers, &etag) {
+        StatusCode::NOT_MODIFIED.into_response()
+    } else {
+        let sources = asked.open(&app).await?;
+        let work = move || Ok::<_, Problem>(picture(&material, index.as_deref(), &sources.viewing()?, size)?);
+        let png = app.engine.queries.run(work).await??;
+        ([(header::CONTENT_TYPE, HeaderValue::from_static("image/png"))], png).into_response()
+    };
+    let headers = response.headers_mut();
+    headers.extend(HeaderValue::from_str(&etag).ok().map(|value| (header::ETAG, value)));
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("public, max-age=31536000, immutable"));
+    Ok(response)
+}

@@ -1,0 +1,38 @@
+//! `wavelume color`: what colour a material has.
+
+use super::failure::Failure;
+use super::output::print_json;
+use super::query::{self, List};
+use super::viewing::ViewingArgs;
+use crate::domain::Direction;
+use crate::preview::{self, Question};
+use std::path::PathBuf;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The material
+    #[arg(value_name = "M.wlm")]
+    material: PathBuf,
+    /// The incoming direction in degrees [default: 0,0]
+    #[arg(long, value_name = "THETA,PHI", value_parser = query::direction, allow_hyphen_values = true)]
+    wi: Option<Direction>,
+    /// The outgoing direction in degrees [default: all of them together: directional albedo, flux]
+    #[arg(long, value_name = "THETA,PHI", value_parser = query::direction, allow_hyphen_values = true)]
+    wo: Option<Direction>,
+    /// One entry, from 0, for each leading index axis [default: every column of a spectral table]
+    #[arg(long, value_name = "I,...", value_parser = query::index)]
+    index: Option<List<usize>>,
+    #[command(flatten)]
+    viewing: ViewingArgs,
+    /// Taken for symmetry with the other commands: the answer is always JSON
+    #[arg(long, hide = true)]
+    json: bool,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let viewing = args.viewing.viewing()?;
+    let material = query::open(&args.material)?;
+    let question = Question { index: args.index.as_ref().map(|index| index.0.as_slice()), wi: args.wi, wo: args.wo };
+    let colours = preview::colours(&material, &question, &viewing);
+    print_json(&colours.map_err(|error| Failure::from(error).about(&args.material))?)
+}

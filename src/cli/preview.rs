@@ -1,0 +1,45 @@
+//! `wavelume preview`: a picture of a material.
+
+use super::failure::Failure;
+use super::output::write_file;
+use super::query::{self, List};
+use super::request::ThreadsArgs;
+use super::viewing::ViewingArgs;
+use crate::preview::{self, DEFAULT_SIZE, SIZES};
+use std::path::PathBuf;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The material
+    #[arg(value_name = "M.wlm")]
+    material: PathBuf,
+    /// The PNG to write; an existing one is replaced whole
+    #[arg(short, long, value_name = "P.png")]
+    output: PathBuf,
+    /// Pixels along a side, 64 to 512
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_SIZE, value_parser = size)]
+    size: usize,
+    /// One entry, from 0, for each leading index axis [default: the first; every column of a spectral table]
+    #[arg(long, value_name = "I,...", value_parser = query::index)]
+    index: Option<List<usize>>,
+    #[command(flatten)]
+    viewing: ViewingArgs,
+    #[command(flatten)]
+    threads: ThreadsArgs,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let viewing = args.viewing.viewing()?;
+    let index = args.index.as_ref().map(|index| index.0.as_slice());
+    let picture = args.threads.run(|| {
+        let material = query::open(&args.material)?;
+        let picture = preview::picture(&material, index, &viewing, args.size);
+        picture.map_err(|error| Failure::from(error).about(&args.material))
+    })??;
+    write_file(&args.output, &picture)
+}
+
+fn size(text: &str) -> Result<usize, String> {
+    let refused = || format!("expected {} to {} pixels", SIZES.start(), SIZES.end());
+    text.parse().ok().filter(|size| SIZES.contains(size)).ok_or_else(refused)
+}

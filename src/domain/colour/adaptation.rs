@@ -1,0 +1,42 @@
+//! What looks the same in another light: linear Bradford adaptation (CIE 160:2004 names it; ICC.1:2022, annex E).
+
+use super::Xyz;
+
+type Matrix = [[f64; 3]; 3];
+
+const CONES: Matrix = [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];
+const BACK: Matrix = super::srgb::inverse(CONES);
+
+/// From one white to another, in one matrix.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Adaptation(Matrix);
+
+impl Adaptation {
+    /// To an eye adapted to the white `to` from one adapted to `from`; both have positive luminance. Whites without cone
+    /// responses to divide by (single spectral lines) are left as they are.
+    pub fn between(from: Xyz, to: Xyz) -> Self {
+        let (from, to) = (product(&CONES, unit(from)), product(&CONES, unit(to)));
+        let mut rows = CONES;
+        for (k, row) in rows.iter_mut().enumerate() {
+            let gain = if from[k] > 1e-6 { to[k] / from[k] } else { 1.0 };
+            *row = row.map(|c| gain * c);
+        }
+        let column = |j: usize| product(&BACK, [rows[0][j], rows[1][j], rows[2][j]]);
+        let (a, b, c) = (column(0), column(1), column(2));
+        Self([0, 1, 2].map(|i| [a[i], b[i], c[i]]))
+    }
+
+    /// The colour that looks so under the other white.
+    pub fn apply(&self, colour: Xyz) -> Xyz {
+        let [x, y, z] = product(&self.0, [colour.x, colour.y, colour.z]);
+        Xyz { x, y, z }
+    }
+}
+
+fn unit(white: Xyz) -> [f64; 3] {
+    [white.x / white.y, 1.0, white.z / white.y]
+}
+
+fn product(m: &Matrix, v: [f64; 3]) -> [f64; 3] {
+    m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
+}

@@ -1,0 +1,87 @@
+//! The correlated colour temperature of a light: the temperature of the Planckian radiator nearest to it in the CIE 1960
+//! (u, v) diagram, which is the (u′, 2/3 v′) of its definition (CIE 015:2018, section 9.5), as seen by the same observer.
+
+use super::{Observer, RANGE, Xyz};
+
+/// A temperature and how far the light is from it.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct ColourTemperature {
+    /// Correlated colour temperature, K.
+    pub kelvin: f64,
+    /// Distance from the Planckian locus in (u, v): above it (towards green) positive.
+    pub duv: f64,
+}
+
+/// h·c/k in nm·K (CODATA 2018; exact in the SI of 2019).
+const C2: f64 = 1.438_776_877e7;
+/// Beyond this distance the term has no meaning (CIE 015:2018, section 9.5).
+const MOST_DISTANCE: f64 = 5e-2;
+/// The temperatures looked at, in reciprocal megakelvin: 1 MK to 1000 K.
+const MIREDS: (f64, f64) = (1.0, 1000.0);
+const COARSE: usize = 64;
+/// (√5 − 1) / 2.
+const RATIO: f64 = 0.618_033_988_749_894_9;
+const REFINEMENTS: usize = 60;
+
+impl ColourTemperature {
+    /// Of a light; `None` where its chromaticity is more than 0.05 from the Planckian locus, or it has none.
+    pub fn of(light: Xyz, observer: &Observer) -> Option<Self> {
+        let here = uv(light)?;
+        let distance = |mired: f64| {
+            let [u, v] = planckian(mired, observer);
+            (u - here[0]) * (u - here[0]) + (v - here[1]) * (v - here[1])
+        };
+        let step = (MIREDS.1 - MIREDS.0) / COARSE as f64;
+        let mut nearest = (f64::INFINITY, 0.0);
+        for i in 0..=COARSE {
+            let mired = MIREDS.0 + step * i as f64;
+            let found = distance(mired);
+            if found < nearest.0 {
+                nearest = (found, mired);
+            }
+        }
+        // By golden section: the distance has one minimum between the neighbours of the nearest.
+        let (mut low, mut high) = ((nearest.1 - step).max(MIREDS.0), (nearest.1 + step).min(MIREDS.1));
+        let (mut a, mut b) = (high - RATIO * (high - low), low + RATIO * (high - low));
+        let (mut at_a, mut at_b) = (distance(a), distance(b));
+        for _ in 0..REFINEMENTS {
+            if at_a < at_b {
+                (high, b, at_b) = (b, a, at_a);
+                a = high - RATIO * (high - low);
+                at_a = distance(a);
+            } else {
+                (low, a, at_a) = (a, b, at_b);
+                b = low + RATIO * (high - low);
+                at_b = distance(b);
+            }
+        }
+        let mired = 0.5 * (low + high);
+        let size = distance(mired).sqrt();
+        let above = here[1] >= planckian(mired, observer)[1];
+        (size <= MOST_DISTANCE).then_some(Self { kelvin: 1e6 / mired, duv: if above { size } else { -size } })
+    }
+}
+
+/// CIE 1960 (u, v); `None` for no light.
+fn uv(light: Xyz) -> Option<[f64; 2]> {
+    let sum = light.x + 15.0 * light.y + 3.0 * light.z;
+    let finite = sum.is_finite() && sum > 0.0;
+    finite.then(|| [4.0 * light.x / sum, 6.0 * light.y / sum])
+}
+
+fn planckian(mired: f64, observer: &Observer) -> [f64; 2] {
+    let temperature = 1e6 / mired;
+    let (mut x, mut y, mut z) = (0.0, 0.0, 0.0);
+    for nm in RANGE.0 as u32..=RANGE.1 as u32 {
+        let lambda = f64::from(nm);
+        // Relative to 560 nm, so that no temperature overflows.
+        let ratio = 560.0 / lambda;
+        let fifth = ratio * ratio * ratio * ratio * ratio;
+        let power = fifth * libm::expm1(C2 / (560.0 * temperature)) / libm::expm1(C2 / (lambda * temperature));
+        x += power * observer.x.at(lambda);
+        y += power * observer.y.at(lambda);
+        z += power * observer.z.at(lambda);
+    }
+    let sum = x + 15.0 * y + 3.0 * z;
+    [4.0 * x / sum, 6.0 * y / sum]
+}

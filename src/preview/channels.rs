@@ -1,0 +1,117 @@
+//! A material's spectra → linear sRGB, as weights computed once: what a picture is made of.
+//!
+//! Where the wavelengths are not enough for a colour by the standards, but hold most of the visible range, pictures make do
+//! with straight lines between them; elsewhere (ultraviolet lamps, one wavelength) they are grey.
+
+use super::PreviewError;
+use super::colours::{JOULES_PER_MICROMOLE, counts_photons, emits};
+use super::viewing::Viewing;
+use crate::domain::colour::{Tristimulus, Xyz, xyz_to_linear};
+use crate::domain::{Axis, WavelengthGrid};
+use crate::evaluate::Material;
+
+/// Weights by wavelength: linear sRGB = Σ weight · sample, with 1 for the perfect diffuser.
+#[derive(Clone, Debug)]
+pub(super) struct Channels {
+    weights: Vec<[f32; 3]>,
+    /// Whether hue means something.
+    coloured: bool,
+}
+
+/// Wavelengths that must have been measured for an approximate colour, nm.
+const MOST_OF_THE_VISIBLE: (f64, f64) = (480.0, 620.0);
+/// Their fewest.
+const FEWEST: usize = 3;
+
+impl Channels {
+    pub(super) fn of(material: &Material, viewing: &Viewing) -> Result<Self, PreviewError> {
+        let grid = match material.axes().last() {
+            Some(Axis::Wavelength(grid)) => grid,
+            Some(Axis::Rgb) => {
+                let weights = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+                return Ok(Self { weights, coloured: true });
+            }
+            _ => return Ok(Self { weights: vec![[1.0; 3]], coloured: false }),
+        };
+        let light = emits(material.quantity());
+        let Some((weights, white)) = weights(grid, light, viewing)? else { return Ok(Self::grey(grid)) };
+        let adaptation = Viewing::adaptation(white)?;
+        let photons = counts_photons(material.unit());
+        let weights = weights.into_iter().zip(grid.values()).map(|(xyz, lambda)| {
+            let energy = if photons { JOULES_PER_MICROMOLE / lambda } else { 1.0 };
+            xyz_to_linear(adaptation.apply(xyz)).map(|w| (energy * w) as f32)
+        });
+        Ok(Self { weights: weights.collect(), coloured: true })
+    }
+
+    pub(super) fn coloured(&self) -> bool {
+        self.coloured
+    }
+
+    /// Linear sRGB, out of gamut where the colour is. Masked samples are passed over, the others weigh more; NaN where all
+    /// are masked.
+    pub(super) fn linear(&self, spectrum: &[f32]) -> [f32; 3] {
+        let mut sum = [0.0_f32; 3];
+        for (weights, &sample) in self.weights.iter().zip(spectrum) {
+            for (sum, weight) in sum.iter_mut().zip(weights) {
+                *sum += weight * sample;
+            }
+        }
+        if sum.iter().all(|c| !c.is_nan()) { sum } else { self.masked(spectrum) }
+    }
+
+    #[cold]
+    fn masked(&self, spectrum: &[f32]) -> [f32; 3] {
+        let (mut sum, mut measured, mut all) = ([0.0_f32; 3], [0.0_f32; 3], [0.0_f32; 3]);
+        for (weights, &sample) in self.weights.iter().zip(spectrum) {
+            for k in 0..3 {
+                all[k] += weights[k];
+                if !sample.is_nan() {
+                    sum[k] += weights[k] * sample;
+                    measured[k] += weights[k];
+                }
+            }
+        }
+        // A channel of which less than half was seen says nothing.
+        [0, 1, 2].map(|k| if measured[k] > 0.5 * all[k] { sum[k] * all[k] / measured[k] } else { f32::NAN })
+    }
+
+    fn grey(grid: &WavelengthGrid) -> Self {
+        let weights = grid.weights();
+        let total: f64 = weights.iter().sum();
+        let weights = if total > 0.0 { weights } else { vec![1.0; grid.len()] };
+        let total = if total > 0.0 { total } else { grid.len() as f64 };
+        Self { weights: weights.into_iter().map(|w| [(w / total) as f32; 3]).collect(), coloured: false }
+    }
+}
+
+/// XYZ of a sample of 1 at each wavelength, and the white; `None` where the wavelengths are too few for a colour.
+fn weights(grid: &WavelengthGrid, light: bool, viewing: &Viewing) -> Result<Option<(Vec<Xyz>, Xyz)>, PreviewError> {
+    let of = |grid: &WavelengthGrid| if light { viewing.emission(grid) } else { viewing.reflectance(grid) };
+    let as_xyz = |weights: &[[f64; 3]]| weights.iter().map(|&[x, y, z]| Xyz { x, y, z }).collect::<Vec<_>>();
+    if let Ok(strict) = of(grid) {
+        let white = if light { viewing.white()? } else { strict.white() };
+        return Ok(Some((as_xyz(strict.weights()), white)));
+    }
+    let visible = grid.values().into_iter().filter(|l| (400.0..=700.0).contains(l)).count();
+    let (first, last) = grid.range();
+    let (low, high) = MOST_OF_THE_VISIBLE;
+    if visible < FEWEST || first > low || last < high {
+        return Ok(None);
+    }
+    // Through a fine grid whose samples lie on the lines between the coarse ones.
+    let Ok(fine) = WavelengthGrid::even(380.0, 5.0, 81) else { return Ok(None) };
+    let strict: Tristimulus = of(&fine)?;
+    let mut pulled = vec![[0.0; 3]; grid.len()];
+    for (weights, lambda) in strict.weights().iter().zip(fine.values()) {
+        let Some((below, t)) = grid.locate(lambda.clamp(first, last)) else { continue };
+        for k in 0..3 {
+            pulled[below][k] += (1.0 - t) * weights[k];
+            if t > 0.0 {
+                pulled[below + 1][k] += t * weights[k];
+            }
+        }
+    }
+    let white = if light { viewing.white()? } else { strict.white() };
+    Ok(Some((as_xyz(&pulled), white)))
+}

@@ -1,0 +1,300 @@
+//! The colour of a material at a place: XYZ, CIELAB, sRGB, and the temperature of lights.
+
+use super::viewing::Viewing;
+use super::{PreviewError, unfit, unflat};
+use crate::domain::colour::{
+    Adaptation, ColourError, ColourTemperature, Lab, Xyz, in_gamut, linear_to_bytes, linear_to_xyz, map_to_gamut,
+    xyz_of, xyz_to_linear,
+};
+use crate::domain::{Axis, Direction, Quantity, Unit};
+use crate::evaluate::{Interpolation, Material, Place};
+use serde::Serialize;
+use std::f64::consts::PI;
+
+/// Colours in one answer.
+const MOST_COLOURS: usize = 4096;
+
+/// Where to look for a colour.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Question<'a> {
+    /// One entry for each leading index axis; without it every entry is looked at, where there are no directions.
+    pub index: Option<&'a [usize]>,
+    /// The incoming direction; normal incidence if nothing is said.
+    pub wi: Option<Direction>,
+    /// The outgoing direction; if nothing is said, all of them together: albedo, flux.
+    pub wo: Option<Direction>,
+}
+
+/// Colours, and what they are relative to.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Colours {
+    /// What was looked at: `reflectance`, `radiance factor`, `directional albedo`, `intensity`, `flux`, `spectrum`,
+    /// `phase function` (× 4π).
+    pub of: &'static str,
+    /// The illuminant.
+    pub illuminant: String,
+    /// The observer.
+    pub observer: String,
+    /// XYZ of white, Y = 100.
+    pub white: [f64; 3],
+    /// One for each entry looked at; `None` where too few wavelengths were measured.
+    pub colours: Vec<Option<Colour>>,
+}
+
+/// A colour.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Colour {
+    /// The entry of the index axes.
+    pub index: Vec<usize>,
+    /// Its name, if it has one.
+    pub label: Option<String>,
+    /// Tristimulus values; white has Y = 100.
+    pub xyz: [f64; 3],
+    /// Chromaticity; `None` of black.
+    pub xy: Option<[f64; 2]>,
+    /// CIE 1976 L*a*b*, relative to white.
+    pub lab: [f64; 3],
+    /// Linear sRGB as it is, which may be out of gamut; of lights, the largest channel of all is 1.
+    pub linear_srgb: [f64; 3],
+    /// Linear sRGB mapped into the gamut.
+    pub mapped_srgb: [f64; 3],
+    /// The mapped one as `#rrggbb`.
+    pub srgb: String,
+    /// Whether nothing had to be mapped.
+    pub in_gamut: bool,
+    /// Correlated colour temperature of a light, K; `None` too far from the Planckian locus.
+    pub cct: Option<f64>,
+    /// Distance of a light from the Planckian locus in CIE 1960 (u, v), positive towards green.
+    pub duv: Option<f64>,
+    /// Luminous flux (lm) or intensity (cd) of a light in radiometric units.
+    pub luminous: Option<f64>,
+}
+
+/// The colours of `material` at a place. Without `wo`: the directional albedo at `wi` of a BRDF, BTDF or BSDF, the
+/// integral of a phase function, the flux of a luminaire. Tables without directions: every entry.
+pub fn colours(material: &Material, asked: &Question<'_>, viewing: &Viewing) -> Result<Colours, PreviewError> {
+    let layout = material.layout();
+    let view = Look::of(material, viewing)?;
+    let (integrated, factor) = view.scale(asked, layout.outgoing.is_some());
+    // Normal incidence, in which half the incoming directions are.
+    let wi = asked.wi.or_else(|| layout.incoming.map(|axis| normal(&material.axes()[axis])));
+    if asked.wi.is_none() && asked.wo.is_some() && layout.incoming.is_some() {
+        return unfit(format!("wo was given without wi, but this {} has an incoming axis", material.quantity()));
+    }
+    let axes = &material.axes()[..layout.indices];
+    let entries = match asked.index {
+        Some(index) => vec![index.to_vec()],
+        None if layout.incoming.or(layout.outgoing).is_some() && layout.indices > 0 => {
+            return unfit(format!("no index was given, expected {}: one for each index axis", layout.indices));
+        }
+        None => every(axes)?,
+    };
+    let mut spectrum = vec![0.0; material.lambdas()];
+    let mut found = Vec::with_capacity(entries.len());
+    for index in &entries {
+        if integrated {
+            material.albedo(index, wi, Interpolation::Smooth, &mut spectrum)?;
+        } else {
+            material.spectrum(Place { index, wi, wo: asked.wo }, Interpolation::Smooth, &mut spectrum)?;
+        }
+        found.push(view.xyz(&spectrum).map(|xyz| xyz.scaled(factor)));
+    }
+    if found.iter().all(Option::is_none) {
+        return Err(ColourError::Masked.into());
+    }
+    let scale = if view.is_relative() {
+        let brightest = found.iter().flatten().map(|xyz| xyz.y).fold(0.0, f64::max);
+        if brightest <= 0.0 {
+            return Err(ColourError::Dark.into());
+        }
+        100.0 / brightest
+    } else {
+        1.0
+    };
+    let shown: Vec<Option<[f64; 3]>> = found.iter().map(|xyz| xyz.map(|xyz| view.linear(xyz.scaled(scale)))).collect();
+    let peak = shown.iter().flatten().flatten().copied().fold(0.0, f64::max);
+    // A light as bright as its white would be nothing but white.
+    let display = if view.emits() && peak > 0.0 { 1.0 / peak } else { 1.0 };
+    let colours = entries.into_iter().zip(found).zip(shown).map(|((index, xyz), linear)| {
+        let label = label(axes, &index);
+        let linear = linear.map(|linear| linear.map(|c| display * c));
+        xyz.zip(linear).map(|(xyz, linear)| view.colour(index, label, xyz, scale, linear))
+    });
+    Ok(Colours {
+        of: view.name(integrated),
+        illuminant: viewing.illuminant().to_owned(),
+        observer: viewing.observer().to_owned(),
+        white: [view.white.x, view.white.y, view.white.z],
+        colours: colours.collect(),
+    })
+}
+
+/// How a material's spectra are looked at.
+struct Look<'a> {
+    material: &'a Material,
+    viewing: &'a Viewing,
+    /// `None` for RGB.
+    weights: Option<crate::domain::colour::Tristimulus>,
+    lambdas: Vec<f64>,
+    white: Xyz,
+    /// `None` for RGB.
+    adaptation: Option<Adaptation>,
+}
+
+impl<'a> Look<'a> {
+    fn of(material: &'a Material, viewing: &'a Viewing) -> Result<Self, PreviewError> {
+        match material.axes().last() {
+            Some(Axis::Wavelength(grid)) => {
+                let weights =
+                    if emits(material.quantity()) { viewing.emission(grid)? } else { viewing.reflectance(grid)? };
+                // On the material's own grid, so that the perfect diffuser is white to the last digit.
+                let white = if emits(material.quantity()) { viewing.white()? } else { weights.white() };
+                let adaptation = Some(Viewing::adaptation(white)?);
+                Ok(Self { material, viewing, weights: Some(weights), lambdas: grid.values(), white, adaptation })
+            }
+            Some(Axis::Rgb) if viewing.is_d65() => {
+                let white = linear_to_xyz([1.0; 3]);
+                Ok(Self { material, viewing, weights: None, lambdas: Vec::new(), white, adaptation: None })
+            }
+            Some(Axis::Rgb) => unfit(format!(
+                "these are RGB data, which have no spectrum to see under {}, expected D65",
+                viewing.illuminant()
+            )),
+            _ => Err(ColourError::NoWavelengths.into()),
+        }
+    }
+
+    fn emits(&self) -> bool {
+        emits(self.material.quantity())
+    }
+
+    /// Whether only ratios mean something.
+    fn is_relative(&self) -> bool {
+        match self.material.quantity() {
+            Quantity::Spectrum | Quantity::Edf => true,
+            Quantity::Reflectance => self.material.unit() != Unit::One,
+            _ => self.material.unit() != Unit::PerSteradian,
+        }
+    }
+
+    /// Whether to integrate over outgoing directions, and what makes the result a factor of 1 for white.
+    fn scale(&self, asked: &Question<'_>, has_outgoing: bool) -> (bool, f64) {
+        let quantity = self.material.quantity();
+        let integrated = has_outgoing && asked.wo.is_none();
+        let factor = match quantity {
+            _ if integrated => 1.0,
+            Quantity::Brdf | Quantity::Btdf | Quantity::Bsdf => PI,
+            Quantity::Phase => 4.0 * PI,
+            _ => 1.0,
+        };
+        (integrated, factor)
+    }
+
+    fn name(&self, integrated: bool) -> &'static str {
+        match (self.material.quantity(), integrated) {
+            (Quantity::Spectrum, _) => "spectrum",
+            (Quantity::Reflectance, _) => "reflectance",
+            (Quantity::Edf, false) => "intensity",
+            (Quantity::Edf, true) => "flux",
+            (Quantity::Phase, _) => "phase function",
+            (_, false) => "radiance factor",
+            (_, true) => "directional albedo",
+        }
+    }
+
+    fn xyz(&self, spectrum: &[f32]) -> Option<Xyz> {
+        let Some(weights) = &self.weights else {
+            let &[r, g, b] = spectrum else { return None };
+            return spectrum.iter().all(|c| !c.is_nan()).then(|| linear_to_xyz([r, g, b].map(f64::from)));
+        };
+        let photons = self.emits() && counts_photons(self.material.unit());
+        if !photons {
+            return xyz_of(weights, &self.lambdas, spectrum);
+        }
+        let energy: Vec<f32> = spectrum
+            .iter()
+            .zip(&self.lambdas)
+            .map(|(&s, l)| (f64::from(s) * JOULES_PER_MICROMOLE / l) as f32)
+            .collect();
+        xyz_of(weights, &self.lambdas, &energy)
+    }
+
+    /// Linear sRGB of a colour whose white has Y = 100.
+    fn linear(&self, xyz: Xyz) -> [f64; 3] {
+        xyz_to_linear(self.adaptation.map_or(xyz, |adaptation| adaptation.apply(xyz)))
+    }
+
+    fn colour(&self, index: Vec<usize>, label: Option<String>, absolute: Xyz, scale: f64, linear: [f64; 3]) -> Colour {
+        let xyz = absolute.scaled(scale);
+        let lab = Lab::of(xyz, self.white);
+        let mapped = map_to_gamut(linear);
+        let [r, g, b] = linear_to_bytes(mapped);
+        let sum = xyz.x + xyz.y + xyz.z;
+        let is_light = self.emits() && self.weights.is_some();
+        let temperature = is_light.then(|| ColourTemperature::of(xyz, self.viewing.functions())).flatten();
+        let watts = watts(self.material.unit()).filter(|_| is_light && self.viewing.is_photometric());
+        Colour {
+            index,
+            label,
+            xyz: [xyz.x, xyz.y, xyz.z],
+            xy: (sum > 0.0).then(|| [xyz.x / sum, xyz.y / sum]),
+            lab: [lab.l, lab.a, lab.b],
+            linear_srgb: linear,
+            mapped_srgb: mapped,
+            srgb: format!("#{r:02x}{g:02x}{b:02x}"),
+            in_gamut: in_gamut(linear),
+            cct: temperature.map(|t| t.kelvin),
+            duv: temperature.map(|t| t.duv),
+            luminous: watts.map(|watts| watts * absolute.y),
+        }
+    }
+}
+
+/// Avogadro's h·c × 10⁻⁶ mol/µmol × 10⁹ nm/m (SI of 2019): the energy of a µmol of photons is this through their wavelength in nm.
+pub(super) const JOULES_PER_MICROMOLE: f64 = 119.626_565_8;
+
+pub(super) fn emits(quantity: Quantity) -> bool {
+    matches!(quantity, Quantity::Spectrum | Quantity::Edf)
+}
+
+pub(super) fn counts_photons(unit: Unit) -> bool {
+    unit == Unit::MicromolePerSecondSteradianNanometre
+}
+
+/// The straight way in: for the lower hemisphere it is from below.
+pub(super) fn normal(incoming: &Axis) -> Direction {
+    let below = matches!(incoming, Axis::Triangles(mesh) if mesh.domain() == crate::domain::Domain::Lower);
+    Direction::from_degrees(if below { 180.0 } else { 0.0 }, 0.0)
+}
+
+/// The spectral intensity's unit in W/sr/nm (of photons: what is left when each has its energy).
+fn watts(unit: Unit) -> Option<f64> {
+    match unit {
+        Unit::WattPerSteradianNanometre | Unit::MicromolePerSecondSteradianNanometre => Some(1.0),
+        Unit::MilliwattPerSteradianNanometre => Some(1e-3),
+        Unit::MicrowattPerSteradianNanometre => Some(1e-6),
+        _ => None,
+    }
+}
+
+/// Every entry of the index axes, row-major.
+fn every(axes: &[Axis]) -> Result<Vec<Vec<usize>>, PreviewError> {
+    let count: usize = axes.iter().map(Axis::len).product();
+    if count > MOST_COLOURS {
+        return unfit(format!("{count} entries, expected at most {MOST_COLOURS} colours in one answer: give an index"));
+    }
+    Ok((0..count).map(|flat| unflat(axes, flat)).collect())
+}
+
+/// The names of an entry's axes, where they have any.
+pub(super) fn label(axes: &[Axis], index: &[usize]) -> Option<String> {
+    let names: Vec<&str> = axes
+        .iter()
+        .zip(index)
+        .filter_map(|(axis, &i)| match axis {
+            Axis::Index { labels, .. } => labels.get(i).map(String::as_str),
+            _ => None,
+        })
+        .collect();
+    (!names.is_empty()).then(|| names.join(", "))
+}

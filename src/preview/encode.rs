@@ -1,0 +1,44 @@
+//! Linear sRGB → PNG.
+
+use super::PreviewError;
+use crate::domain::colour::{linear_to_srgb, srgb_to_linear};
+
+/// From linear values to eight bits, without a power for each.
+pub(super) struct Transfer {
+    /// The smallest linear value of each byte above 0.
+    thresholds: [f32; 255],
+}
+
+impl Transfer {
+    pub(super) fn new() -> Self {
+        let mut thresholds = [0.0; 255];
+        for (i, threshold) in thresholds.iter_mut().enumerate() {
+            *threshold = srgb_to_linear((i as f64 + 0.5) / 255.0) as f32;
+        }
+        Self { thresholds }
+    }
+
+    pub(super) fn byte(&self, linear: f32) -> u8 {
+        self.thresholds.partition_point(|&threshold| threshold <= linear) as u8
+    }
+}
+
+/// An sRGB value of 0..=1 of a linear one.
+pub(super) fn encoded(linear: [f64; 3]) -> [f32; 3] {
+    linear.map(|c| linear_to_srgb(c.clamp(0.0, 1.0)) as f32)
+}
+
+/// The bytes of a PNG of `size` × `size` sRGB pixels, eight bits a channel.
+pub(super) fn png(size: usize, pixels: &[u8]) -> Result<Vec<u8>, PreviewError> {
+    let refused = |error: png::EncodingError| PreviewError::Encode(error.to_string());
+    let mut bytes = Vec::with_capacity(size * size);
+    let mut encoder = png::Encoder::new(&mut bytes, size as u32, size as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    encoder.set_compression(png::Compression::Balanced);
+    let mut writer = encoder.write_header().map_err(refused)?;
+    writer.write_image_data(pixels).map_err(refused)?;
+    writer.finish().map_err(refused)?;
+    Ok(bytes)
+}

@@ -1,0 +1,111 @@
+//! What a material looks like: its colours under a named light, and a picture of it as PNG.
+//!
+//! # Conventions
+//! * **Reflectance** is relative to the perfect diffuser, which is white: radiance factors π·f, albedos, reflectances.
+//!   Relative values are relative to the brightest spectrum asked for.
+//! * **Lights** are relative to the brightest spectrum asked for too, beside a white of the illuminant's chromaticity; their
+//!   sRGB is as bright as can be shown without turning white: the largest channel is 1.
+//! * **sRGB** is what an eye adapted to the illuminant's white sees (linear Bradford to D65): the perfect diffuser is white in
+//!   any light. Out of gamut, hue and lightness are kept and chroma is reduced ([`map_to_gamut`]).
+//! * **RGB data** are taken as linear sRGB.
+//! * **Pictures** are the same bytes on every machine and number of threads.
+//!
+//! [`map_to_gamut`]: crate::domain::colour::map_to_gamut
+
+mod ball;
+mod canvas;
+mod channels;
+mod colours;
+mod encode;
+mod font;
+mod plot;
+mod polar;
+mod scale;
+mod viewing;
+
+pub use colours::{Colour, Colours, Question, colours};
+pub use viewing::Viewing;
+
+use crate::domain::colour::ColourError;
+use crate::domain::{Axis, Quantity};
+use crate::evaluate::{EvaluateError, Material};
+use channels::Channels;
+use std::ops::RangeInclusive;
+
+/// Sizes of pictures, in pixels along a side.
+pub const SIZES: RangeInclusive<usize> = 64..=512;
+/// The size where none is named.
+pub const DEFAULT_SIZE: usize = 256;
+
+/// Why there is no colour or no picture.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PreviewError {
+    /// The place asked for does not fit the material.
+    #[error(transparent)]
+    Evaluate(#[from] EvaluateError),
+    /// The spectra have no colour.
+    #[error(transparent)]
+    Colour(#[from] ColourError),
+    /// What was asked for does not fit the material.
+    #[error("{0}")]
+    Unfit(String),
+    /// The picture could not be written: a bug.
+    #[error("the picture could not be encoded: {0}")]
+    Encode(String),
+}
+
+/// A picture of `material` as PNG, `size` × `size`: a ball of a BRDF, BTDF or BSDF; the polar diagram of a luminaire or a
+/// phase function; the plot of spectra. `index` names an entry of the leading index axes; without it, spectra are all drawn,
+/// and of others the first entry is.
+pub fn picture(
+    material: &Material,
+    index: Option<&[usize]>,
+    viewing: &Viewing,
+    size: usize,
+) -> Result<Vec<u8>, PreviewError> {
+    if !SIZES.contains(&size) {
+        return unfit(format!("size {size}, expected {} to {} pixels", SIZES.start(), SIZES.end()));
+    }
+    let layout = material.layout();
+    let axes = &material.axes()[..layout.indices];
+    if let Some(index) = index {
+        let fits = index.len() == axes.len() && index.iter().zip(axes).all(|(i, axis)| *i < axis.len());
+        if !fits {
+            let shape: Vec<usize> = axes.iter().map(Axis::len).collect();
+            return unfit(format!("index {index:?}, expected entries of the index axes of lengths {shape:?}"));
+        }
+    }
+    let channels = Channels::of(material, viewing)?;
+    let first = vec![0; axes.len()];
+    let entry = index.unwrap_or(&first);
+    match material.quantity() {
+        Quantity::Phase if layout.outgoing.is_some() => polar::phase(material, entry, &channels, size),
+        Quantity::Edf if layout.outgoing.is_some() => polar::luminaire(material, entry, &channels, viewing, size),
+        Quantity::Reflectance if layout.incoming.is_some() && material.wavelengths().is_none() => {
+            ball::picture(material, entry, &channels, size)
+        }
+        Quantity::Brdf | Quantity::Btdf | Quantity::Bsdf if layout.incoming.is_some() => {
+            ball::picture(material, entry, &channels, size)
+        }
+        _ => plot::spectra(material, index, &channels, size),
+    }
+}
+
+/// The number of an entry of index axes, row-major.
+fn flat(axes: &[Axis], index: &[usize]) -> usize {
+    axes.iter().zip(index).fold(0, |flat, (axis, i)| flat * axis.len() + i)
+}
+
+/// The entry of index axes with this number.
+fn unflat(axes: &[Axis], mut flat: usize) -> Vec<usize> {
+    let mut index: Vec<usize> = axes.iter().rev().map(|axis| (flat % axis.len(), flat /= axis.len()).0).collect();
+    index.reverse();
+    index
+}
+
+fn unfit<T>(message: impl Into<String>) -> Result<T, PreviewError> {
+    Err(PreviewError::Unfit(message.into()))
+}
+
+#[cfg(test)]
+mod tests;

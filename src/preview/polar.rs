@@ -1,0 +1,361 @@
+//! Polar diagrams: the intensity of a luminaire in two planes, a phase function by scattering angle.
+
+use super::PreviewError;
+use super::canvas::{AXIS, Canvas, GRID, Hold, Ink, PAPER, Point, TEXT};
+use super::channels::Channels;
+use super::encode::encoded;
+use super::scale::{short, step};
+use super::viewing::Viewing;
+use crate::domain::colour::map_to_gamut;
+use crate::domain::{Axis, Direction, Unit};
+use crate::evaluate::{Interpolation, Material, Place};
+
+/// What has no colour is drawn in this.
+const NEUTRAL: Ink = [0.66, 0.72, 0.82];
+/// Scattered light spans more than this: its radius is logarithmic.
+const LINEAR_SPAN: f64 = 12.0;
+/// Decades of a logarithmic radius, at most.
+const DECADES: f64 = 4.0;
+
+/// A diagram's place: where its middle is, and how long a radius of 1 is.
+struct Dial {
+    centre: Point,
+    radius: f64,
+}
+
+impl Dial {
+    /// The point at a radius of 0..=1 and an angle in degrees, 0 downward, counter-clockwise.
+    fn at(&self, r: f64, degrees: f64) -> Point {
+        let (sin, cos) = libm::sincos(degrees.to_radians());
+        [self.centre[0] + self.radius * r * sin, self.centre[1] + self.radius * r * cos]
+    }
+}
+
+/// The intensity of entry `index` of a luminaire in the planes C 0°–180° (filled) and C 90°–270° (dashed): gamma 0° is down.
+pub(super) fn luminaire(
+    material: &Material,
+    index: &[usize],
+    channels: &Channels,
+    viewing: &Viewing,
+    size: usize,
+) -> Result<Vec<u8>, PreviewError> {
+    let amount = Amount::of(material, viewing);
+    let mut spectrum = vec![0.0; material.lambdas()];
+    let mut light = [0.0_f64; 3];
+    let mut planes = [Vec::new(), Vec::new()];
+    for (plane, values) in planes.iter_mut().enumerate() {
+        // From −180° to 180°: gamma in the plane C, and in the one across for negative angles.
+        for angle in -180..=180_i32 {
+            let c = 90.0 * plane as f64 + if angle < 0 { 180.0 } else { 0.0 };
+            let wo = Direction::from_luminaire_degrees(c, f64::from(angle.abs()));
+            material.spectrum(Place { index, wi: None, wo: Some(wo) }, Interpolation::Smooth, &mut spectrum)?;
+            let value = amount.of_spectrum(&spectrum);
+            if value.is_finite() && value > 0.0 {
+                let rgb = channels.linear(&spectrum);
+                light = [0, 1, 2].map(|k| light[k] + f64::from(if rgb[k].is_nan() { 0.0 } else { rgb[k] }));
+            }
+            values.push(value);
+        }
+    }
+    let largest = planes.iter().flatten().copied().filter(|v| v.is_finite()).fold(0.0, f64::max);
+    if largest <= 0.0 {
+        return Err(crate::domain::colour::ColourError::Dark.into());
+    }
+    // Where little goes up, the middle moves up.
+    let up = planes.iter().flat_map(|p| p.iter().enumerate()).filter(|(i, _)| (*i as i32 - 180).abs() > 100);
+    let up = up.map(|(_, v)| *v).filter(|v| v.is_finite()).fold(0.0, f64::max);
+    let half = up < 0.04 * largest;
+    let mut canvas = Canvas::new(size);
+    let whole = canvas.size();
+    let dial = dial(&canvas, half, &planes, largest);
+    let (lines, wide) = (canvas.stroke(1.0), canvas.stroke(2.0));
+    // Rings up to the corners.
+    let rings = step(largest, 4);
+    let farthest = whole * if half { 1.4 } else { 0.9 } / dial.radius * largest;
+    for ring in (1..64).map(|i| f64::from(i) * rings).take_while(|r| *r <= farthest) {
+        canvas.circle(dial.centre, dial.radius * ring / largest, lines, GRID);
+    }
+    for angle in (0..360).step_by(30) {
+        canvas.segment(dial.at(0.0, 0.0), dial.at(4.0, f64::from(angle)), lines, GRID);
+    }
+    let ink = ink_of(light, channels.coloured());
+    let point = |i: usize, v: f64| dial.at(v.max(0.0) / largest, i as f64 - 180.0);
+    let outline: Vec<Point> =
+        planes[0].iter().enumerate().map(|(i, v)| point(i, if v.is_finite() { *v } else { 0.0 })).collect();
+    let line = |plane: &[f64]| -> Vec<Option<Point>> {
+        plane.iter().enumerate().map(|(i, v)| v.is_finite().then(|| point(i, *v))).collect()
+    };
+    canvas.fill(&outline, |_| (ink, 0.38));
+    dashed(&mut canvas, &line(&planes[1]), wide, mixed(ink, TEXT, 0.45));
+    canvas.line(&line(&planes[0]), wide, ink);
+    canvas.segment(dial.at(0.0, 0.0), dial.at(0.0, 0.0), 2.0 * wide, AXIS);
+    label_angles(&mut canvas, &dial, half);
+    // Along 15°, where rays are not.
+    let shown = (1..64).map(|i| f64::from(i) * rings).take_while(|r| *r <= 1.05 * largest);
+    for ring in shown {
+        canvas.label(dial.at(ring / largest, 15.0), Hold::Middle, &short(ring), TEXT);
+    }
+    legend(&mut canvas, amount.unit, &[("C0-180", false), ("C90-270", true)]);
+    canvas.finish()
+}
+
+/// The phase function of entry `index`, by the angle between the light's way in and its way out: 0° is straight on, to the
+/// right. Each direction has the colour of what goes there.
+pub(super) fn phase(
+    material: &Material,
+    index: &[usize],
+    channels: &Channels,
+    size: usize,
+) -> Result<Vec<u8>, PreviewError> {
+    let layout = material.layout();
+    let axes = material.axes();
+    let wi = layout.incoming.map(|axis| super::colours::normal(&axes[axis]));
+    let mut spectrum = vec![0.0; material.lambdas()];
+    // 0..360°; wi points to the source, so straight on is −wi. The curve is the mean over wavelengths.
+    let mut values = Vec::new();
+    let mut inks = Vec::new();
+    for angle in 0..=360_u32 {
+        let wo = Direction::from_degrees(
+            180.0 - f64::from(if angle > 180 { 360 - angle } else { angle }),
+            if angle > 180 { 180.0 } else { 0.0 },
+        );
+        material.spectrum(Place { index, wi, wo: Some(wo) }, Interpolation::Smooth, &mut spectrum)?;
+        let measured: Vec<f64> = spectrum.iter().filter(|v| !v.is_nan()).map(|v| f64::from(*v)).collect();
+        values.push(measured.iter().sum::<f64>() / measured.len() as f64);
+        inks.push(ink_of(channels.linear(&spectrum).map(f64::from), channels.coloured()));
+    }
+    let positive = || values.iter().copied().filter(|v| v.is_finite() && *v > 0.0);
+    let (smallest, largest) = (positive().fold(f64::INFINITY, f64::min), positive().fold(0.0, f64::max));
+    if largest <= 0.0 {
+        return Err(crate::domain::colour::ColourError::Dark.into());
+    }
+    let logarithmic = largest > LINEAR_SPAN * smallest;
+    let mut canvas = Canvas::new(size);
+    let whole = canvas.size();
+    let dial = Dial { centre: [0.5 * whole, 0.5 * whole], radius: 0.40 * whole };
+    let (low, high) = if logarithmic {
+        let high = libm::ceil(libm::log10(largest) - 1e-9);
+        (libm::floor(libm::log10(smallest) + 1e-9).max(high - DECADES) - 0.5, high)
+    } else {
+        (0.0, largest)
+    };
+    let radius = |v: f64| {
+        let v = if logarithmic { libm::log10(v.max(1e-300)) } else { v };
+        ((v - low) / (high - low)).clamp(0.0, 1.0)
+    };
+    // 0° to the right: the dial's angles start downward.
+    let at = |r: f64, degrees: f64| dial.at(r, degrees + 90.0);
+    let (lines, wide) = (canvas.stroke(1.0), canvas.stroke(2.0));
+    let rings: Vec<f64> = if logarithmic {
+        (0..=16).map(|i| libm::ceil(low) + f64::from(i)).take_while(|r| *r <= high).collect()
+    } else {
+        let step = step(largest, 4);
+        (1..16).map(|i| f64::from(i) * step).take_while(|r| *r <= 1.05 * largest).collect()
+    };
+    let of_ring = |ring: f64| (ring - low) / (high - low) * dial.radius;
+    for &ring in &rings {
+        canvas.circle(dial.centre, of_ring(ring), lines, GRID);
+    }
+    for angle in (0..360).step_by(30) {
+        canvas.segment(dial.centre, at(1.0, f64::from(angle)), lines, GRID);
+    }
+    let outline: Vec<Option<Point>> =
+        values.iter().enumerate().map(|(i, v)| v.is_finite().then(|| at(radius(*v), i as f64))).collect();
+    for (i, pair) in outline.windows(2).enumerate() {
+        if let &[Some(a), Some(b)] = pair {
+            let ink = inks[i];
+            canvas.fill(&[dial.centre, a, b], |_| (ink, 0.55));
+        }
+    }
+    for (i, pair) in outline.windows(2).enumerate() {
+        if let &[Some(a), Some(b)] = pair {
+            canvas.segment(a, b, wide, inks[i]);
+        }
+    }
+    arrow(&mut canvas, &dial);
+    for angle in (0..360_u32).step_by(30) {
+        let shown = if angle > 180 { 360 - angle } else { angle };
+        canvas.label(at(1.13, f64::from(angle)), Hold::Middle, &format!("{shown}°"), TEXT);
+    }
+    for &ring in &rings {
+        let value = if logarithmic { libm::pow(10.0, ring) } else { ring };
+        canvas.label(at((ring - low) / (high - low), 75.0), Hold::Middle, &short(value), TEXT);
+    }
+    legend(&mut canvas, symbol(material.unit()), &[]);
+    canvas.finish()
+}
+
+/// The unit in the upper left corner, what lines mean in the upper right one.
+fn legend(canvas: &mut Canvas, unit: &str, lines: &[(&str, bool)]) {
+    let (_, height) = canvas.extent("0");
+    let whole = canvas.size();
+    canvas.label([4.0, 0.5 * height + 4.0], Hold::Left, unit, TEXT);
+    if !canvas.is_labelled() {
+        return;
+    }
+    for (i, (name, is_dashed)) in lines.iter().enumerate() {
+        let y = 0.5 * height + 4.0 + i as f64 * 1.5 * height;
+        canvas.label([whole - 3.0, y], Hold::Right, name, TEXT);
+        let (width, _) = canvas.extent("C90-270");
+        let (end, stroke) = (whole - width - 6.0, canvas.stroke(1.5));
+        let points = [Some([end - 9.0 * stroke, y]), Some([end, y])];
+        if *is_dashed { dashed(canvas, &points, stroke, TEXT) } else { canvas.line(&points, stroke, TEXT) }
+    }
+}
+
+/// The light's way in, from the left to the middle.
+fn arrow(canvas: &mut Canvas, dial: &Dial) {
+    let width = canvas.stroke(1.5);
+    let at = |r: f64, across: f64| [dial.centre[0] - dial.radius * r, dial.centre[1] + dial.radius * across];
+    canvas.segment(at(0.98, 0.0), at(0.06, 0.0), width, TEXT);
+    canvas.fill(&[at(0.0, 0.0), at(0.09, 0.04), at(0.09, -0.04)], |_| (TEXT, 1.0));
+}
+
+/// What a luminaire's spectrum is drawn as.
+enum Sum {
+    /// Photometric.
+    Luminous(Vec<f32>),
+    /// Per nm, over wavelengths.
+    Integral(Vec<f64>),
+    Mean,
+}
+
+struct Amount {
+    sum: Sum,
+    unit: &'static str,
+}
+
+impl Amount {
+    fn of(material: &Material, viewing: &Viewing) -> Self {
+        let unit = material.unit();
+        let Some(Axis::Wavelength(grid)) = material.axes().last() else {
+            return Self { sum: Sum::Mean, unit: symbol(unit) };
+        };
+        let watts = match unit {
+            Unit::WattPerSteradianNanometre => Some(1.0),
+            Unit::MilliwattPerSteradianNanometre => Some(1e-3),
+            Unit::MicrowattPerSteradianNanometre => Some(1e-6),
+            _ => None,
+        };
+        if let (Some(watts), true, Ok(weights)) = (watts, viewing.is_photometric(), viewing.emission(grid)) {
+            let weights = weights.weights().iter().map(|w| (watts * w[1]) as f32).collect();
+            return Self { sum: Sum::Luminous(weights), unit: "cd" };
+        }
+        let summed = match unit {
+            Unit::WattPerSteradianNanometre => "W/sr",
+            Unit::MilliwattPerSteradianNanometre => "mW/sr",
+            Unit::MicrowattPerSteradianNanometre => "uW/sr",
+            Unit::MicromolePerSecondSteradianNanometre => "umol/s/sr",
+            Unit::RelativePerNanometre => "relative",
+            other => return Self { sum: Sum::Mean, unit: symbol(other) },
+        };
+        Self { sum: Sum::Integral(grid.weights()), unit: summed }
+    }
+
+    /// NaN where all is masked.
+    fn of_spectrum(&self, spectrum: &[f32]) -> f64 {
+        let weight = |i: usize| match &self.sum {
+            Sum::Luminous(weights) => f64::from(weights[i]),
+            Sum::Integral(weights) => weights[i],
+            Sum::Mean => 1.0 / spectrum.len() as f64,
+        };
+        let measured = spectrum.iter().enumerate().filter(|(_, v)| !v.is_nan());
+        let (sum, count) = measured.fold((0.0, 0), |(sum, n), (i, v)| (sum + weight(i) * f64::from(*v), n + 1));
+        if count > 0 { sum } else { f64::NAN }
+    }
+}
+
+fn symbol(unit: Unit) -> &'static str {
+    match unit {
+        Unit::One => "",
+        other => other.name(),
+    }
+}
+
+/// The dial that makes the curves as large as there is room beside the labels.
+fn dial(canvas: &Canvas, half: bool, planes: &[Vec<f64>; 2], largest: f64) -> Dial {
+    let whole = canvas.size();
+    let (text, height) = if canvas.is_labelled() { canvas.extent("180°") } else { (0.0, 0.0) };
+    let centre = if half { [0.5 * whole, 0.13 * whole + height] } else { [0.5 * whole, 0.5 * whole] };
+    let unit = Dial { centre: [0.0, 0.0], radius: 1.0 };
+    let room = [0.5 * whole - text - 6.0, whole - centre[1] - height - 8.0, centre[1] - height - 8.0];
+    let mut radius = whole;
+    for (i, v) in planes.iter().flat_map(|p| p.iter().enumerate()) {
+        if v.is_finite() && *v > 0.0 {
+            let [x, y] = unit.at(v / largest, i as f64 - 180.0);
+            let (down, above) = (y.max(1e-9), (-y).max(1e-9));
+            radius = radius.min(room[0] / x.abs().max(1e-9)).min(room[1] / down).min(room[2] / above);
+        }
+    }
+    Dial { centre, radius }
+}
+
+/// Angles at the ends of the rays, along the edge of the picture.
+fn label_angles(canvas: &mut Canvas, dial: &Dial, half: bool) {
+    let whole = canvas.size();
+    let (_, height) = canvas.extent("0");
+    let (inset, side) = (0.5 * height + 4.0, 4.0);
+    for angle in (0..360_u32).step_by(30) {
+        let shown = if angle > 180 { 360 - angle } else { angle };
+        // The legend is where 150° would be.
+        if shown == 150 || half && shown > 90 {
+            continue;
+        }
+        let (sin, cos) = libm::sincos(f64::from(angle).to_radians());
+        // To the nearest edge along the ray.
+        let room = |c: f64, s: f64, inset: f64| {
+            if s > 1e-9 {
+                (whole - inset - c) / s
+            } else if s < -1e-9 {
+                (inset - c) / s
+            } else {
+                f64::INFINITY
+            }
+        };
+        let (across, along) = (room(dial.centre[0], sin, side), room(dial.centre[1], cos, inset));
+        let t = across.min(along);
+        let at = [dial.centre[0] + t * sin, dial.centre[1] + t * cos];
+        let hold = if along <= across {
+            Hold::Middle
+        } else if sin > 0.0 {
+            Hold::Right
+        } else {
+            Hold::Left
+        };
+        canvas.label(at, hold, &format!("{shown}°"), TEXT);
+    }
+}
+
+fn dashed(canvas: &mut Canvas, points: &[Option<Point>], width: f64, ink: Ink) {
+    let (on, off) = (3.0 * width, 2.5 * width);
+    let mut travelled = 0.0;
+    for pair in points.windows(2) {
+        let &[Some(a), Some(b)] = pair else { continue };
+        let length = libm::hypot(b[0] - a[0], b[1] - a[1]);
+        let pieces = (length / (0.5 * width)).ceil().max(1.0);
+        for i in 0..pieces as usize {
+            let at = |t: f64| [a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t];
+            let (s, t) = (i as f64 / pieces, (i + 1) as f64 / pieces);
+            if (travelled + s * length) % (on + off) < on {
+                canvas.segment(at(s), at(t), width, ink);
+            }
+        }
+        travelled += length;
+    }
+}
+
+/// The colour of light as ink: as bright as it can be, on dark paper.
+fn ink_of(light: [f64; 3], coloured: bool) -> Ink {
+    let brightest = light.iter().copied().fold(0.0, f64::max);
+    if !coloured || brightest <= 0.0 || light.iter().any(|c| c.is_nan()) {
+        return NEUTRAL;
+    }
+    let ink = encoded(map_to_gamut(light.map(|c| 0.9 * c / brightest)));
+    // Deep blue would be lost on the paper.
+    let seen = ink.iter().sum::<f32>() / 3.0;
+    if seen < 0.35 { mixed(ink, TEXT, f64::from(0.35 - seen)) } else { ink }
+}
+
+fn mixed(a: Ink, b: Ink, t: f64) -> Ink {
+    [0, 1, 2].map(|k| a[k] + (b[k] - a[k]) * t as f32).map(|c| c.max(PAPER[0]))
+}

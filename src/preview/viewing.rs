@@ -1,0 +1,121 @@
+//! By whom and in which light a material is looked at.
+
+use crate::domain::colour::{
+    Adaptation, ColourError, Curve, Illuminant, Observer, StandardObserver, TableError, Tristimulus, Xyz,
+};
+use crate::domain::{Axis, Tensor, WavelengthGrid};
+
+/// An illuminant and an observer, with the names that they are reported under.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Viewing {
+    illuminant: String,
+    power: Curve,
+    observer: String,
+    functions: Observer,
+}
+
+impl Default for Viewing {
+    /// D65, and the CIE 1931 2° observer.
+    fn default() -> Self {
+        Self::standard(Illuminant::default(), StandardObserver::default())
+    }
+}
+
+impl Viewing {
+    /// A standard illuminant, and a standard observer.
+    pub fn standard(illuminant: Illuminant, observer: StandardObserver) -> Self {
+        Self {
+            illuminant: illuminant.name().to_owned(),
+            power: illuminant.power().clone(),
+            observer: observer.name().to_owned(),
+            functions: Observer::standard(observer).clone(),
+        }
+    }
+
+    /// The same under another light: a table `[lambda]`, or the column of a table `[index, lambda]`, by name or by number
+    /// from 1. It must have luminance.
+    pub fn under(mut self, name: &str, table: &Tensor, column: Option<&str>) -> Result<Self, TableError> {
+        self.power = Curve::of_tensor(table, position(table, column)?)?;
+        self.illuminant = column.map_or_else(|| name.to_owned(), |column| format!("{name}, {column}"));
+        self.check()
+    }
+
+    /// The same seen by another observer: a table of x̄, ȳ and z̄, `[3, lambda]`.
+    pub fn seen_by(mut self, name: &str, table: &Tensor) -> Result<Self, TableError> {
+        self.functions = Observer::of_tensor(table)?;
+        name.clone_into(&mut self.observer);
+        self.check()
+    }
+
+    /// The illuminant's name.
+    pub fn illuminant(&self) -> &str {
+        &self.illuminant
+    }
+
+    /// The observer's name.
+    pub fn observer(&self) -> &str {
+        &self.observer
+    }
+
+    /// The observer.
+    pub fn functions(&self) -> &Observer {
+        &self.functions
+    }
+
+    /// Whether the illuminant is D65, which RGB data are already seen under.
+    pub(super) fn is_d65(&self) -> bool {
+        self.power == *Illuminant::D65.power()
+    }
+
+    /// Whether Y of an emission is photometric: only ȳ of 1931 is V(λ).
+    pub(super) fn is_photometric(&self) -> bool {
+        self.functions == *Observer::cie_1931()
+    }
+
+    /// XYZ of reflectances; the perfect reflector has Y = 100.
+    pub(super) fn reflectance(&self, grid: &WavelengthGrid) -> Result<Tristimulus, ColourError> {
+        Tristimulus::reflectance_by(grid, &self.power, &self.functions)
+    }
+
+    /// XYZ of lights, 683 lm/W.
+    pub(super) fn emission(&self, grid: &WavelengthGrid) -> Result<Tristimulus, ColourError> {
+        Tristimulus::emission_by(grid, &self.functions)
+    }
+
+    /// The perfect diffuser, Y = 100.
+    pub(super) fn white(&self) -> Result<Xyz, ColourError> {
+        Ok(self.reflectance(&every_nanometre()?)?.white())
+    }
+
+    /// From `white` to the white of sRGB.
+    pub(super) fn adaptation(white: Xyz) -> Result<Adaptation, ColourError> {
+        // The white of the table, not the rounded one of the standard's matrix, so that D65 is not changed at all.
+        Ok(Adaptation::between(white, Tristimulus::reflectance(&every_nanometre()?, Illuminant::D65)?.white()))
+    }
+
+    fn check(self) -> Result<Self, TableError> {
+        let white = self.white()?;
+        if white.x > 0.0 && white.y > 0.0 && white.z >= 0.0 { Ok(self) } else { Err(ColourError::Dark.into()) }
+    }
+}
+
+fn position(table: &Tensor, column: Option<&str>) -> Result<usize, TableError> {
+    let (count, labels) = match table.axes().first() {
+        Some(Axis::Index { count, labels }) => (*count, labels.as_slice()),
+        _ => (1, &[][..]),
+    };
+    let Some(wanted) = column.map(str::trim) else {
+        let several = || TableError::Shape(format!("{count} columns, expected one, or the name of one"));
+        return if count == 1 { Ok(0) } else { Err(several()) };
+    };
+    let by_name = labels.iter().position(|label| label == wanted);
+    let by_number = || wanted.parse().ok().filter(|n| (1..=count).contains(n)).map(|n| n - 1);
+    by_name.or_else(by_number).ok_or_else(|| {
+        let shown: String = wanted.chars().take(40).collect();
+        TableError::Shape(format!("no column `{shown}`, expected a number from 1 to {count} or a name in the table"))
+    })
+}
+
+fn every_nanometre() -> Result<WavelengthGrid, ColourError> {
+    WavelengthGrid::even(380.0, 1.0, 401).map_err(|_| ColourError::NoWavelengths)
+}
