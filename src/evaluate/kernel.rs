@@ -6,11 +6,11 @@
 pub(super) const LANES: usize = 16;
 
 /// eˣ to 2 units in the last place for −87 … 88; 0 below and the largest finite power above.
-#[inline(always)]
+#[inline]
 pub(super) fn exp(x: f32) -> f32 {
     const LOG2_E: f32 = std::f32::consts::LOG2_E;
     // ln 2 in two parts, the first with few bits, so that its multiples are exact (Cody & Waite 1980).
-    const LN2_HIGH: f32 = 0.693_359_375;
+    const LN2_HIGH: f32 = 0.693_359_4;
     const LN2_LOW: f32 = -2.121_944_4e-4;
     // Adding 1.5 · 2²³ rounds to an integer, which is then in the low bits.
     const ROUND: f32 = 12_582_912.0;
@@ -24,14 +24,14 @@ pub(super) fn exp(x: f32) -> f32 {
     let p = p * r + 8.333_452e-3;
     let p = p * r + 4.166_579_6e-2;
     let p = p * r + 1.666_666_5e-1;
-    let p = p * r + 5.000_000_1e-1;
+    let p = p * r + 0.5;
     let value = p * (r * r) + r + 1.0;
     let power = f32::from_bits((shifted.to_bits().wrapping_add(127)) << 23);
     if x < -87.0 { 0.0 } else { value * power }
 }
 
 /// Σ cₖ bₖ + mean for one block of wavelengths: `basis` is `[vector][lane]`, the mean first.
-#[inline(always)]
+#[inline]
 pub(super) fn combine(coefficients: &[f32], basis: &[f32]) -> [f32; LANES] {
     let (mean, vectors) = basis.split_at(LANES);
     let mut sum: [f32; LANES] = std::array::from_fn(|lane| mean[lane]);

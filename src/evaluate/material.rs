@@ -39,7 +39,7 @@ pub struct Material {
 #[derive(Debug)]
 pub(super) enum Form {
     /// A few planes, and smooth tables.
-    Planes { planes: Planes, smooth: Smooth },
+    Planes { planes: Box<Planes>, smooth: Box<Smooth> },
     /// Every sample.
     Samples { samples: Vec<f32>, has_masked: bool },
 }
@@ -140,7 +140,16 @@ impl Material {
         };
         let entries = indices.iter().product();
         let candidates = alignment.map_or_else(|| candidates(measurement.quantity), |alignment| vec![alignment]);
-        let form = form(&measurement, shape[2], outgoing.as_deref(), nodes, entries, &candidates);
+        let axes = axes.to_vec();
+        let (quantity, unit) = (measurement.quantity, measurement.unit);
+        let found = planes(&measurement, shape[2], outgoing.as_deref(), nodes, entries, &candidates);
+        let form = if let Some((planes, smooth)) = found {
+            Form::Planes { planes: Box::new(planes), smooth: Box::new(smooth) }
+        } else {
+            let samples = measurement.tensor.into_samples();
+            let has_masked = samples.iter().any(|s| s.is_nan());
+            Form::Samples { samples, has_masked }
+        };
         let incoming_directions = match &incoming {
             Incoming::None => vec![[0.0, 0.0, 1.0]],
             Incoming::Triangles(lookup) => {
@@ -152,9 +161,9 @@ impl Material {
             }
         };
         let mut material = Self {
-            quantity: measurement.quantity,
-            unit: measurement.unit,
-            axes: axes.to_vec(),
+            quantity,
+            unit,
+            axes,
             layout: layout.clone(),
             summary: None,
             indices,
@@ -209,7 +218,7 @@ impl Material {
     /// What the opened form is made of.
     pub fn report(&self) -> OpenedReport {
         let (planes, deviation, smooth) = match &self.form {
-            Form::Planes { planes, smooth } => (Some(planes.planes), planes.deviation, Some(smooth)),
+            Form::Planes { planes, smooth } => (Some(planes.count), planes.deviation, Some(&**smooth)),
             Form::Samples { .. } => (None, 0.0, None),
         };
         OpenedReport {
@@ -376,24 +385,21 @@ fn candidates(quantity: Quantity) -> Vec<Alignment> {
     }
 }
 
-/// Planes where a few hold the samples, otherwise the samples.
-fn form(
+/// Planes and their smooth tables, where a few planes hold the samples.
+fn planes(
     measurement: &Measurement,
     lambdas: usize,
     outgoing: Option<&MeshLookup>,
     nodes: Nodes,
     entries: usize,
     candidates: &[Alignment],
-) -> Form {
-    let samples = measurement.tensor.samples();
-    if let Some((lookup, planes)) = outgoing.and_then(|lookup| Some((lookup, Planes::of(samples, lambdas)?)))
-        && let cells = Cells::new(lookup.mesh(), measurement.sampling == Sampling::Average)
-        && let Some(smooth) =
-            Smooth::new(&planes, &cells, lookup, nodes, entries, candidates, measurement.quantity.has_cosine())
-    {
-        return Form::Planes { planes, smooth };
-    }
-    Form::Samples { samples: samples.to_vec(), has_masked: samples.iter().any(|s| s.is_nan()) }
+) -> Option<(Planes, Smooth)> {
+    let lookup = outgoing?;
+    let planes = Planes::of(measurement.tensor.samples(), lambdas)?;
+    let cells = Cells::new(lookup.mesh(), measurement.sampling == Sampling::Average);
+    let has_cosine = measurement.quantity.has_cosine();
+    let smooth = Smooth::new(&planes, &cells, lookup, nodes, entries, candidates, has_cosine)?;
+    Some((planes, smooth))
 }
 
 /// `direction` turned about `+z` by the angle with this cosine and sine.

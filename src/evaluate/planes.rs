@@ -32,8 +32,8 @@ pub(super) enum Cell {
 pub(super) struct Planes {
     pub(super) logarithms: bool,
     pub(super) lambdas: usize,
-    /// Coefficients that are used, and how many stand in a row: a multiple of 4.
-    pub(super) planes: usize,
+    /// Planes that are used, and how many stand in a row: a multiple of 4.
+    pub(super) count: usize,
     pub(super) width: usize,
     /// `[block of wavelengths][mean, then planes][lane]`.
     blocks: Vec<f32>,
@@ -78,7 +78,7 @@ impl Planes {
         let mut built = Self {
             logarithms: !signed,
             lambdas,
-            planes,
+            count: planes,
             width,
             blocks: Vec::new(),
             columns: (0..lambdas).flat_map(|l| vectors.iter().map(move |v| v[l] as f32)).collect(),
@@ -110,19 +110,19 @@ impl Planes {
     /// The coefficients of a spectrum of values (logarithms, or samples), as they stand in planes.
     fn project(&self, values: &[f32], row: &mut [f32]) {
         let mut sums = [0.0_f64; MOST_PLANES];
-        for ((value, mean), column) in values.iter().zip(&self.mean).zip(self.columns.chunks_exact(self.planes)) {
+        for ((value, mean), column) in values.iter().zip(&self.mean).zip(self.columns.chunks_exact(self.count)) {
             if *mean > DARK {
                 for (sum, &b) in sums.iter_mut().zip(column) {
                     *sum += f64::from(value - mean) * f64::from(b);
                 }
             }
         }
-        row.iter_mut().zip(&sums[..self.planes]).for_each(|(c, &sum)| *c = sum as f32);
+        row.iter_mut().zip(&sums[..self.count]).for_each(|(c, &sum)| *c = sum as f32);
     }
 
     /// Σ over wavelengths of bᵢ bⱼ bₖ: what the product of planes j and k adds to plane i.
     pub(super) fn coupling(&self) -> Vec<f64> {
-        let n = self.planes;
+        let n = self.count;
         let mut coupling = vec![0.0; n * n * n];
         for (column, _) in self.columns.chunks_exact(n).zip(&self.mean).filter(|(_, mean)| **mean > DARK) {
             for (place, sum) in coupling.iter_mut().enumerate() {
@@ -182,7 +182,7 @@ impl Planes {
     /// Logarithm or sample of one wavelength.
     #[inline]
     pub(super) fn value(&self, row: &[f32], lambda: usize) -> f32 {
-        let column = &self.columns[lambda * self.planes..][..self.planes];
+        let column = &self.columns[lambda * self.count..][..self.count];
         self.mean[lambda] + row.iter().zip(column).map(|(c, b)| c * b).sum::<f32>()
     }
 
@@ -196,14 +196,14 @@ impl Planes {
     /// The whole spectrum of `row`, times `scale`.
     #[inline]
     pub(super) fn spectrum(&self, row: &[f32], scale: f32, out: &mut [f32]) {
-        let row = &row[..self.planes];
-        let stride = (self.planes + 1) * LANES;
+        let row = &row[..self.count];
+        let stride = (self.count + 1) * LANES;
         for (block, out) in self.blocks.chunks_exact(stride).zip(out.chunks_mut(LANES)) {
             let mut values = combine(row, block);
             if self.logarithms {
-                values.iter_mut().for_each(|v| *v = exp(*v));
+                values = values.map(exp);
             }
-            values.iter_mut().for_each(|v| *v *= scale);
+            values = values.map(|v| v * scale);
             out.copy_from_slice(&values[..out.len()]);
         }
     }
@@ -216,7 +216,7 @@ impl Planes {
             *value = self.value(row, lambda);
         }
         if self.logarithms {
-            values.iter_mut().for_each(|v| *v = exp(*v));
+            values = values.map(exp);
         }
         values.map(|v| v * scale)
     }
@@ -233,13 +233,13 @@ impl Planes {
 
     /// The inner product of the whole spectrum with weights.
     pub(super) fn weighted(&self, row: &[f32], weights: &[f32]) -> f32 {
-        let row = &row[..self.planes];
-        let stride = (self.planes + 1) * LANES;
+        let row = &row[..self.count];
+        let stride = (self.count + 1) * LANES;
         let mut sum = 0.0;
         for (block, weights) in self.blocks.chunks_exact(stride).zip(weights.chunks(LANES)) {
             let mut values = combine(row, block);
             if self.logarithms {
-                values.iter_mut().for_each(|v| *v = exp(*v));
+                values = values.map(exp);
             }
             sum += values.iter().zip(weights).map(|(v, w)| v * w).sum::<f32>();
         }
@@ -288,7 +288,9 @@ fn orthonormalise(vectors: &mut Vec<Vec<f64>>) {
         let left: f64 = vector.iter().map(|x| x * x).sum();
         if left > 1e-12 * before && left > 0.0 {
             let length = left.sqrt();
-            vector.iter_mut().for_each(|x| *x /= length);
+            for x in &mut vector {
+                *x /= length;
+            }
             done.push(vector);
         }
     }

@@ -139,15 +139,13 @@ impl Smooth {
         }
         smooth.alignment = best.1;
         smooth.left_out = smooth.left_out(planes, &nodes, own, entries, &directions);
-        if let Some(error) = smooth.left_out {
-            if best.1 == Alignment::Rotation && error < ALIKE && own > 1 {
-                let first = nodes.direction(0);
-                nodes = Nodes::Same(first);
-                let cell = outgoing * smooth.width;
-                smooth.values = smooth.values.chunks_exact(own * cell).flat_map(|c| &c[..cell]).copied().collect();
-                smooth.presence =
-                    smooth.presence.chunks_exact(own * outgoing).flat_map(|c| &c[..outgoing]).copied().collect();
-            }
+        let alike = smooth.left_out.is_some_and(|error| error < ALIKE);
+        if alike && best.1 == Alignment::Rotation {
+            nodes = Nodes::Same(nodes.direction(0));
+            let cell = outgoing * smooth.width;
+            smooth.values = smooth.values.chunks_exact(own * cell).flat_map(|c| &c[..cell]).copied().collect();
+            smooth.presence =
+                smooth.presence.chunks_exact(own * outgoing).flat_map(|c| &c[..outgoing]).copied().collect();
         }
         smooth.add_nodes_between(&nodes, entries, &directions);
         smooth.node_count = nodes.counts().0;
@@ -164,7 +162,7 @@ impl Smooth {
         incoming: usize,
     ) -> (Vec<f32>, Vec<[f32; 2]>) {
         let leaves = lookup.mesh().len();
-        let (width, used) = (self.width, planes.planes);
+        let (width, used) = (self.width, planes.count);
         let whole = node_weights(cells, lookup, self.elements, None);
         let coupling = planes.coupling();
         let mut values = vec![0.0; incoming * self.elements.len() * width];
@@ -175,7 +173,7 @@ impl Smooth {
             let own = (!all_live).then(|| node_weights(cells, lookup, self.elements, Some(&is_live)));
             let weights = own.as_ref().unwrap_or(&whole);
             let mut averages: Vec<f32> =
-                (0..leaves).flat_map(|cell| &planes.row(entry * leaves + cell)[..]).copied().collect();
+                (0..leaves).flat_map(|cell| planes.row(entry * leaves + cell)).copied().collect();
             apply(weights, &averages, width, table);
             if !planes.logarithms {
                 return;
@@ -288,8 +286,8 @@ impl Smooth {
                 let (mut light, mut first, mut second) = (0.0, 0.0, 0.0);
                 for d in directions.iter().step_by(stride) {
                     let (there, worth) = carried(alignment, self.domain, from, to, *d);
-                    let here = self.brightness(planes, &self.looked_up(entry * own + node, *d));
-                    let there = self.brightness(planes, &self.looked_up(entry * own + other, there));
+                    let here = brightness(planes, &self.looked_up(entry * own + node, *d));
+                    let there = brightness(planes, &self.looked_up(entry * own + other, there));
                     if here > 0.0 && there > 0.0 && worth > 0.5 {
                         // By the square of the light: lobes decide, not what lies around them.
                         let weight = here * here * self.measure(*d);
@@ -306,13 +304,6 @@ impl Smooth {
         // The geometric mean, or pairs at grazing incidence, where the height of lobes changes most, would have all the say.
         let (logarithms, count) = sums.iter().fold((0.0, 0.0), |sum: (f64, f64), s| (sum.0 + s.0, sum.1 + s.1));
         if count > 0.0 { libm::exp(logarithms / count) - NO_CHANGE } else { 0.0 }
-    }
-
-    /// The mean of three wavelengths.
-    fn brightness(&self, planes: &Planes, mixed: &Mixed) -> f64 {
-        let row = &mixed.row[..planes.planes];
-        let sum: f32 = [1, 2, 3].iter().map(|quarter| planes.sample(row, quarter * (planes.lambdas - 1) / 4)).sum();
-        f64::from(mixed.presence * sum)
     }
 
     fn measure(&self, d: Vector) -> f64 {
@@ -346,8 +337,8 @@ impl Smooth {
                         carried(self.alignment, self.domain, wi, nodes.direction(other), directions[d]);
                     mix.add(self.looked_up(entry * own + other, there), weight * worth);
                 }
-                let found = self.brightness(planes, &self.looked_up(entry * own + node, directions[d]));
-                let predicted = self.brightness(planes, &mix.finish());
+                let found = brightness(planes, &self.looked_up(entry * own + node, directions[d]));
+                let predicted = brightness(planes, &mix.finish());
                 let measure = self.measure(directions[d]);
                 if found.is_nan() || predicted.is_nan() {
                     (0.0, 0.0)
@@ -460,7 +451,7 @@ impl Smooth {
         }
     }
 
-    #[inline(always)]
+    #[inline]
     fn gather_in<const WIDTH: usize>(&self, found: &Lookup) -> Mixed {
         let rows = self.values.as_chunks::<WIDTH>().0;
         let (mut sum, mut live, mut known) = ([0.0; WIDTH], 0.0, 0.0);
@@ -539,11 +530,18 @@ impl Mixture {
         let mut row = self.row;
         if self.live > NO_LIGHT {
             let share = 1.0 / self.live;
-            row.iter_mut().for_each(|v| *v *= share);
+            row = row.map(|v| v * share);
         }
         let presence = if self.live > NO_LIGHT { (self.live / self.known).clamp(0.0, 1.0) } else { 0.0 };
         Mixed { row, presence: if self.known > NO_LIGHT { presence } else { f32::NAN } }
     }
+}
+
+/// The mean of three wavelengths.
+fn brightness(planes: &Planes, mixed: &Mixed) -> f64 {
+    let row = &mixed.row[..planes.count];
+    let sum: f32 = [1, 2, 3].iter().map(|quarter| planes.sample(row, quarter * (planes.lambdas - 1) / 4)).sum();
+    f64::from(mixed.presence * sum)
 }
 
 /// Node values from averages `[cell][width]`.

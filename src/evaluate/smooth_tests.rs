@@ -161,13 +161,13 @@ fn carried_densities_integrate_to_one_and_their_samples_have_the_smooth_albedo()
                 let side = 64;
                 let mut sum = 0.0;
                 for k in 0..side * side {
-                    let u = [(k / side) as f64, (k % side) as f64].map(|c| (c + 0.5) / side as f64);
+                    let u = [k / side, k % side].map(|c| (f64::from(c) + 0.5) / f64::from(side));
                     let drawn = m.sample(&[], wi, u, options).unwrap().unwrap();
                     let pdf = m.pdf(&[], wi, drawn.direction, options).unwrap();
                     assert!((drawn.pdf - pdf).abs() < 1e-6 * pdf, "{} {pdf}", drawn.pdf);
                     sum += drawn.weight;
                 }
-                let estimate = sum / (side * side) as f64;
+                let estimate = sum / f64::from(side * side);
                 assert!((estimate / albedo - 1.0).abs() < 0.06, "{alignment:?} {theta} {estimate} {albedo}");
             }
         }

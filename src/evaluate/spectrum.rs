@@ -19,6 +19,7 @@ struct Rows {
 }
 
 /// What there is at a place, before it becomes a spectrum.
+#[allow(clippy::large_enum_variant, reason = "it lives on the stack for a moment: a query does not allocate")]
 enum Found<'a> {
     /// Outside the outgoing domain.
     Outside,
@@ -120,13 +121,12 @@ impl Material {
             if weight > 0.0 { sum * all / weight } else { 0.0 }
         };
         Ok(match self.find(place, how)? {
-            Found::Outside => 0.0,
             Found::Cell(row) => known(&|lambda| row[lambda]),
             Found::Rows(rows) => known(&|lambda| self.sample_of(&rows, lambda)),
             Found::Planes(planes, mixed) if mixed.presence > 0.0 => {
                 planes.weighted(&mixed.row, weights) * mixed.presence
             }
-            Found::Planes(..) => 0.0,
+            Found::Planes(..) | Found::Outside => 0.0,
         })
     }
 
@@ -345,7 +345,7 @@ fn few(
         let (below, t) = found.unwrap_or((if lambda < grid.at(0) { 0 } else { last }, 0.0));
         (around[2 * i], around[2 * i + 1], shares[i]) = (below, (below + 1).min(last), t as f32);
     }
-    let samples = planes.few(&mixed.row[..planes.planes], mixed.presence, &around[..2 * wavelengths.len()]);
+    let samples = planes.few(&mixed.row[..planes.count], mixed.presence, &around[..2 * wavelengths.len()]);
     for (i, (value, &lambda)) in out.iter_mut().zip(wavelengths).enumerate() {
         *value = match beyond {
             _ if within[i] => samples[2 * i] + shares[i] * (samples[2 * i + 1] - samples[2 * i]),

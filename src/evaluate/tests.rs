@@ -305,7 +305,7 @@ fn cell(m: &Material, cell: usize) -> Vec<f32> {
 }
 
 fn m_row(m: &Material, row: usize) -> &[f32] {
-    &samples(&m)[row * m.lambdas()..][..m.lambdas()]
+    &samples(m)[row * m.lambdas()..][..m.lambdas()]
 }
 
 #[test]
