@@ -93,7 +93,7 @@ impl BitCoder for Encoder {
 }
 
 /// Reads decisions from bytes; past their end it reads zeros.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Decoder<'a> {
     bytes: &'a [u8],
     position: usize,

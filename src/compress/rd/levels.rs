@@ -134,8 +134,9 @@ pub(crate) fn insert(parts: &mut Parts, measurement: &Measurement) -> Result<(),
     let representatives = orbits.iter().max().map_or(0, |&last| last as usize + 1);
     let mut index = LevelIndex { entries: Vec::new(), brightness: &[] };
     let mut steps = Vec::new();
+    let levels = predictive::Levels::new(&header.axes, classes.as_deref(), header.step, chunks)?;
     for level in 0..finest.mesh.level() {
-        let (mut decoded, end) = averages_at(header, classes.as_deref(), chunks, level)?;
+        let (mut decoded, end) = averages_at(header, classes.as_deref(), &levels, level);
         let original = finest.averages(measurement.tensor.samples(), level);
         let grid = finest.at(level);
         let wanted = grid.brightness(header.quantity, &original, &orbits, representatives);
@@ -173,7 +174,8 @@ pub(crate) fn level_samples(
     index: &LevelIndex<'_>,
     level: u8,
 ) -> Result<Vec<f32>, CodecError> {
-    let (mut samples, _) = averages_at(header, classes, chunks, level)?;
+    let levels = predictive::Levels::new(&header.axes, classes, header.step, chunks)?;
+    let (mut samples, _) = averages_at(header, classes, &levels, level);
     if let Some(finest) = Grid::of(&header.axes) {
         let orbits = predictive::orbits(&header.axes, chunks.1)?;
         let representatives = orbits.iter().max().map_or(0, |&last| last as usize + 1);
@@ -206,17 +208,15 @@ fn coarser(mesh: TriangleMesh, level: u8) -> TriangleMesh {
 fn averages_at(
     header: &Header,
     classes: Option<&[Class]>,
-    chunks: (Option<&[u8]>, &[u8]),
+    levels: &predictive::Levels<'_>,
     level: u8,
-) -> Result<(Vec<f32>, usize), CodecError> {
-    let finish = Some(header.values());
-    let (mut samples, end) =
-        predictive::decode(&header.axes, classes, header.step, chunks, usize::from(level), finish)?;
+) -> (Vec<f32>, usize) {
+    let (mut samples, end) = levels.decode(usize::from(level), Some(header.values()));
     if let Some(classes) = classes {
         apply_classes(classes, &mut samples);
     }
     let averages = Grid::of(&header.axes).map_or_else(Vec::new, |grid| grid.averages(&samples, level));
-    Ok((averages, end))
+    (averages, end)
 }
 
 /// A tensor as outer entries, triangles, entries between, and samples of a row.

@@ -15,7 +15,7 @@
 
 mod decode;
 
-pub(crate) use decode::{decode, decode_block, is_random};
+pub(crate) use decode::{Levels, decode, decode_block, is_random};
 
 use super::super::SpectralBasis;
 use super::super::values::Values;

@@ -312,3 +312,30 @@ fn auto_stops_at_the_noise_and_is_nearer_to_the_truth() {
     let clean = compress(&truth, &settings(Target::Auto, Policy::Rd), &Silent);
     assert!(matches!(clean, Err(CompressError::Setting(text)) if text.contains("auto")));
 }
+
+#[test]
+fn a_step_is_taken_as_it_is_and_errors_fall_with_it() {
+    for m in kinds() {
+        let at = |step: f64| check_file(&m, &settings(Target::Step(step), Policy::Rd));
+        let (fine, coarse) = (at(0.01), at(0.3));
+        assert!(fine.bytes.len() > coarse.bytes.len());
+        assert!(fine.summary.errors.er_l1 <= coarse.summary.errors.er_l1);
+        assert!(fine.summary.errors.relative_rmse < 0.05, "{:?}", fine.summary.errors);
+    }
+}
+
+#[test]
+fn a_step_needs_a_quantiser_and_a_size() {
+    let m = measurement(Quantity::Reflectance, vec![index(3), wavelengths(40)], 0.01);
+    for (target, policy) in [
+        (Target::Step(0.1), Policy::Conventional),
+        (Target::Step(0.1), Policy::Lossless),
+        (Target::Step(0.0), Policy::Rd),
+        (Target::Step(-1.0), Policy::Rd),
+        (Target::Step(f64::NAN), Policy::Rd),
+        (Target::Step(11.0), Policy::Rd),
+    ] {
+        let refused = compress(&m, &settings(target, policy), &Silent);
+        assert!(matches!(refused, Err(CompressError::Setting(_))), "{target:?}");
+    }
+}

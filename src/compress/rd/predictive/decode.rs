@@ -24,40 +24,96 @@ pub(crate) fn decode(
     finest: usize,
     finish: Option<Values>,
 ) -> Result<(Vec<f32>, usize), CodecError> {
-    let mut opened = Opened::new(axes, step, chunks)?;
+    let opened = Opened::new(axes, step, chunks)?;
+    if opened.opening.random {
+        return Ok((decode_random(opened, classes, step, finest, finish)?, chunks.1.len()));
+    }
+    Ok(Levels::of(opened, classes, step)?.decode(finest, finish))
+}
+
+/// All blocks of a pyramid that are decoded by themselves.
+fn decode_random(
+    mut opened: Opened<'_>,
+    classes: Option<&[Class]>,
+    step: f32,
+    finest: usize,
+    finish: Option<Values>,
+) -> Result<Vec<f32>, CodecError> {
+    if finest < usize::from(opened.shape.mesh().level()) {
+        return Err(opened.r.malformed("blocks decoded by themselves have no coarser levels"));
+    }
     let (fineness, count) = ((step, opened.vectors()), opened.representatives.len());
-    let plane = opened.shape.leaves();
-    let no_details = || vec![0.0; count * fineness.1 * plane];
-    let (coefficients, mut decoded, end) = if opened.opening.random {
-        if finest < usize::from(opened.shape.mesh().level()) {
+    let streams = opened.streams()?;
+    let coefficients = opened.coefficients(&mut Decoder::new(streams.model()), step);
+    let mut decoded = if opened.opening.alone {
+        opened.no_details()
+    } else {
+        let pyramid = opened.pyramid(classes, 0..count);
+        let block = |k: usize| pyramid.code(&mut streams.block(k), fineness, k..k + 1, None, finest).0;
+        (0..count).into_par_iter().flat_map_iter(block).collect()
+    };
+    if let Some(model) = opened.model(&coefficients, 0..count) {
+        add_model(&mut decoded, &model);
+    }
+    Ok(opened.synthesise(&decoded, finish))
+}
+
+/// A pyramid of one stream, opened as far as all its levels have in common.
+pub(crate) struct Levels<'a> {
+    opened: Opened<'a>,
+    step: f32,
+    /// Of the model.
+    coefficients: Vec<f64>,
+    /// The model's planes, where they are kept for several levels.
+    model: Option<Vec<f32>>,
+    pyramid: Option<Pyramid>,
+    /// Where the pyramid begins, and the bytes in front of its stream.
+    decoder: Decoder<'a>,
+    start: usize,
+}
+
+impl<'a> Levels<'a> {
+    /// Ready to decode several levels.
+    pub(crate) fn new(
+        axes: &[Axis],
+        classes: Option<&[Class]>,
+        step: f32,
+        chunks: (Option<&[u8]>, &'a [u8]),
+    ) -> Result<Self, CodecError> {
+        let opened = Opened::new(axes, step, chunks)?;
+        if opened.opening.random {
             return Err(opened.r.malformed("blocks decoded by themselves have no coarser levels"));
         }
-        let streams = opened.streams()?;
-        let coefficients = opened.coefficients(&mut Decoder::new(streams.model()), step);
-        let decoded = if opened.opening.alone {
-            no_details()
-        } else {
-            let pyramid = opened.pyramid(classes, 0..count);
-            let block = |k: usize| pyramid.code(&mut streams.block(k), fineness, k..k + 1, None, finest).0;
-            (0..count).into_par_iter().flat_map_iter(block).collect()
-        };
-        (coefficients, decoded, opened.r.offset())
-    } else {
+        let mut levels = Self::of(opened, classes, step)?;
+        levels.model = levels.opened.model(&levels.coefficients, 0..levels.opened.representatives.len());
+        Ok(levels)
+    }
+
+    fn of(mut opened: Opened<'a>, classes: Option<&[Class]>, step: f32) -> Result<Self, CodecError> {
         let start = opened.r.offset();
         let mut decoder = Decoder::new(opened.r.take(opened.r.remaining(), "pyramid")?);
         let coefficients = opened.coefficients(&mut decoder, step);
-        let decoded = if opened.opening.alone {
-            no_details()
-        } else {
-            opened.pyramid(classes, 0..count).code(&mut decoder, fineness, 0..count, None, finest).0
+        let all = 0..opened.representatives.len();
+        let pyramid = (!opened.opening.alone).then(|| opened.pyramid(classes, all));
+        Ok(Self { opened, step, coefficients, model: None, pyramid, decoder, start })
+    }
+
+    /// What [`decode`] gives.
+    pub(crate) fn decode(&self, finest: usize, finish: Option<Values>) -> (Vec<f32>, usize) {
+        let opened = &self.opened;
+        let (fineness, all) = ((self.step, opened.vectors()), 0..opened.representatives.len());
+        let mut decoder = self.decoder.clone();
+        let mut decoded = match &self.pyramid {
+            Some(pyramid) => pyramid.code(&mut decoder, fineness, all.clone(), None, finest).0,
+            None => opened.no_details(),
         };
-        (coefficients, decoded, start + decoder.position())
-    };
-    add_model(&mut decoded, opened.model(coefficients, 0..count));
-    let mut logs = vec![0.0; axes.iter().map(Axis::len).product()];
-    let Opened { shape, opening, representatives, basis, .. } = &opened;
-    synthesise(shape, &opening.group, representatives, (basis.as_ref(), &decoded), finish, &mut logs);
-    Ok((logs, end))
+        if let Some(model) = &self.model {
+            add_model(&mut decoded, model);
+        } else if let Some(model) = opened.model(&self.coefficients, all) {
+            add_model(&mut decoded, &model);
+        }
+        (opened.synthesise(&decoded, finish), self.start + decoder.position())
+    }
 }
 
 /// The logarithms of one block, bit for bit those that [`decode`] has: `[leaves, length]`; nothing else is decoded but the
@@ -85,7 +141,9 @@ pub(crate) fn decode_block(
         let pyramid = opened.pyramid(classes, k..k + 1);
         pyramid.code(&mut streams.block(k), (step, vectors), 0..1, None, usize::MAX).0
     };
-    add_model(&mut decoded, opened.model(coefficients, k..k + 1));
+    if let Some(model) = opened.model(&coefficients, k..k + 1) {
+        add_model(&mut decoded, &model);
+    }
     let mut rows = vec![0.0; leaves * n];
     synthesise_rows(opened.basis.as_ref(), leaves, &decoded, &mut rows);
     let mut logs = vec![0.0; rows.len()];
@@ -145,8 +203,21 @@ impl<'a> Opened<'a> {
     }
 
     /// The model's planes of some representatives.
-    fn model(&self, coefficients: Vec<f64>, representatives: Range<usize>) -> Option<Vec<f32>> {
-        self.chart.as_ref().map(|chart| chart.evaluate(coefficients, self.vectors(), representatives))
+    fn model(&self, coefficients: &[f64], representatives: Range<usize>) -> Option<Vec<f32>> {
+        self.chart.as_ref().map(|chart| chart.evaluate(coefficients.to_vec(), self.vectors(), representatives))
+    }
+
+    /// Planes of a pyramid that there is none of.
+    fn no_details(&self) -> Vec<f32> {
+        vec![0.0; self.representatives.len() * self.vectors() * self.shape.leaves()]
+    }
+
+    /// All logarithms, or with `finish` all magnitudes.
+    fn synthesise(&self, planes: &[f32], finish: Option<Values>) -> Vec<f32> {
+        let mut logs = vec![0.0; self.shape.rows() * self.shape.length()];
+        let basis = self.basis.as_ref();
+        synthesise(&self.shape, &self.opening.group, &self.representatives, (basis, planes), finish, &mut logs);
+        logs
     }
 
     /// The model's coefficients.
@@ -162,9 +233,6 @@ impl<'a> Opened<'a> {
     }
 }
 
-/// Adds the model, if there is one.
-fn add_model(decoded: &mut [f32], model: Option<Vec<f32>>) {
-    if let Some(model) = model {
-        decoded.iter_mut().zip(model).for_each(|(x, m)| *x += m);
-    }
+fn add_model(decoded: &mut [f32], model: &[f32]) {
+    decoded.iter_mut().zip(model).for_each(|(x, m)| *x += m);
 }
