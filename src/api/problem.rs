@@ -62,6 +62,7 @@ kinds! {
     BadBody = BAD_REQUEST, "bad-body", "The body is not what it says it is";
     InvalidRequest = UNPROCESSABLE_ENTITY, "invalid-request", "The request is well-formed and asks for what cannot be";
     UnsupportedMediaType = UNSUPPORTED_MEDIA_TYPE, "unsupported-media-type", "The body is of another media type";
+    NotAcceptable = NOT_ACCEPTABLE, "not-acceptable", "No answer is of an accepted media type";
     UnsupportedEncoding = UNSUPPORTED_MEDIA_TYPE, "unsupported-encoding", "The content coding is not known here";
     TooLarge = PAYLOAD_TOO_LARGE, "too-large", "The body is larger than the limit";
     DecompressionRatio = PAYLOAD_TOO_LARGE, "decompression-ratio", "The body decodes to suspiciously much";
@@ -91,6 +92,12 @@ kinds! {
     Internal = INTERNAL_SERVER_ERROR, "internal", "A bug of the service";
 }
 
+impl ProblemBody {
+    pub(crate) fn detail(&self) -> &str {
+        &self.detail
+    }
+}
+
 impl Problem {
     pub(crate) fn new(kind: Kind, detail: impl Into<String>) -> Self {
         Self { kind, detail: detail.into(), header: None }
@@ -98,6 +105,12 @@ impl Problem {
 
     pub(crate) fn with(mut self, name: header::HeaderName, value: &str) -> Self {
         self.header = HeaderValue::from_str(value).ok().map(|value| (name, value));
+        self
+    }
+
+    /// The same problem with words on where it is.
+    pub(crate) fn at(mut self, place: &str) -> Self {
+        self.detail = format!("{place}: {}", self.detail);
         self
     }
 

@@ -1,5 +1,6 @@
 //! Listening, serving, draining.
 
+use super::content::Contents;
 use super::patient::Patient;
 use super::state::App;
 use crate::jobs::{ArchiveError, Engine, WorkConfig, run_workers};
@@ -86,6 +87,8 @@ impl Server {
         let app = App {
             uploads: Arc::new(Semaphore::new(engine.limits.uploads)),
             bodies: Arc::new(Semaphore::new((BODIES * engine.limits.json_bytes) >> 10)),
+            streams: Arc::new(Semaphore::new(engine.limits.streams)),
+            contents: Contents::new(engine.limits.content_bytes),
             engine: Arc::clone(&engine),
             stop: stop.clone(),
             metrics: metrics(),

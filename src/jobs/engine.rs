@@ -114,15 +114,27 @@ impl Engine {
         Ok(row)
     }
 
-    /// The opened form of a material that the catalog knows; opened once, however many ask at the same time.
+    /// The opened form of a material that the catalog knows; opened once, however many ask at the same time. One larger
+    /// than the whole cache is opened for each who asks.
     pub async fn material(&self, id: Digest) -> Result<Arc<Material>, Arc<OpenError>> {
-        self.opened
-            .try_get_with(id, async move {
-                let bytes = self.archive.store.get(id).await?;
-                let material = self.queries.run(move || Material::open(&bytes)).await??;
-                Ok(Arc::new(material))
-            })
-            .await
+        let opened = self.opened.entry(id).or_try_insert_with(async move {
+            let bytes = self.archive.store.get(id).await?;
+            let material = self.queries.run(move || Material::open(&bytes)).await??;
+            metrics::counter!("wavelume_materials_opened_total").increment(1);
+            Ok(Arc::new(material))
+        });
+        let opened = opened.await?;
+        // Who deletes closes what is open: what was opened meanwhile would stay.
+        if opened.is_fresh() && !matches!(self.archive.catalog.material(id).await, Ok(Some(_))) {
+            self.opened.invalidate(&id).await;
+        }
+        Ok(opened.into_value())
+    }
+
+    /// How many materials are open, and the bytes of memory they take.
+    pub async fn open_materials(&self) -> (u64, u64) {
+        self.opened.run_pending_tasks().await;
+        (self.opened.entry_count(), self.opened.weighted_size() * 1024)
     }
 
     /// A material decoded to all its samples, which nothing keeps.
