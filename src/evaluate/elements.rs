@@ -197,8 +197,7 @@ mod tests {
             assert_eq!(directions.len(), elements.len());
             for d in &directions {
                 let patch = elements.at(d.map(|x| x as f32));
-                let (best, weight) =
-                    patch.nodes.iter().zip(patch.weights).max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+                let (best, weight) = patch.nodes.iter().zip(patch.weights).max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
                 assert!((weight - 1.0).abs() < 2e-5 * 128.0, "{mesh:?} {d:?} {patch:?}");
                 let found = directions[*best as usize];
                 assert!(found.iter().zip(d).all(|(a, b)| (a - b).abs() < 1e-6), "{mesh:?} {d:?} {found:?}");

@@ -2,8 +2,8 @@
 
 use super::lookup::{MeshLookup, elevation};
 use super::reconstruct::Cells;
-use crate::domain::vector::{Vector, add, cross, dot, scale, unit};
 use crate::domain::Domain;
+use crate::domain::vector::{Vector, add, cross, dot, scale, unit};
 use std::sync::Arc;
 
 /// No cell beyond an edge of the domain.
@@ -118,7 +118,8 @@ impl Nodes {
             let at_rim = mesh.domain() != Domain::Sphere && position[2].abs() < 1e-9;
             // At the rim nothing is extrapolated: the mean of the cells there, as seen from where they are.
             if at_rim || mesh.level() == 0 {
-                let sum = |sum: Vector, (cell, weight): (usize, f32)| add(sum, scale(positions[cell], f64::from(weight)));
+                let sum =
+                    |sum: Vector, (cell, weight): (usize, f32)| add(sum, scale(positions[cell], f64::from(weight)));
                 seen_from.push(unit(lookup.ring(vertex).fold([0.0; 3], sum)));
                 sources.push(lookup.ring(vertex).collect());
             } else {
@@ -152,9 +153,7 @@ impl Nodes {
     /// The entries that make a node which is none itself: with weights that add up to 1.
     pub(super) fn sources(&self, node: usize) -> Vec<(usize, f32)> {
         match self {
-            Self::Triangles(triangles) if node >= triangles.cells => {
-                triangles.sources[node - triangles.cells].clone()
-            }
+            Self::Triangles(triangles) if node >= triangles.cells => triangles.sources[node - triangles.cells].clone(),
             _ => vec![(node, 1.0)],
         }
     }

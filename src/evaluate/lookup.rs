@@ -129,7 +129,10 @@ fn place(level: u8, cuts: &[[Vector; 3]], corners: [Vector; 3], lower: bool) -> 
             let sides = planes.map(|plane| {
                 let values = points.map(|point| dot(plane, point));
                 let slack = slack * norm(plane);
-                (values.into_iter().fold(f64::INFINITY, f64::min) - slack, values.into_iter().fold(f64::NEG_INFINITY, f64::max) + slack)
+                (
+                    values.into_iter().fold(f64::INFINITY, f64::min) - slack,
+                    values.into_iter().fold(f64::NEG_INFINITY, f64::max) + slack,
+                )
             });
             if let Some(k) = sides.iter().position(|&(low, _)| low > 0.0) {
                 below.push(4 * node + k);

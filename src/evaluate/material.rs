@@ -360,7 +360,8 @@ fn form(
     let samples = measurement.tensor.samples();
     if let Some((lookup, planes)) = outgoing.and_then(|lookup| Some((lookup, Planes::of(samples, lambdas)?)))
         && let cells = Cells::new(lookup.mesh(), measurement.sampling == Sampling::Average)
-        && let Some(smooth) = Smooth::new(&planes, &cells, lookup, nodes, entries, candidates, measurement.quantity.has_cosine())
+        && let Some(smooth) =
+            Smooth::new(&planes, &cells, lookup, nodes, entries, candidates, measurement.quantity.has_cosine())
     {
         return Form::Planes { planes, smooth };
     }

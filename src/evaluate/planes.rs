@@ -87,7 +87,8 @@ impl Planes {
             deviation: 0.0,
         };
         for start in (0..lambdas).step_by(LANES) {
-            let lane = |of: &dyn Fn(usize) -> f32| (0..LANES).map(|i| of((start + i).min(lambdas - 1))).collect::<Vec<_>>();
+            let lane =
+                |of: &dyn Fn(usize) -> f32| (0..LANES).map(|i| of((start + i).min(lambdas - 1))).collect::<Vec<_>>();
             built.blocks.extend(lane(&|l| built.mean[l]));
             for k in 0..planes {
                 built.blocks.extend(lane(&|l| built.columns[l * planes + k]));
@@ -133,8 +134,13 @@ impl Planes {
 
     fn deviation_from(&self, samples: &[f32], values: &[f32]) -> f64 {
         let largest = if self.logarithms { 1.0 } else { samples.iter().fold(0.0_f32, |m, s| m.max(s.abs())) };
-        let live: Vec<&[f32]> =
-            self.rows.chunks_exact(self.width).zip(&self.cells).filter(|(_, c)| **c == Cell::Live).map(|(r, _)| r).collect();
+        let live: Vec<&[f32]> = self
+            .rows
+            .chunks_exact(self.width)
+            .zip(&self.cells)
+            .filter(|(_, c)| **c == Cell::Live)
+            .map(|(r, _)| r)
+            .collect();
         let worst = live
             .par_iter()
             .zip(values.par_chunks_exact(self.lambdas))

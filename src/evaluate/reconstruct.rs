@@ -75,9 +75,12 @@ impl Cells {
     fn near(&self, lookup: &MeshLookup, d: Vector, is_live: impl Fn(u32) -> bool) -> (Vec<(f64, u32)>, f64) {
         let home = lookup.locate_vector(d).unwrap_or(0);
         let mut cells: Vec<u32> = std::iter::once(home as u32)
-            .chain(self.neighbours.around(home).iter().flat_map(|&j| {
-                std::iter::once(j).chain(self.neighbours.around(j as usize).iter().copied())
-            }))
+            .chain(
+                self.neighbours
+                    .around(home)
+                    .iter()
+                    .flat_map(|&j| std::iter::once(j).chain(self.neighbours.around(j as usize).iter().copied())),
+            )
             .collect();
         cells.sort_unstable();
         cells.dedup();

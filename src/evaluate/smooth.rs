@@ -128,7 +128,13 @@ impl Smooth {
     }
 
     /// Values at the outgoing nodes, for every incoming entry.
-    fn reconstruct(&self, planes: &Planes, cells: &Cells, lookup: &MeshLookup, incoming: usize) -> (Vec<f32>, Vec<[f32; 2]>) {
+    fn reconstruct(
+        &self,
+        planes: &Planes,
+        cells: &Cells,
+        lookup: &MeshLookup,
+        incoming: usize,
+    ) -> (Vec<f32>, Vec<[f32; 2]>) {
         let leaves = lookup.mesh().len();
         let (width, used) = (self.width, planes.planes);
         let whole = node_weights(cells, lookup, self.elements, None);
@@ -205,8 +211,12 @@ impl Smooth {
     fn presence_at_nodes(&self, planes: &Planes, lookup: &MeshLookup, cells: &Cells, incoming: usize) -> Vec<[f32; 2]> {
         let mesh = cells.mesh();
         let (leaves, areas) = (mesh.len(), mesh.solid_angles());
-        let around: Vec<Weights> =
-            self.elements.directions().iter().map(|&d| cells.touching(lookup, d).into_iter().map(|c| (c, areas[c as usize] as f32)).collect()).collect();
+        let around: Vec<Weights> = self
+            .elements
+            .directions()
+            .iter()
+            .map(|&d| cells.touching(lookup, d).into_iter().map(|c| (c, areas[c as usize] as f32)).collect())
+            .collect();
         let share = |entry: usize, around: &Weights| {
             let (mut live, mut known, mut all) = (0.0, 0.0, 0.0);
             for &(cell, area) in around {

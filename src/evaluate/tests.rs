@@ -195,7 +195,14 @@ fn masks_are_left_out_and_all_masked_is_masked() {
     let constant = spectrum(&m, at(None, Some(mesh(Domain::Sphere, 1).centroid(4))), Interpolation::Constant);
     assert!(constant[0] == 2.0 && constant[1].is_nan() && constant[2].is_nan());
     let mut out = [0.0; 2];
-    m.at_wavelengths(at(None, Some(angles(33.0, 44.0))), Interpolation::Smooth, Beyond::Masked, &[405.0, 400.0], &mut out).unwrap();
+    m.at_wavelengths(
+        at(None, Some(angles(33.0, 44.0))),
+        Interpolation::Smooth,
+        Beyond::Masked,
+        &[405.0, 400.0],
+        &mut out,
+    )
+    .unwrap();
     assert!(out[0].is_nan() && (out[1] - 2.0).abs() < 1e-6);
 }
 

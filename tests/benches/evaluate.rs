@@ -60,14 +60,16 @@ fn measurement(
     for &wi in &directions {
         for cell in parts.chunks_exact(16) {
             for lambda in lambdas.values() {
-                let (sum, area) = cell.iter().fold((0.0, 0.0), |(s, a), &(wo, da)| (s + da * f(wi, wo, lambda), a + da));
+                let (sum, area) =
+                    cell.iter().fold((0.0, 0.0), |(s, a), &(wo, da)| (s + da * f(wi, wo, lambda), a + da));
                 samples.push((sum / area) as f32);
             }
         }
     }
     let axes = vec![incoming, Axis::Triangles(out), Axis::Wavelength(lambdas.clone())];
     let tensor = Tensor::new(axes, samples).unwrap_or_else(|e| unreachable!("{e}"));
-    Measurement::new(Quantity::Brdf, Unit::PerSteradian, Sampling::Average, tensor).unwrap_or_else(|e| unreachable!("{e}"))
+    Measurement::new(Quantity::Brdf, Unit::PerSteradian, Sampling::Average, tensor)
+        .unwrap_or_else(|e| unreachable!("{e}"))
 }
 
 /// A sequence of points in the unit square (R2, Roberts 2018).
@@ -117,7 +119,9 @@ fn error(
 
 fn main() {
     let grid = WavelengthGrid::even(400.0, 50.0, 7).unwrap_or_else(|e| unreachable!("{e}"));
-    println!("er(L2) in % at 4,000 fresh outgoing directions (all to 80 degrees, within 20 degrees of the mirror direction)");
+    println!(
+        "er(L2) in % at 4,000 fresh outgoing directions (all to 80 degrees, within 20 degrees of the mirror direction)"
+    );
     for alpha in [0.15] {
         for level in [4] {
             let f = |wi, wo, lambda| gloss(alpha, 0.3, wi, wo, lambda);
@@ -142,12 +146,20 @@ fn main() {
     // A gap of 20 degrees between elevations.
     let f = |wi, wo, lambda| gloss(0.15, 0.3, wi, wo, lambda);
     let measured = measurement(Axis::Elevation(vec![0.0, 15.0, 35.0, 55.0, 75.0]), 5, &grid, f);
-    let between: Vec<Vector> = (0..20).map(|i| Direction::from_degrees(15.5 + i as f64, 18.0 * i as f64).xyz()).collect();
+    let between: Vec<Vector> =
+        (0..20).map(|i| Direction::from_degrees(15.5 + i as f64, 18.0 * i as f64).xyz()).collect();
     for alignment in [Alignment::None, Alignment::HalfVector] {
         let material = Material::with_alignment(measured.clone(), alignment).unwrap_or_else(|e| unreachable!("{e}"));
-        println!("gap 15-35 {alignment:?}: {:?} {:?}", error(&material, Interpolation::Smooth, &between, 0.17, f), material.report().left_out_error);
+        println!(
+            "gap 15-35 {alignment:?}: {:?} {:?}",
+            error(&material, Interpolation::Smooth, &between, 0.17, f),
+            material.report().left_out_error
+        );
     }
-    for (name, axis) in [("triangles", Axis::Triangles(mesh(Domain::Hemisphere, 1))), ("elevations", Axis::Elevation(vec![0.0, 15.0, 35.0, 55.0, 75.0]))] {
+    for (name, axis) in [
+        ("triangles", Axis::Triangles(mesh(Domain::Hemisphere, 1))),
+        ("elevations", Axis::Elevation(vec![0.0, 15.0, 35.0, 55.0, 75.0])),
+    ] {
         for (alpha, diffuse) in [(0.15, 0.3), (0.3, 0.3), (0.6, 0.5), (0.15, 0.001)] {
             let f = |wi, wo, lambda| gloss(alpha, diffuse, wi, wo, lambda);
             let material = Material::of(measurement(axis.clone(), 4, &grid, f)).unwrap_or_else(|e| unreachable!("{e}"));
@@ -164,7 +176,12 @@ fn speed() {
     let compressed = compress(&measured, &Settings::default(), &Silent).unwrap_or_else(|e| unreachable!("{e}"));
     let start = Instant::now();
     let material = Material::open(&compressed.bytes).unwrap_or_else(|e| unreachable!("{e}"));
-    println!("{} bytes, opened in {:.1} ms, {:?}", compressed.bytes.len(), start.elapsed().as_secs_f64() * 1e3, material.report());
+    println!(
+        "{} bytes, opened in {:.1} ms, {:?}",
+        compressed.bytes.len(),
+        start.elapsed().as_secs_f64() * 1e3,
+        material.report()
+    );
     let count = 4096;
     let direction = |v: Vector| Direction::new(v[0], v[1], v[2]);
     let pairs: Vec<(Option<Direction>, Option<Direction>)> =

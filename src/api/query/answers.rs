@@ -185,7 +185,9 @@ impl Answers {
         };
         match self {
             Self::Rows { values, width } => {
-                values.chunks((*width).max(1)).try_for_each(|values| write(&|out| serde_json::to_writer(out, &RowLine { values })))?;
+                values
+                    .chunks((*width).max(1))
+                    .try_for_each(|values| write(&|out| serde_json::to_writer(out, &RowLine { values })))?;
             }
             Self::Densities(densities) => {
                 densities.iter().try_for_each(|&pdf| write(&|out| serde_json::to_writer(out, &PdfLine { pdf })))?;

@@ -7,7 +7,10 @@ use super::answers::{AlbedosAnswer, EvaluateAnswer, PdfAnswer, SampleAnswer};
 use super::blocks::{Cutter, Source, cut_off};
 use super::media::Encoding;
 use super::one::json_response;
-use super::options::{AlbedoOptions, EvaluateOptions, How, Outside, PdfOptions, SampleOptions, check_wavelengths, indices, read, wavelengths};
+use super::options::{
+    AlbedoOptions, EvaluateOptions, How, Outside, PdfOptions, SampleOptions, check_wavelengths, indices, read,
+    wavelengths,
+};
 use super::places::{Line, Places};
 use super::question::Question;
 use super::read_ahead::ReadAhead;

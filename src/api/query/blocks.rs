@@ -24,7 +24,10 @@ pub(super) struct Block {
 /// Where blocks come from.
 #[derive(Debug)]
 pub(super) enum Source {
-    Listed { places: Arc<Places>, next: usize },
+    Listed {
+        places: Arc<Places>,
+        next: usize,
+    },
     Body {
         pieces: ReadAhead,
         cutter: Cutter,
@@ -176,7 +179,12 @@ mod tests {
     const WO: Directions = Directions { wi: false, wo: true };
 
     /// Every pair of a body that comes in pieces of `size` bytes, and the problem at its end.
-    async fn pairs(cutter: Cutter, body: &[u8], size: usize, most: usize) -> (Vec<super::super::places::Pair>, Option<Problem>) {
+    async fn pairs(
+        cutter: Cutter,
+        body: &[u8],
+        size: usize,
+        most: usize,
+    ) -> (Vec<super::super::places::Pair>, Option<Problem>) {
         let pieces: Vec<Result<Vec<u8>, std::io::Error>> = body.chunks(size).map(|piece| Ok(piece.to_vec())).collect();
         let body = Body::from_stream(futures::stream::iter(pieces));
         let mut source = Source::body(ReadAhead::new(body, Duration::from_secs(9)), cutter);

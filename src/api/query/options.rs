@@ -99,10 +99,7 @@ impl From<Outside> for Beyond {
 }
 
 /// A part of the query string, if it is there, read by `read`.
-pub(super) fn read<T>(
-    text: Option<&str>,
-    read: impl FnOnce(&str) -> Result<T, String>,
-) -> Result<Option<T>, Problem> {
+pub(super) fn read<T>(text: Option<&str>, read: impl FnOnce(&str) -> Result<T, String>) -> Result<Option<T>, Problem> {
     text.map(read).transpose().map_err(|detail| Problem::new(Kind::BadQuery, detail))
 }
 

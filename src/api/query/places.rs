@@ -184,7 +184,11 @@ impl Records {
             Self::Floats(directions, bytes) => {
                 let records = bytes.chunks_exact(directions.bytes());
                 let _ = records.zip(first..).all(|(record, number)| {
-                    take(floats(*directions, record).map(Some).map_err(|problem| problem.at(&format!("record {}", number + 1))))
+                    take(
+                        floats(*directions, record)
+                            .map(Some)
+                            .map_err(|problem| problem.at(&format!("record {}", number + 1))),
+                    )
                 });
             }
             Self::Lines(bytes) => {
@@ -280,7 +284,10 @@ mod tests {
         let lines = Records::Lines(Bytes::from_static(text));
         assert_eq!(pairs(&listed, 0), pairs(&floats, 0));
         assert_eq!(pairs(&listed, 0), pairs(&lines, 7));
-        assert_eq!((listed.name(0, 1), floats.name(5, 1), lines.name(7, 1)), ("pair 2".into(), "record 7".into(), "line 10".into()));
+        assert_eq!(
+            (listed.name(0, 1), floats.name(5, 1), lines.name(7, 1)),
+            ("pair 2".into(), "record 7".into(), "line 10".into())
+        );
         for records in [listed, floats, lines] {
             let whole = pairs(&records, 0);
             let parts: Vec<Pair> = records.parts(1).iter().flat_map(|part| pairs(part, 0)).collect();

@@ -83,7 +83,9 @@ impl Question {
                 let width = material.lambdas();
                 let mut values = vec![0.0; pairs.len() * width];
                 let rows = values.chunks_exact_mut(width).zip(pairs);
-                let done = Done::of(rows.map(|(row, pair)| without_wo(pair).and_then(|wi| material.albedo(index, wi, *how, row))));
+                let done = Done::of(
+                    rows.map(|(row, pair)| without_wo(pair).and_then(|wi| material.albedo(index, wi, *how, row))),
+                );
                 values.truncate(done.answers * width);
                 (Answers::Rows { values, width }, done.error)
             }

@@ -108,7 +108,8 @@ pub(super) async fn stream(
         sent = next;
     }
     let state = Sending { answered, sent, _place: place };
-    let mut response = Body::from_stream(futures::stream::try_unfold(state, move |state| state.next(encoding))).into_response();
+    let mut response =
+        Body::from_stream(futures::stream::try_unfold(state, move |state| state.next(encoding))).into_response();
     response.headers_mut().insert(header::CONTENT_TYPE, encoding.header());
     response.headers_mut().extend(bytes.map(|bytes| (header::CONTENT_LENGTH, bytes.into())));
     Ok(response)
