@@ -31,7 +31,7 @@ pub(crate) struct ProblemBody {
     /// The HTTP status.
     status: u16,
     /// What happened here.
-    detail: String,
+    pub(crate) detail: String,
 }
 
 macro_rules! kinds {
@@ -90,12 +90,6 @@ kinds! {
     WorkerLost = INTERNAL_SERVER_ERROR, "worker-lost", "The worker vanished";
     Corrupt = INTERNAL_SERVER_ERROR, "corrupt", "Stored bytes are damaged";
     Internal = INTERNAL_SERVER_ERROR, "internal", "A bug of the service";
-}
-
-impl ProblemBody {
-    pub(crate) fn detail(&self) -> &str {
-        &self.detail
-    }
 }
 
 impl Problem {

@@ -153,3 +153,31 @@ impl Engine {
         self.opened.invalidate(&id).await;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compress::{Settings, compress};
+    use crate::domain::{Axis, Measurement, Quantity, Sampling, Silent, Tensor, Unit, WavelengthGrid};
+
+    #[tokio::test]
+    async fn a_material_is_opened_once_however_many_ask_and_not_kept_when_nobody_knows_it() {
+        let data = tempfile::tempdir().unwrap();
+        let engine = Engine::open(&WorkConfig::new(data.path())).await.unwrap();
+        let grid = WavelengthGrid::even(400.0, 10.0, 8).unwrap();
+        let tensor = Tensor::new(vec![Axis::Wavelength(grid)], vec![0.5; 8]).unwrap();
+        let measurement = Measurement::new(Quantity::Spectrum, Unit::Relative, Sampling::Average, tensor).unwrap();
+        let bytes = compress(&measurement, &Settings::default(), &Silent).unwrap().bytes;
+        let staged = engine.archive.staging.stage(&bytes).unwrap();
+        engine.archive.store.publish(&staged).await.unwrap();
+        let id = Digest::of(&bytes);
+
+        let opened = futures::future::join_all((0..16).map(|_| engine.material(id))).await;
+        let first = opened[0].as_ref().unwrap();
+        assert!(opened.iter().all(|material| Arc::ptr_eq(material.as_ref().unwrap(), first)));
+        // As if it had been deleted while it was opened.
+        assert!(engine.opened(id).await.is_none());
+        assert_eq!(engine.open_materials().await, (0, 0));
+        assert!(engine.material(Digest::of(b"absent")).await.is_err());
+    }
+}

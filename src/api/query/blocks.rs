@@ -24,16 +24,16 @@ pub(super) struct Block {
 /// Where blocks come from.
 #[derive(Debug)]
 pub(super) enum Source {
-    Listed {
-        places: Arc<Places>,
-        next: usize,
-    },
-    Body {
-        pieces: ReadAhead,
-        cutter: Cutter,
-        /// No more pieces come; why, if that is a problem.
-        end: Option<Option<Problem>>,
-    },
+    Listed { places: Arc<Places>, next: usize },
+    Body { pieces: ReadAhead, cutter: Cutter, end: End },
+}
+
+/// Whether more pieces come.
+#[derive(Debug)]
+pub(super) enum End {
+    NotYet,
+    Whole,
+    Broken(Option<Problem>),
 }
 
 impl Source {
@@ -47,11 +47,13 @@ impl Source {
                 (start < *next).then_some(Ok(Block { records, first: start as u64 }))
             }
             Self::Body { pieces, cutter, end } => loop {
-                if let Some(block) = cutter.cut(most, end.is_some()) {
+                if let Some(block) = cutter.cut(most, !matches!(end, End::NotYet)) {
                     return Some(block);
                 }
-                if let Some(problem) = end {
-                    return problem.take().map(Err).or_else(|| cutter.end());
+                match end {
+                    End::NotYet => {}
+                    End::Whole => return cutter.end(),
+                    End::Broken(problem) => return problem.take().map(Err),
                 }
                 // What is there is evaluated before more is waited for.
                 let piece = match pieces.next().now_or_never() {
@@ -63,8 +65,8 @@ impl Source {
                 };
                 match piece {
                     Some(Ok(bytes)) => cutter.push(&bytes),
-                    Some(Err(problem)) => *end = Some(Some(problem)),
-                    None => *end = Some(None),
+                    Some(Err(problem)) => *end = End::Broken(Some(problem)),
+                    None => *end = End::Whole,
                 }
             },
         }
@@ -72,7 +74,7 @@ impl Source {
 
     /// The records of a body.
     pub(super) fn body(pieces: ReadAhead, cutter: Cutter) -> Self {
-        Self::Body { pieces, cutter, end: None }
+        Self::Body { pieces, cutter, end: End::NotYet }
     }
 }
 

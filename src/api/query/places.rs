@@ -159,7 +159,7 @@ impl Records {
         match self {
             Self::Listed(_, range) => range.len(),
             Self::Floats(directions, bytes) => bytes.len() / directions.bytes(),
-            Self::Lines(bytes) => bytes.iter().filter(|byte| **byte == b'\n').count(),
+            Self::Lines(bytes) => bytes.split(|byte| *byte == b'\n').count() - 1,
         }
     }
 

@@ -132,9 +132,9 @@ impl Sending {
                 // Blocks behind the problem are dropped.
                 self.answered = futures::stream::empty().boxed();
                 let problem = problem.body();
-                tracing::debug!(detail = problem.detail(), "a stream ended with a problem");
+                tracing::info!(detail = problem.detail, "a stream ended with a problem");
                 if encoding == Encoding::Floats {
-                    return Err(io::Error::other(problem.detail().to_owned()));
+                    return Err(io::Error::other(problem.detail));
                 }
                 let mut line = serde_json::to_vec(&problem)?;
                 line.push(b'\n');
