@@ -2,7 +2,7 @@
 
 use super::extract::{Id, Query};
 use super::problem::{Kind, Problem};
-use super::query::{angles, compute, indices, open};
+use super::query::{compute, direction, indices, open, read};
 use super::state::App;
 use crate::domain::colour::{Illuminant, StandardObserver, TableError};
 use crate::evaluate::Material;
@@ -94,14 +94,13 @@ struct Color {
     responses((status = 200, description = "The colours", body = ColorAnswer))
 )]
 async fn color(State(app): State<App>, Id(id): Id, Query(query): Query<ColorQuery>) -> Result<Response, Problem> {
-    let bad = |detail: String| Problem::new(Kind::BadQuery, detail);
-    let wi = query.wi.as_deref().map(|text| angles("wi", text)).transpose().map_err(bad)?;
-    let wo = query.wo.as_deref().map(|text| angles("wo", text)).transpose().map_err(bad)?;
-    let index = query.index.as_deref().map(indices).transpose().map_err(bad)?;
+    let wi = read(query.wi.as_deref(), |text| direction("wi", text))?;
+    let wo = read(query.wo.as_deref(), |text| direction("wo", text))?;
+    let index = read(query.index.as_deref(), indices)?;
     let asked = Asked::of(query.illuminant, query.illuminant_column, query.observer)?;
     let material = open(&app, id).await?;
     let sources = asked.open(&app).await?;
-    compute(&app, move |_| {
+    compute(&app, move || {
         let viewing = sources.viewing()?;
         let question = Question { index: index.as_deref(), wi, wo };
         Ok(preview::colours(&material, &question, &viewing)?)

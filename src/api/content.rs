@@ -2,12 +2,13 @@
 
 use super::problem::{Kind, Problem};
 use super::state::App;
-use crate::store::{Digest, StoreExt, WHOLE};
-use axum::body::Body;
+use crate::store::{Digest, Store, StoreExt, WHOLE};
+use axum::body::{Body, Bytes};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
-use axum::response::{IntoResponse, Response};
+use axum::response::Response;
 use std::ops::Range;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// The media type of a material.
 pub(crate) const MATERIAL: &str = "application/vnd.wavelume.material";
@@ -38,43 +39,142 @@ pub(crate) async fn respond(
 ) -> Result<Response, Problem> {
     let store = Arc::clone(&app.engine.archive.store);
     let size = store.size(digest).await?.ok_or(crate::store::StoreError::NotFound(digest))?;
-    let etag = format!("\"{digest}\"");
-    let mut response = if not_modified(headers, &etag) {
-        StatusCode::NOT_MODIFIED.into_response()
-    } else {
-        let part = if current(headers, &etag) { part(headers, size) } else { Part::Whole };
-        let (status, range) = match part {
-            Part::Whole => (StatusCode::OK, 0..size),
-            Part::Some(range) => (StatusCode::PARTIAL_CONTENT, range),
+    let labels = Labels::new(digest, media_type, file_name);
+    let asked = labels.asked(headers, size)?;
+    let body = match &asked {
+        Some((_, range)) if method != Method::HEAD => {
+            if size <= WHOLE {
+                Body::from(store.get(digest).await?.slice(range.start as usize..range.end as usize))
+            } else {
+                Body::from_stream(store.stream(digest, range.clone(), size))
+            }
+        }
+        _ => Body::empty(),
+    };
+    Ok(labels.response(size, asked, body))
+}
+
+/// What the answers for one blob have in common.
+#[derive(Clone, Debug)]
+struct Labels {
+    etag: HeaderValue,
+    media_type: HeaderValue,
+    disposition: HeaderValue,
+}
+
+impl Labels {
+    fn new(digest: Digest, media_type: &'static str, file_name: Option<&str>) -> Self {
+        let etag = HeaderValue::from_str(&format!("\"{digest}\"")).unwrap_or(HeaderValue::from_static("\"\""));
+        // Uploaded bytes are never shown as a page of this origin.
+        Self { etag, media_type: HeaderValue::from_static(media_type), disposition: disposition(file_name) }
+    }
+
+    /// The status and the range of `size` bytes that `headers` ask for; `None` for a 304.
+    fn asked(&self, headers: &HeaderMap, size: u64) -> Result<Option<(StatusCode, Range<u64>)>, Problem> {
+        let etag = self.etag.to_str().unwrap_or_default();
+        if not_modified(headers, etag) {
+            return Ok(None);
+        }
+        match if current(headers, etag) { part(headers, size) } else { Part::Whole } {
+            Part::Whole => Ok(Some((StatusCode::OK, 0..size))),
+            Part::Some(range) => Ok(Some((StatusCode::PARTIAL_CONTENT, range))),
             Part::None => {
                 let problem = Problem::new(Kind::RangeNotSatisfiable, format!("the content has {size} bytes"));
-                return Err(problem.with(header::CONTENT_RANGE, &format!("bytes */{size}")));
+                Err(problem.with(header::CONTENT_RANGE, &format!("bytes */{size}")))
             }
-        };
-        let body = if method == Method::HEAD {
-            Body::empty()
-        } else if size <= WHOLE {
-            Body::from(store.get(digest).await?.slice(range.start as usize..range.end as usize))
-        } else {
-            Body::from_stream(store.stream(digest, range.clone(), size))
-        };
-        let mut response = (status, body).into_response();
+        }
+    }
+
+    fn response(&self, size: u64, asked: Option<(StatusCode, Range<u64>)>, body: Body) -> Response {
+        let mut response = Response::new(body);
         let headers = response.headers_mut();
+        headers.insert(header::ETAG, self.etag.clone());
+        headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
+        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("public, max-age=31536000, immutable"));
+        let Some((status, range)) = asked else {
+            *response.status_mut() = StatusCode::NOT_MODIFIED;
+            return response;
+        };
         headers.insert(header::CONTENT_LENGTH, HeaderValue::from(range.end - range.start));
-        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type));
+        headers.insert(header::CONTENT_TYPE, self.media_type.clone());
+        headers.insert(header::CONTENT_DISPOSITION, self.disposition.clone());
         if status == StatusCode::PARTIAL_CONTENT {
             let text = format!("bytes {}-{}/{size}", range.start, range.end - 1);
             headers.extend(HeaderValue::from_str(&text).ok().map(|value| (header::CONTENT_RANGE, value)));
         }
-        // Uploaded bytes are never shown as a page of this origin.
-        headers.insert(header::CONTENT_DISPOSITION, disposition(file_name));
+        *response.status_mut() = status;
         response
-    };
-    let headers = response.headers_mut();
-    headers.extend(HeaderValue::from_str(&etag).ok().map(|value| (header::ETAG, value)));
-    headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
-    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("public, max-age=31536000, immutable"));
-    Ok(response)
+    }
+}
+
+/// The largest file that is kept in memory.
+const SMALL: u64 = 1 << 20;
+
+/// How long a file is kept: other processes may delete or rename it.
+const KEPT: Duration = Duration::from_mins(1);
+
+/// Small files with the headers of their answers, weighed by their bytes.
+#[derive(Clone, Debug)]
+pub(crate) struct Contents {
+    files: moka::future::Cache<Digest, Arc<Content>>,
+}
+
+/// A file that was verified when it was read.
+#[derive(Debug)]
+pub(crate) struct Content {
+    bytes: Bytes,
+    labels: Labels,
+}
+
+impl Contents {
+    pub(crate) fn new(bytes: u64) -> Self {
+        let weigh = |_: &Digest, content: &Arc<Content>| (content.bytes.len() + 512).try_into().unwrap_or(u32::MAX);
+        let files = moka::future::Cache::builder().max_capacity(bytes).weigher(weigh).time_to_live(KEPT).build();
+        Self { files }
+    }
+
+    pub(crate) async fn get(&self, digest: Digest) -> Option<Arc<Content>> {
+        self.files.get(&digest).await
+    }
+
+    /// Reads the file of a material that the catalog knows, once however many ask; `None` if it is too large to keep.
+    pub(crate) async fn keep(
+        &self,
+        store: &Arc<dyn Store>,
+        digest: Digest,
+        media_type: &'static str,
+        file_name: &str,
+    ) -> Result<Option<Arc<Content>>, Problem> {
+        let size = store.size(digest).await?.ok_or_else(|| Problem::missing(digest))?;
+        if size > SMALL {
+            return Ok(None);
+        }
+        let read = self.files.try_get_with(digest, async {
+            let bytes = store.get(digest).await?;
+            Ok::<_, Problem>(Arc::new(Content { bytes, labels: Labels::new(digest, media_type, Some(file_name)) }))
+        });
+        read.await.map(Some).map_err(|problem| (*problem).clone())
+    }
+
+    /// Forgets a deleted file.
+    pub(crate) async fn forget(&self, digest: Digest) {
+        self.files.invalidate(&digest).await;
+    }
+}
+
+impl Content {
+    /// The file, or the part, the headers or the 304 that `headers` ask for.
+    pub(crate) fn respond(&self, method: &Method, headers: &HeaderMap) -> Result<Response, Problem> {
+        let size = self.bytes.len() as u64;
+        let asked = self.labels.asked(headers, size)?;
+        let body = match &asked {
+            Some((_, range)) if method != Method::HEAD => {
+                Body::from(self.bytes.slice(range.start as usize..range.end as usize))
+            }
+            _ => Body::empty(),
+        };
+        Ok(self.labels.response(size, asked, body))
+    }
 }
 
 #[derive(Debug, PartialEq, Eq)]

@@ -41,11 +41,11 @@ pub(crate) fn cors() -> CorsLayer {
 }
 
 /// A browser says when a page of another origin makes a request. Such a page may read, and ask materials (`evaluate`,
-/// `pdf` and `sample` change nothing), but not write.
+/// `pdf`, `sample` and `albedo` change nothing), but not write.
 pub(crate) async fn same_origin_writes(request: Request, next: Next) -> Response {
     let path = request.uri().path();
     let asks = path.starts_with("/v1/materials/")
-        && ["/evaluate", "/pdf", "/sample"].iter().any(|question| path.ends_with(question));
+        && ["/evaluate", "/pdf", "/sample", "/albedo"].iter().any(|question| path.ends_with(question));
     if request.method().is_safe() || asks || !is_cross_origin(request.headers()) {
         return next.run(request).await;
     }

@@ -155,6 +155,7 @@ struct Links {
     evaluate: String,
     pdf: String,
     sample: String,
+    albedo: String,
     export: String,
     measurements: Vec<String>,
 }
@@ -198,6 +199,7 @@ async fn get_material(State(app): State<App>, Id(id): Id) -> Result<Json<Materia
 async fn delete_material(State(app): State<App>, Id(id): Id) -> Result<StatusCode, Problem> {
     let status = deleted(app.engine.archive.catalog.delete_material(id).await?, &absent(id))?;
     app.engine.close_material(id).await;
+    app.contents.forget(id).await;
     Ok(status)
 }
 
@@ -216,8 +218,14 @@ async fn get_material_content(
     headers: HeaderMap,
     Id(id): Id,
 ) -> Result<Response, Problem> {
+    if let Some(content) = app.contents.get(id).await {
+        return content.respond(&method, &headers);
+    }
     let row = row(&app, id).await?;
     let name = format!("{}.wlm", row.name.as_deref().unwrap_or(&id.to_string()[..15]));
+    if let Some(content) = app.contents.keep(&app.engine.archive.store, id, MATERIAL, &name).await? {
+        return content.respond(&method, &headers);
+    }
     content::respond_named(&app, id, MATERIAL, Some(&name), &method, &headers).await
 }
 
@@ -269,6 +277,7 @@ impl Material {
                 evaluate: format!("{this}/evaluate"),
                 pdf: format!("{this}/pdf"),
                 sample: format!("{this}/sample"),
+                albedo: format!("{this}/albedo"),
                 export: format!("{this}/export?format=npy"),
                 measurements: row.measurements.iter().map(|id| format!("/v1/measurements/{id}")).collect(),
                 this,

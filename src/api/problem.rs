@@ -32,7 +32,7 @@ pub(crate) struct ProblemBody {
     /// The HTTP status.
     status: u16,
     /// What happened here.
-    detail: String,
+    pub(crate) detail: String,
 }
 
 macro_rules! kinds {
@@ -63,6 +63,7 @@ kinds! {
     BadBody = BAD_REQUEST, "bad-body", "The body is not what it says it is";
     InvalidRequest = UNPROCESSABLE_ENTITY, "invalid-request", "The request is well-formed and asks for what cannot be";
     UnsupportedMediaType = UNSUPPORTED_MEDIA_TYPE, "unsupported-media-type", "The body is of another media type";
+    NotAcceptable = NOT_ACCEPTABLE, "not-acceptable", "No answer is of an accepted media type";
     UnsupportedEncoding = UNSUPPORTED_MEDIA_TYPE, "unsupported-encoding", "The content coding is not known here";
     TooLarge = PAYLOAD_TOO_LARGE, "too-large", "The body is larger than the limit";
     DecompressionRatio = PAYLOAD_TOO_LARGE, "decompression-ratio", "The body decodes to suspiciously much";
@@ -99,6 +100,12 @@ impl Problem {
 
     pub(crate) fn with(mut self, name: header::HeaderName, value: &str) -> Self {
         self.header = HeaderValue::from_str(value).ok().map(|value| (name, value));
+        self
+    }
+
+    /// The same problem with words on where it is.
+    pub(crate) fn at(mut self, place: &str) -> Self {
+        self.detail = format!("{place}: {}", self.detail);
         self
     }
 

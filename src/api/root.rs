@@ -77,6 +77,11 @@ async fn metrics_page(State(app): State<App>) -> Result<Response, Problem> {
     }
     let free = app.uploads.available_permits();
     metrics::gauge!("wavelume_uploads_running").set((app.engine.limits.uploads - free) as f64);
+    let free = app.streams.available_permits();
+    metrics::gauge!("wavelume_streams_running").set((app.engine.limits.streams - free) as f64);
+    let (count, bytes) = app.engine.open_materials().await;
+    metrics::gauge!("wavelume_opened_materials").set(count as f64);
+    metrics::gauge!("wavelume_opened_bytes").set(bytes as f64);
     let text = app.metrics.as_ref().map(|handle| {
         handle.run_upkeep();
         handle.render()

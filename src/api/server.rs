@@ -1,5 +1,6 @@
 //! Listening, serving, draining.
 
+use super::content::Contents;
 use super::patient::Patient;
 use super::state::App;
 use crate::jobs::{ArchiveError, Engine, WorkConfig, run_workers};
@@ -15,6 +16,7 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
+use tokio_util::task::AbortOnDropHandle;
 
 /// Connections at the same time; more wait in the system's queue.
 const CONNECTIONS: usize = 2048;
@@ -86,6 +88,8 @@ impl Server {
         let app = App {
             uploads: Arc::new(Semaphore::new(engine.limits.uploads)),
             bodies: Arc::new(Semaphore::new((BODIES * engine.limits.json_bytes) >> 10)),
+            streams: Arc::new(Semaphore::new(engine.limits.streams)),
+            contents: Contents::new(engine.limits.content_bytes),
             engine: Arc::clone(&engine),
             stop: stop.clone(),
             metrics: metrics(),
@@ -96,6 +100,7 @@ impl Server {
             let (engine, stop) = (Arc::clone(&engine), stop.clone());
             async move { run_workers(&engine, workers, &stop).await }
         });
+        let figures = app.metrics.clone().map(|metrics| AbortOnDropHandle::new(tokio::spawn(keep_up(metrics))));
         let connections = accept(&listener, app, &stop, shutdown).await;
         drop(listener);
         tracing::info!("stopping: running requests and jobs may end");
@@ -107,6 +112,7 @@ impl Server {
         if let Err(error) = working.await {
             tracing::error!(%error, "the workers ended badly");
         }
+        drop(figures);
         engine.archive.catalog.close().await;
         tracing::info!("stopped");
         Ok(())
@@ -170,6 +176,14 @@ async fn accept(
     }
     stop.cancel();
     connections
+}
+
+/// Histograms keep every duration until somebody folds them.
+async fn keep_up(metrics: PrometheusHandle) {
+    loop {
+        tokio::time::sleep(Duration::from_secs(5)).await;
+        metrics.run_upkeep();
+    }
 }
 
 /// The process has one recorder of metrics; the first service installs it.

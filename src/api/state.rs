@@ -1,5 +1,6 @@
 //! What every handler shares.
 
+use super::content::Contents;
 use crate::jobs::Engine;
 use metrics_exporter_prometheus::PrometheusHandle;
 use std::sync::Arc;
@@ -14,6 +15,10 @@ pub(crate) struct App {
     pub(crate) uploads: Arc<Semaphore>,
     /// KiB of JSON bodies that may be in memory.
     pub(crate) bodies: Arc<Semaphore>,
+    /// Batches that may be answered as streams at the same time.
+    pub(crate) streams: Arc<Semaphore>,
+    /// Small material files that were asked for lately.
+    pub(crate) contents: Contents,
     /// The service is stopping: streams end.
     pub(crate) stop: CancellationToken,
     /// `None` where another recorder of metrics was installed in this process.

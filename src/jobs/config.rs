@@ -40,8 +40,14 @@ pub struct Limits {
     pub batch: usize,
     /// Values in one answer: pairs × wavelengths.
     pub values: usize,
+    /// Batches that are answered as streams at the same time; more get 503.
+    pub streams: usize,
+    /// Directions drawn in one streamed answer.
+    pub drawn: usize,
     /// Bytes of opened materials that are kept.
     pub opened_bytes: u64,
+    /// Bytes of small material files that are kept beside the store.
+    pub content_bytes: u64,
     /// Jobs that may wait.
     pub queued_jobs: u64,
     /// Attempts before a job is dead.
@@ -70,7 +76,10 @@ impl Default for Limits {
             queries: 64,
             batch: 1_000_000,
             values: 4_000_000,
+            streams: 16,
+            drawn: 1_000_000_000,
             opened_bytes: 512 << 20,
+            content_bytes: 64 << 20,
             queued_jobs: 10_000,
             attempts: 5,
             lease: Duration::from_secs(30),

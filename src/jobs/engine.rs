@@ -114,15 +114,27 @@ impl Engine {
         Ok(row)
     }
 
-    /// The opened form of a material that the catalog knows; opened once, however many ask at the same time.
+    /// The opened form of a material that the catalog knows; opened once, however many ask at the same time. One larger
+    /// than the whole cache is opened for each who asks.
     pub async fn material(&self, id: Digest) -> Result<Arc<Material>, Arc<OpenError>> {
-        self.opened
-            .try_get_with(id, async move {
-                let bytes = self.archive.store.get(id).await?;
-                let material = self.queries.run(move || Material::open(&bytes)).await??;
-                Ok(Arc::new(material))
-            })
-            .await
+        let opened = self.opened.entry(id).or_try_insert_with(async move {
+            let bytes = self.archive.store.get(id).await?;
+            let material = self.queries.run(move || Material::open(&bytes)).await??;
+            metrics::counter!("wavelume_materials_opened_total").increment(1);
+            Ok(Arc::new(material))
+        });
+        let opened = opened.await?;
+        // Who deletes closes what is open: what was opened meanwhile would stay.
+        if opened.is_fresh() && !matches!(self.archive.catalog.material(id).await, Ok(Some(_))) {
+            self.opened.invalidate(&id).await;
+        }
+        Ok(opened.into_value())
+    }
+
+    /// How many materials are open, and the bytes of memory they take.
+    pub async fn open_materials(&self) -> (u64, u64) {
+        self.opened.run_pending_tasks().await;
+        (self.opened.entry_count(), self.opened.weighted_size() * 1024)
     }
 
     /// A material decoded to all its samples, which nothing keeps.
@@ -139,5 +151,33 @@ impl Engine {
     /// Forgets the opened form of a deleted material.
     pub(crate) async fn close_material(&self, id: Digest) {
         self.opened.invalidate(&id).await;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compress::{Settings, compress};
+    use crate::domain::{Axis, Measurement, Quantity, Sampling, Silent, Tensor, Unit, WavelengthGrid};
+
+    #[tokio::test]
+    async fn a_material_is_opened_once_however_many_ask_and_not_kept_when_nobody_knows_it() {
+        let data = tempfile::tempdir().unwrap();
+        let engine = Engine::open(&WorkConfig::new(data.path())).await.unwrap();
+        let grid = WavelengthGrid::even(400.0, 10.0, 8).unwrap();
+        let tensor = Tensor::new(vec![Axis::Wavelength(grid)], vec![0.5; 8]).unwrap();
+        let measurement = Measurement::new(Quantity::Spectrum, Unit::Relative, Sampling::Average, tensor).unwrap();
+        let bytes = compress(&measurement, &Settings::default(), &Silent).unwrap().bytes;
+        let staged = engine.archive.staging.stage(&bytes).unwrap();
+        engine.archive.store.publish(&staged).await.unwrap();
+        let id = Digest::of(&bytes);
+
+        let opened = futures::future::join_all((0..16).map(|_| engine.material(id))).await;
+        let first = opened[0].as_ref().unwrap();
+        assert!(opened.iter().all(|material| Arc::ptr_eq(material.as_ref().unwrap(), first)));
+        // As if it had been deleted while it was opened.
+        assert!(engine.opened(id).await.is_none());
+        assert_eq!(engine.open_materials().await, (0, 0));
+        assert!(engine.material(Digest::of(b"absent")).await.is_err());
     }
 }

@@ -53,10 +53,29 @@ impl Maths {
         let admission = Arc::clone(&self.admitted).try_acquire_owned().map_err(|_| MathsError::Busy)?;
         let turn = tokio::time::timeout(self.patience, Arc::clone(&self.running).acquire_owned()).await;
         let Ok(Ok(turn)) = turn else { return Err(MathsError::Busy) };
+        self.spawn((turn, admission), work).await
+    }
+
+    /// Runs `work` on the pool when its turn comes, however long that takes: for callers that bound by themselves how many
+    /// wait. Whoever calls must go on polling, because a turn that has come is held until it is taken.
+    pub async fn run_in_turn<T: Send + 'static>(
+        &self,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, MathsError> {
+        let turn = Arc::clone(&self.running).acquire_owned().await.map_err(|_| MathsError::Busy)?;
+        self.spawn(turn, work).await
+    }
+
+    /// Runs `work` and holds `place` until it ends.
+    async fn spawn<T: Send + 'static>(
+        &self,
+        place: impl Send + 'static,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, MathsError> {
         let (send, receive) = oneshot::channel();
         self.pool.spawn(move || {
             let result = catch_unwind(AssertUnwindSafe(work));
-            drop((turn, admission));
+            drop(place);
             // Nobody waits any more: the result is dropped.
             let _ = send.send(result);
         });

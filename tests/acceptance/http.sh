@@ -85,6 +85,24 @@ drawn=$(call -H 'Content-Type: application/json' -d '{"count":5,"seed":1}' "$bas
 pdf=$(printf '%s' "$drawn" | sed -E 's/.*"pdf" *: *\[([^]]*)\].*/\1/' | tr ',' '\n' | grep -c .)
 is "samples" "$pdf" 5
 
+# Batches as lines and as f32: a pair in, an answer out.
+lines() { printf '{"wo":[180,0]}\n{"wo":[170,0]}\n'; }
+answered=$(lines | call -H 'Content-Type: application/x-ndjson' --data-binary @- "$base/v1/materials/$material/evaluate")
+is "lines" "$(printf '%s\n' "$answered" | wc -l | tr -d ' ')" 2
+is "the first line" "$(printf '%s\n' "$answered" | head -n 1 | values)" "$(printf '%s' "$own" | values)"
+floats() { printf '\000\000\064\103\000\000\000\000%.0s' $(seq "$1"); }
+samples=$(printf '%s' "$own" | values | tr ',' '\n' | grep -c .)
+is "f32" "$(floats 5000 | call -H 'Content-Type: application/octet-stream' --data-binary @- \
+  "$base/v1/materials/$material/evaluate" | wc -c | tr -d ' ')" "$((5000 * 4 * samples))"
+is "drawn as f32" "$(call -H 'Content-Type: application/json' -H 'Accept: application/octet-stream' -d '{"count":100000}' \
+  "$base/v1/materials/$material/sample" | wc -c | tr -d ' ')" 1600000
+is "flux" "$(call "$base/v1/materials/$material/albedo" | values | tr ',' '\n' | grep -c .)" "$samples"
+is "half a record" "$(printf '1234' | status -H 'Content-Type: application/octet-stream' --data-binary @- \
+  "$base/v1/materials/$material/evaluate")" 400
+is "no such media type" "$(status -H 'Content-Type: text/plain' -d 'x' "$base/v1/materials/$material/pdf")" 415
+is "no such answer" "$(status -H 'Content-Type: application/json' -H 'Accept: text/html' -d '{"count":1}' \
+  "$base/v1/materials/$material/sample")" 406
+
 # Refusals are problems, with their type.
 call -D "$scratch/head" -o "$scratch/problem" "$base/v1/materials/b3-$(printf '0%.0s' $(seq 64))"
 grep -q '^HTTP/[0-9.]* 404' "$scratch/head" || fail "an unknown material is not 404"

@@ -147,7 +147,7 @@ fn main() {
     let f = |wi, wo, lambda| gloss(0.15, 0.3, wi, wo, lambda);
     let measured = measurement(Axis::Elevation(vec![0.0, 15.0, 35.0, 55.0, 75.0]), 5, &grid, f);
     let between: Vec<Vector> =
-        (0..20).map(|i| Direction::from_degrees(15.5 + i as f64, 18.0 * i as f64).xyz()).collect();
+        (0..20).map(|i| Direction::from_degrees(15.5 + f64::from(i), 18.0 * f64::from(i)).xyz()).collect();
     for alignment in [Alignment::None, Alignment::HalfVector] {
         let material = Material::with_alignment(measured.clone(), alignment).unwrap_or_else(|e| unreachable!("{e}"));
         println!(

@@ -67,6 +67,15 @@ impl Service {
         response.json().await.unwrap()
     }
 
+    /// A small BRDF of 4 × 64 directions at 400, 500 and 600 nm.
+    pub(crate) async fn brdf(&self) -> String {
+        let array = self.upload("", npy(&[4, 64, 3])).await;
+        let axes = json!({ "axes": ["hemi:0", "hemi:2", "lambda:400:100:3"] });
+        let request =
+            json!({ "measurement": array["id"], "quantity": "brdf", "axes": axes, "target": { "er_l2": 0.01 } });
+        self.compress(&request).await["material"].as_str().unwrap().to_owned()
+    }
+
     /// A small material: the D65 spectrum.
     pub(crate) async fn material(&self) -> String {
         let measurement = self.upload("?filename=d65.csv", D65).await;

@@ -1,0 +1,332 @@
+//! Batches by POST: what each asks for, and the three encodings it comes in.
+
+use super::super::extract::{Id, JsonBytes, Query, declared_length, linger, parse_json};
+use super::super::problem::{Kind, Problem};
+use super::super::state::App;
+use super::answers::{AlbedosAnswer, EvaluateAnswer, PdfAnswer, SampleAnswer};
+use super::blocks::{Cutter, Source, cut_off};
+use super::media::Encoding;
+use super::one::json_response;
+use super::options::{
+    AlbedoOptions, EvaluateOptions, How, Outside, PdfOptions, SampleOptions, check_wavelengths, indices, read,
+    wavelengths,
+};
+use super::places::{Line, Places};
+use super::question::Question;
+use super::read_ahead::ReadAhead;
+use super::stream::{stream, whole};
+use super::{invalid, open};
+use crate::store::Digest;
+use axum::extract::{FromRequest, Request, State};
+use axum::http::{HeaderMap, header};
+use axum::response::Response;
+use serde::Deserialize;
+use std::sync::Arc;
+use utoipa::ToSchema;
+
+/// Pairs of directions in degrees `[θ, φ]`; a list of one is used with every entry of the other.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+struct EvaluateRequest {
+    /// Incoming, for quantities that have one.
+    #[serde(default)]
+    wi: Option<Vec<[f64; 2]>>,
+    /// Outgoing, for quantities that have one.
+    #[serde(default)]
+    wo: Option<Vec<[f64; 2]>>,
+    /// In nm; the material's own if nothing is said.
+    #[serde(default)]
+    wavelengths: Option<Vec<f64>>,
+    /// `smooth` (the default) or `constant`.
+    #[serde(default)]
+    interpolation: How,
+    /// Outside the measured wavelengths: `masked` (the default), `zero` or `nearest`.
+    #[serde(default)]
+    beyond: Outside,
+    /// One entry, from 0, for each leading index axis.
+    #[serde(default)]
+    index: Vec<usize>,
+}
+
+/// Pairs of directions in degrees `[θ, φ]`; a list of one is used with every entry of the other.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+struct PdfRequest {
+    /// Incoming, for quantities that have one.
+    #[serde(default)]
+    wi: Option<Vec<[f64; 2]>>,
+    /// Outgoing.
+    wo: Vec<[f64; 2]>,
+    /// The subdivision level at which directions are drawn; the material's own if nothing is said.
+    #[serde(default)]
+    level: Option<u8>,
+    /// One entry, from 0, for each leading index axis.
+    #[serde(default)]
+    index: Vec<usize>,
+}
+
+/// How many directions to draw.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+struct SampleRequest {
+    /// The incoming direction in degrees, or several, for quantities that have one.
+    #[serde(default)]
+    wi: Option<OneOrMore>,
+    /// How many for each incoming direction.
+    #[serde(default = "one")]
+    count: usize,
+    /// The same seed gives the same directions anywhere.
+    #[serde(default)]
+    seed: u64,
+    /// Stop the descent at this subdivision level.
+    #[serde(default)]
+    level: Option<u8>,
+    /// One entry, from 0, for each leading index axis.
+    #[serde(default)]
+    index: Vec<usize>,
+}
+
+/// Incoming directions in degrees `[θ, φ]`.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+struct AlbedoRequest {
+    /// For quantities that have an incoming direction.
+    #[serde(default)]
+    wi: Option<Vec<[f64; 2]>>,
+    /// `smooth` (the default) or `constant`.
+    #[serde(default)]
+    interpolation: How,
+    /// One entry, from 0, for each leading index axis.
+    #[serde(default)]
+    index: Vec<usize>,
+}
+
+/// `[θ, φ]` or a list of such.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(untagged, expecting = "wi: expected [theta, phi] in degrees or a list of such")]
+enum OneOrMore {
+    One([f64; 2]),
+    More(Vec<[f64; 2]>),
+}
+
+fn one() -> usize {
+    1
+}
+
+/// What a JSON body asks; the largest number of answers is given.
+type Parse = fn(&[u8], usize) -> Result<(Question, Places), Problem>;
+
+/// Spectra for pairs of directions: one object, a stream of lines, or a stream of f32 (θi, φi, θo, φo; without those that
+/// the quantity does not have) answered by as many f32 as there are wavelengths.
+#[utoipa::path(
+    post, path = "/v1/materials/{id}/evaluate", tag = "evaluation",
+    request_body(content(
+        (EvaluateRequest = "application/json"), (Line = "application/x-ndjson"), (String = "application/octet-stream"),
+    )),
+    params(("id" = String, Path, description = "The material"), EvaluateOptions),
+    responses((status = 200, description = "The spectra; a line has `values`", content(
+        (EvaluateAnswer = "application/json"), (String = "application/x-ndjson"), (String = "application/octet-stream"),
+    )))
+)]
+pub(super) async fn evaluate(
+    State(app): State<App>,
+    Id(id): Id,
+    Query(options): Query<EvaluateOptions>,
+    request: Request,
+) -> Result<Response, Problem> {
+    let parse: Parse = |bytes, most| {
+        let request: EvaluateRequest = parse_json(bytes)?;
+        if let Some(values) = &request.wavelengths {
+            check_wavelengths(values).map_err(invalid)?;
+        }
+        let (index, wavelengths) = (request.index, request.wavelengths);
+        let (how, beyond) = (request.interpolation.into(), request.beyond.into());
+        Ok((Question::Evaluate { index, how, beyond, wavelengths }, Places::of(request.wi, request.wo, 1, most)?))
+    };
+    let plain = options == EvaluateOptions::default();
+    let question = read(options.index.as_deref(), indices).and_then(|index| {
+        Ok(Question::Evaluate {
+            index: index.unwrap_or_default(),
+            how: options.interpolation.unwrap_or_default().into(),
+            beyond: options.beyond.unwrap_or_default().into(),
+            wavelengths: read(options.wavelengths.as_deref(), wavelengths)?,
+        })
+    });
+    answer(app, id, request, question, plain, parse).await
+}
+
+/// The densities with which `sample` draws directions: one object, a stream of lines, or a stream of f32 (θi, φi, θo, φo;
+/// emission θo, φo) answered by one f32 each.
+#[utoipa::path(
+    post, path = "/v1/materials/{id}/pdf", tag = "evaluation",
+    request_body(content(
+        (PdfRequest = "application/json"), (Line = "application/x-ndjson"), (String = "application/octet-stream"),
+    )),
+    params(("id" = String, Path, description = "The material"), PdfOptions),
+    responses((status = 200, description = "The densities; a line has `pdf`", content(
+        (PdfAnswer = "application/json"), (String = "application/x-ndjson"), (String = "application/octet-stream"),
+    )))
+)]
+pub(super) async fn pdf(
+    State(app): State<App>,
+    Id(id): Id,
+    Query(options): Query<PdfOptions>,
+    request: Request,
+) -> Result<Response, Problem> {
+    let parse: Parse = |bytes, most| {
+        let request: PdfRequest = parse_json(bytes)?;
+        let question = Question::Pdf { index: request.index, level: request.level };
+        Ok((question, Places::of(request.wi, Some(request.wo), 1, most)?))
+    };
+    let plain = options == PdfOptions::default();
+    let question = read(options.index.as_deref(), indices)
+        .map(|index| Question::Pdf { index: index.unwrap_or_default(), level: options.level });
+    answer(app, id, request, question, plain, parse).await
+}
+
+/// Directions drawn in proportion to what the material sends there. A JSON object asks for `count` directions for each
+/// incoming one, streamed where lines or f32 are accepted; a stream of incoming directions (lines, or f32 θi, φi) gets one
+/// direction each, in f32 as θo, φo, pdf, weight.
+#[utoipa::path(
+    post, path = "/v1/materials/{id}/sample", tag = "evaluation",
+    request_body(content(
+        (SampleRequest = "application/json"), (Line = "application/x-ndjson"), (String = "application/octet-stream"),
+    )),
+    params(("id" = String, Path, description = "The material"), SampleOptions),
+    responses((status = 200, description = "The directions; a line has `direction`, `pdf`, `weight`", content(
+        (SampleAnswer = "application/json"), (String = "application/x-ndjson"), (String = "application/octet-stream"),
+    )))
+)]
+pub(super) async fn sample(
+    State(app): State<App>,
+    Id(id): Id,
+    Query(options): Query<SampleOptions>,
+    request: Request,
+) -> Result<Response, Problem> {
+    let parse: Parse = |bytes, most| {
+        let request: SampleRequest = parse_json(bytes)?;
+        let wi = request.wi.map(|wi| match wi {
+            OneOrMore::One(wi) => vec![wi],
+            OneOrMore::More(wi) => wi,
+        });
+        let question = Question::Sample { index: request.index, level: request.level, seed: request.seed };
+        Ok((question, Places::of(wi, None, request.count, most)?))
+    };
+    let plain = options == SampleOptions::default();
+    let question = read(options.index.as_deref(), indices).map(|index| Question::Sample {
+        index: index.unwrap_or_default(),
+        level: options.level,
+        seed: options.seed.unwrap_or_default(),
+    });
+    answer(app, id, request, question, plain, parse).await
+}
+
+/// The integrals over outgoing directions for incoming ones: one object, a stream of lines, or a stream of f32 (θi, φi)
+/// answered by as many f32 as there are wavelengths.
+#[utoipa::path(
+    post, path = "/v1/materials/{id}/albedo", tag = "evaluation",
+    request_body(content(
+        (AlbedoRequest = "application/json"), (Line = "application/x-ndjson"), (String = "application/octet-stream"),
+    )),
+    params(("id" = String, Path, description = "The material"), AlbedoOptions),
+    responses((status = 200, description = "The albedos; a line has `values`", content(
+        (AlbedosAnswer = "application/json"), (String = "application/x-ndjson"), (String = "application/octet-stream"),
+    )))
+)]
+pub(super) async fn albedo(
+    State(app): State<App>,
+    Id(id): Id,
+    Query(options): Query<AlbedoOptions>,
+    request: Request,
+) -> Result<Response, Problem> {
+    let parse: Parse = |bytes, most| {
+        let request: AlbedoRequest = parse_json(bytes)?;
+        let question = Question::Albedo { index: request.index, how: request.interpolation.into() };
+        Ok((question, Places::of(request.wi, None, 1, most)?))
+    };
+    let plain = options == AlbedoOptions::default();
+    let question = read(options.index.as_deref(), indices).map(|index| Question::Albedo {
+        index: index.unwrap_or_default(),
+        how: options.interpolation.unwrap_or_default().into(),
+    });
+    answer(app, id, request, question, plain, parse).await
+}
+
+/// Answers a batch. `question` is what the query string asks of a stream, `plain` if it says nothing, `parse` reads JSON.
+async fn answer(
+    app: App,
+    id: Digest,
+    request: Request,
+    question: Result<Question, Problem>,
+    plain: bool,
+    parse: Parse,
+) -> Result<Response, Problem> {
+    let headers = request.headers();
+    let checked = check(headers, question, plain);
+    let (body, answer, question) = match checked {
+        Ok(checked) => checked,
+        Err(problem) => return refuse(request, problem).await,
+    };
+    let material = match open(&app, id).await {
+        Ok(material) => material,
+        Err(problem) => return refuse(request, problem).await,
+    };
+    if body == Encoding::Json {
+        let json = JsonBytes::from_request(request, &app).await?;
+        let engine = Arc::clone(&app.engine);
+        if answer == Encoding::Json {
+            let work = move || {
+                let (question, places) = parse(&json.bytes, engine.limits.batch)?;
+                whole(&material, &question, places, &engine.limits)
+            };
+            return Ok(json_response(app.engine.queries.run(work).await??));
+        }
+        let parsed = app.engine.queries.run(move || parse(&json.bytes, engine.limits.drawn)).await?;
+        let (question, places) = parsed?;
+        let source = Source::Listed { places: Arc::new(places), next: 0 };
+        return stream(&app, material, question, source, answer, None).await;
+    }
+    let question = question.simplified(&material);
+    let (cutter, length) = if body == Encoding::Lines {
+        (Cutter::lines(), None)
+    } else {
+        let directions = match question.directions(&material) {
+            Ok(directions) => directions,
+            Err(problem) => return refuse(request, problem).await,
+        };
+        let declared = declared_length(request.headers());
+        let record = directions.bytes() as u64;
+        if let Some(bytes) = declared.filter(|bytes| bytes % record != 0) {
+            return refuse(request, cut_off(bytes, directions)).await;
+        }
+        let answered = |bytes: u64| (bytes / record).checked_mul(4 * question.width(&material) as u64);
+        let floats = answer == Encoding::Floats;
+        (Cutter::floats(directions), declared.filter(|_| floats).and_then(answered))
+    };
+    let pieces = ReadAhead::new(request.into_body(), app.engine.limits.idle);
+    stream(&app, material, question, Source::body(pieces, cutter), answer, length).await
+}
+
+/// The encodings of body and answer, and what is asked.
+fn check(
+    headers: &HeaderMap,
+    question: Result<Question, Problem>,
+    plain: bool,
+) -> Result<(Encoding, Encoding, Question), Problem> {
+    let body = Encoding::of_body(headers)?;
+    let answer = body.of_answer(headers)?;
+    let question = question?;
+    if body == Encoding::Json && !plain {
+        return Err(Problem::new(Kind::BadQuery, "the options of a JSON body stand in it, not in the query string"));
+    }
+    if headers.get(header::CONTENT_ENCODING).is_some_and(|coding| coding != "identity") {
+        return Err(Problem::new(Kind::UnsupportedEncoding, "batches come without Content-Encoding"));
+    }
+    Ok((body, answer, question))
+}
+
+/// A problem before any of the body was taken.
+async fn refuse(request: Request, problem: Problem) -> Result<Response, Problem> {
+    linger(request).await;
+    Err(problem)
+}

@@ -1,0 +1,252 @@
+//! A batch cut into blocks, whatever pieces its body comes in.
+
+use super::super::problem::{Kind, Problem};
+use super::places::{Directions, Places, Records};
+use super::read_ahead::ReadAhead;
+use bytes::{Bytes, BytesMut};
+use futures::FutureExt;
+use std::sync::Arc;
+
+/// Bytes of a line.
+const LINE: usize = 4096;
+
+/// Bytes of lines in a block; more by one line at most.
+const LINES: usize = 256 << 10;
+
+/// Records that are evaluated together.
+#[derive(Clone, Debug)]
+pub(super) struct Block {
+    pub(super) records: Records,
+    /// The number of the first one from 0.
+    pub(super) first: u64,
+}
+
+/// Where blocks come from.
+#[derive(Debug)]
+pub(super) enum Source {
+    Listed { places: Arc<Places>, next: usize },
+    Body { pieces: ReadAhead, cutter: Cutter, end: End },
+}
+
+/// Whether more pieces come.
+#[derive(Debug)]
+pub(super) enum End {
+    NotYet,
+    Whole,
+    Broken(Option<Problem>),
+}
+
+impl Source {
+    /// The next block of at most `most` records; `None` at the end. Nothing comes after a problem.
+    pub(super) async fn next(&mut self, most: usize) -> Option<Result<Block, Problem>> {
+        match self {
+            Self::Listed { places, next } => {
+                let start = *next;
+                *next = (start + most).min(places.len());
+                let records = Records::Listed(Arc::clone(places), start..*next);
+                (start < *next).then_some(Ok(Block { records, first: start as u64 }))
+            }
+            Self::Body { pieces, cutter, end } => loop {
+                if let Some(block) = cutter.cut(most, !matches!(end, End::NotYet)) {
+                    return Some(block);
+                }
+                match end {
+                    End::NotYet => {}
+                    End::Whole => return cutter.end(),
+                    End::Broken(problem) => return problem.take().map(Err),
+                }
+                // What is there is evaluated before more is waited for.
+                let piece = match pieces.next().now_or_never() {
+                    Some(piece) => piece,
+                    None => match cutter.cut(most, true) {
+                        Some(block) => return Some(block),
+                        None => pieces.next().await,
+                    },
+                };
+                match piece {
+                    Some(Ok(bytes)) => cutter.push(&bytes),
+                    Some(Err(problem)) => *end = End::Broken(Some(problem)),
+                    None => *end = End::Whole,
+                }
+            },
+        }
+    }
+
+    /// The records of a body.
+    pub(super) fn body(pieces: ReadAhead, cutter: Cutter) -> Self {
+        Self::Body { pieces, cutter, end: End::NotYet }
+    }
+}
+
+/// Bytes that are not yet in a block.
+#[derive(Debug)]
+pub(super) struct Cutter {
+    form: Form,
+    bytes: BytesMut,
+    /// The number of the next record from 0, in lines for lines.
+    next: u64,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Form {
+    Floats(Directions),
+    /// What is known of the lines in the bytes.
+    Lines {
+        seen: usize,
+        /// Whole lines among those seen.
+        count: usize,
+        /// Their bytes.
+        whole: usize,
+    },
+}
+
+impl Cutter {
+    pub(super) fn floats(directions: Directions) -> Self {
+        Self { form: Form::Floats(directions), bytes: BytesMut::new(), next: 0 }
+    }
+
+    pub(super) fn lines() -> Self {
+        Self { form: Form::Lines { seen: 0, count: 0, whole: 0 }, bytes: BytesMut::new(), next: 0 }
+    }
+
+    fn push(&mut self, bytes: &Bytes) {
+        self.bytes.extend_from_slice(bytes);
+    }
+
+    /// A block of `most` records, or of as many as there are if `any` will do.
+    fn cut(&mut self, most: usize, any: bool) -> Option<Result<Block, Problem>> {
+        let first = self.next;
+        match &mut self.form {
+            Form::Floats(directions) => {
+                let count = (self.bytes.len() / directions.bytes()).min(most);
+                if count == 0 || (count < most && !any) {
+                    return None;
+                }
+                self.next += count as u64;
+                let bytes = self.bytes.split_to(count * directions.bytes()).freeze();
+                Some(Ok(Block { records: Records::Floats(*directions, bytes), first }))
+            }
+            Form::Lines { seen, count, whole } => {
+                let full = |count: usize, whole: usize| count == most || whole >= LINES;
+                while !full(*count, *whole) && *seen < self.bytes.len() {
+                    *seen += 1;
+                    if self.bytes[*seen - 1] == b'\n' {
+                        (*count, *whole) = (*count + 1, *seen);
+                    }
+                }
+                let endless = *seen - *whole > LINE;
+                if *count > 0 && (any || endless || full(*count, *whole)) {
+                    self.next += *count as u64;
+                    let bytes = self.bytes.split_to(*whole).freeze();
+                    (*seen, *count, *whole) = (*seen - *whole, 0, 0);
+                    return Some(Ok(Block { records: Records::Lines(bytes), first }));
+                }
+                endless.then(|| {
+                    let detail = format!("line {}: more than {LINE} bytes", first + 1);
+                    Err(Problem::new(Kind::TooLarge, detail))
+                })
+            }
+        }
+    }
+
+    /// What is left when no piece comes any more.
+    fn end(&mut self) -> Option<Result<Block, Problem>> {
+        if self.bytes.is_empty() {
+            return None;
+        }
+        let bytes = self.bytes.split().freeze();
+        match &mut self.form {
+            Form::Floats(directions) => Some(Err(cut_off(bytes.len() as u64, *directions))),
+            Form::Lines { seen, .. } => {
+                *seen = 0;
+                Some(Ok(Block { records: Records::Lines(bytes), first: self.next }))
+            }
+        }
+    }
+}
+
+/// The body ends inside a record.
+pub(super) fn cut_off(bytes: u64, directions: Directions) -> Problem {
+    let record = directions.bytes() as u64;
+    let detail = format!("the body ends {} bytes into a record of {record} bytes", bytes % record);
+    Problem::new(Kind::BadBody, detail)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use axum::body::Body;
+    use std::time::Duration;
+
+    const WO: Directions = Directions { wi: false, wo: true };
+
+    /// Every pair of a body that comes in pieces of `size` bytes, and the problem at its end.
+    async fn pairs(
+        cutter: Cutter,
+        body: &[u8],
+        size: usize,
+        most: usize,
+    ) -> (Vec<super::super::places::Pair>, Option<Problem>) {
+        let pieces: Vec<Result<Vec<u8>, std::io::Error>> = body.chunks(size).map(|piece| Ok(piece.to_vec())).collect();
+        let body = Body::from_stream(futures::stream::iter(pieces));
+        let mut source = Source::body(ReadAhead::new(body, Duration::from_secs(9)), cutter);
+        let mut pairs = Vec::new();
+        while let Some(block) = source.next(most).await {
+            let block = match block {
+                Ok(block) => block,
+                Err(problem) => return (pairs, Some(problem)),
+            };
+            assert!(block.records.count() <= most);
+            let read = block.records.read(block.first);
+            pairs.extend(read.pairs);
+            if read.problem.is_some() {
+                return (pairs, read.problem);
+            }
+        }
+        (pairs, None)
+    }
+
+    #[tokio::test]
+    async fn any_pieces_give_the_same_records() {
+        let floats: Vec<u8> = (0..40).flat_map(|i| (i as f32).to_le_bytes()).collect();
+        let lines: String = (0..20).map(|i| format!("{{\"wo\":[{},{}]}}\n", 2 * i, 2 * i + 1)).collect();
+        let whole = pairs(Cutter::floats(WO), &floats, floats.len(), 4096).await.0;
+        assert_eq!(whole.len(), 20);
+        for size in [1, 2, 3, 5, 8, 13, 64, 1000] {
+            for most in [1, 7, 4096] {
+                assert_eq!(pairs(Cutter::floats(WO), &floats, size, most).await.0, whole, "{size} {most}");
+                let text = lines.as_bytes();
+                assert_eq!(pairs(Cutter::lines(), text, size, most).await.0, whole, "{size} {most}");
+                let unended = &text[..text.len() - 1];
+                assert_eq!(pairs(Cutter::lines(), unended, size, most).await.0, whole, "{size} {most}");
+            }
+        }
+    }
+
+    #[tokio::test]
+    async fn what_is_left_over_is_told() {
+        for size in [1, 100] {
+            let (found, problem) = pairs(Cutter::floats(WO), &[0; 21], size, 4096).await;
+            assert_eq!(found.len(), 2);
+            assert_eq!(problem.unwrap().body().detail, "the body ends 5 bytes into a record of 8 bytes");
+            let long = format!("{{\"wo\":[1,2]}}\n\n{}", " ".repeat(LINE + 1));
+            let (found, problem) = pairs(Cutter::lines(), long.as_bytes(), size, 4096).await;
+            assert_eq!(found.len(), 1);
+            assert_eq!(problem.unwrap().body().detail, format!("line 3: more than {LINE} bytes"));
+            let (found, problem) = pairs(Cutter::lines(), b"{\"wo\":[1,2]}\n\n{\"wo\":[1", size, 4096).await;
+            assert_eq!(found.len(), 1);
+            assert!(problem.unwrap().body().detail.starts_with("line 3: "));
+            assert_eq!(pairs(Cutter::lines(), b"", size, 1).await.0.len(), 0);
+        }
+    }
+
+    #[tokio::test]
+    async fn a_body_that_breaks_is_a_problem_behind_what_came() {
+        let pieces = [Ok(vec![0; 12]), Err(std::io::Error::other("gone"))];
+        let pieces = ReadAhead::new(Body::from_stream(futures::stream::iter(pieces)), Duration::from_secs(9));
+        let mut source = Source::body(pieces, Cutter::floats(WO));
+        assert_eq!(source.next(4096).await.unwrap().unwrap().records.count(), 1);
+        let broken = source.next(4096).await.unwrap().unwrap_err();
+        assert!(broken.body().detail.contains("ended early"));
+    }
+}

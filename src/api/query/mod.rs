@@ -1,0 +1,64 @@
+//! `/v1/materials/{id}/spectrum`, `evaluate`, `pdf`, `sample`, `albedo`: questions to an opened material, in degrees.
+//!
+//! A batch comes in one of three encodings and leaves in one of them. JSON is whole: one object in, and an answer or a
+//! problem out, within the limits of a body and of an answer. NDJSON (one record a line) and little-endian f32 are
+//! streams without an end of their own:
+//!
+//! ```text
+//! body ─ read ahead (16 MiB) ─ cut into blocks ─ 3 blocks on the threads for queries ─ body of the answer
+//! ```
+//!
+//! A block is evaluated only when there is room for its answer, so a client that does not read is not read from, and the
+//! memory of a stream is constant. Every block waits for a turn of its own, so that a long stream stands behind a short
+//! question, never before it. Whoever goes away takes the stream with him.
+//!
+//! If the first record cannot be answered the whole answer is a problem. Later the status is gone: NDJSON then ends with
+//! the problem as its last line, f32 with the connection cut before the end that its framing promised.
+
+mod answers;
+mod batch;
+mod blocks;
+mod media;
+mod one;
+mod options;
+mod places;
+mod question;
+mod read_ahead;
+mod stream;
+
+pub(super) use one::compute;
+pub(super) use options::{direction, indices, read};
+
+use super::materials::absent;
+use super::problem::{Kind, Problem};
+use super::state::App;
+use crate::evaluate::Material;
+use crate::store::Digest;
+use std::sync::Arc;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+/// The routes of this resource.
+pub(crate) fn routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(one::get_spectrum))
+        .routes(routes!(one::get_albedo, batch::albedo))
+        .routes(routes!(batch::evaluate))
+        .routes(routes!(batch::pdf))
+        .routes(routes!(batch::sample))
+}
+
+/// The opened material; the catalog is asked only when it is not open.
+pub(super) async fn open(app: &App, id: Digest) -> Result<Arc<Material>, Problem> {
+    if let Some(material) = app.engine.opened(id).await {
+        return Ok(material);
+    }
+    if app.engine.archive.catalog.material(id).await?.is_none() {
+        return Err(Problem::new(Kind::NotFound, absent(id)));
+    }
+    app.engine.material(id).await.map_err(|error| Problem::from(&*error))
+}
+
+fn invalid(detail: impl Into<String>) -> Problem {
+    Problem::new(Kind::InvalidRequest, detail)
+}

@@ -1,0 +1,116 @@
+//! One question by GET: a spectrum, an albedo.
+
+use super::super::extract::{Id, Query};
+use super::super::problem::Problem;
+use super::super::state::App;
+use super::answers::{AlbedoAnswer, SpectrumAnswer};
+use super::open;
+use super::options::{How, Outside, direction, indices, read, wavelengths};
+use crate::evaluate::Place;
+use axum::extract::State;
+use axum::http::{HeaderValue, header};
+use axum::response::{IntoResponse, Response};
+use serde::{Deserialize, Serialize};
+use utoipa::IntoParams;
+
+/// Where to look, once.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(super) struct SpectrumQuery {
+    /// The incoming direction `θ,φ` in degrees, for quantities that have one.
+    wi: Option<String>,
+    /// The outgoing direction `θ,φ` in degrees, for quantities that have one.
+    wo: Option<String>,
+    /// `A,B,C` or `START:STOP:STEP` in nm; the material's own if nothing is said.
+    wavelengths: Option<String>,
+    /// One entry, from 0, for each leading index axis: `I,J`.
+    index: Option<String>,
+    /// `smooth` (the default) or `constant`.
+    interpolation: Option<How>,
+    /// Outside the measured wavelengths: `masked` (the default), `zero` or `nearest`.
+    beyond: Option<Outside>,
+}
+
+/// Where light comes from.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(super) struct AlbedoQuery {
+    /// The incoming direction `θ,φ` in degrees, for quantities that have one.
+    wi: Option<String>,
+    /// One entry, from 0, for each leading index axis: `I,J`.
+    index: Option<String>,
+    /// `smooth` (the default) or `constant`.
+    interpolation: Option<How>,
+}
+
+/// One spectrum.
+#[utoipa::path(
+    get, path = "/v1/materials/{id}/spectrum", tag = "evaluation",
+    params(("id" = String, Path, description = "The material"), SpectrumQuery),
+    responses((status = 200, description = "The spectrum", body = SpectrumAnswer))
+)]
+pub(super) async fn get_spectrum(
+    State(app): State<App>,
+    Id(id): Id,
+    Query(query): Query<SpectrumQuery>,
+) -> Result<Response, Problem> {
+    let wi = read(query.wi.as_deref(), |text| direction("wi", text))?;
+    let wo = read(query.wo.as_deref(), |text| direction("wo", text))?;
+    let wavelengths = read(query.wavelengths.as_deref(), wavelengths)?;
+    let index = read(query.index.as_deref(), indices)?.unwrap_or_default();
+    let how = query.interpolation.unwrap_or_default().into();
+    let beyond = query.beyond.unwrap_or_default().into();
+    let material = open(&app, id).await?;
+    compute(&app, move || {
+        let place = Place { index: &index, wi, wo };
+        let mut values = vec![0.0; wavelengths.as_ref().map_or_else(|| material.lambdas(), Vec::len)];
+        match &wavelengths {
+            Some(wavelengths) => material.at_wavelengths(place, how, beyond, wavelengths, &mut values)?,
+            None => material.spectrum(place, how, &mut values)?,
+        }
+        let wavelengths = wavelengths.or_else(|| material.wavelengths());
+        Ok(SpectrumAnswer { wavelengths, values, unit: material.unit() })
+    })
+    .await
+}
+
+/// The integral over outgoing directions: the directional albedo of a BRDF or BTDF, the flux of an emission.
+#[utoipa::path(
+    get, path = "/v1/materials/{id}/albedo", tag = "evaluation",
+    params(("id" = String, Path, description = "The material"), AlbedoQuery),
+    responses((status = 200, description = "The albedo", body = AlbedoAnswer))
+)]
+pub(super) async fn get_albedo(
+    State(app): State<App>,
+    Id(id): Id,
+    Query(query): Query<AlbedoQuery>,
+) -> Result<Response, Problem> {
+    let wi = read(query.wi.as_deref(), |text| direction("wi", text))?;
+    let index = read(query.index.as_deref(), indices)?.unwrap_or_default();
+    let how = query.interpolation.unwrap_or_default().into();
+    let material = open(&app, id).await?;
+    compute(&app, move || {
+        let mut values = vec![0.0; material.lambdas()];
+        material.albedo(&index, wi, how, &mut values)?;
+        Ok(AlbedoAnswer { wavelengths: material.wavelengths(), values })
+    })
+    .await
+}
+
+/// Computes an answer and writes its JSON where the maths run.
+pub(in crate::api) async fn compute<T: Serialize>(
+    app: &App,
+    work: impl FnOnce() -> Result<T, Problem> + Send + 'static,
+) -> Result<Response, Problem> {
+    let json = app.engine.queries.run(move || {
+        let answer = work()?;
+        serde_json::to_vec(&answer).map_err(|error| Problem::internal(&error))
+    });
+    Ok(json_response(json.await??))
+}
+
+pub(super) fn json_response(json: Vec<u8>) -> Response {
+    ([(header::CONTENT_TYPE, HeaderValue::from_static("application/json"))], json).into_response()
+}

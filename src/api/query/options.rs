@@ -1,0 +1,166 @@
+//! What may be asked beside directions, from query strings and JSON alike.
+
+use super::super::problem::{Kind, Problem};
+use super::places::{Angles, check};
+use crate::domain::limits::MAX_WAVELENGTHS;
+use crate::domain::{Direction, WavelengthGrid};
+use crate::evaluate::{Beyond, Interpolation};
+use serde::Deserialize;
+use utoipa::{IntoParams, ToSchema};
+
+/// How samples become a function of direction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+#[schema(as = Interpolation)]
+pub(super) enum How {
+    Constant,
+    #[default]
+    Smooth,
+}
+
+/// What there is outside the measured range of wavelengths: nothing known, no light, or the sample at the end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+#[schema(as = Beyond)]
+pub(super) enum Outside {
+    #[default]
+    Masked,
+    Zero,
+    Nearest,
+}
+
+/// How to evaluate a stream of pairs.
+#[derive(Debug, Default, PartialEq, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(super) struct EvaluateOptions {
+    /// NDJSON and f32 only: `A,B,C` or `START:STOP:STEP` in nm; the material's own if nothing is said.
+    pub(super) wavelengths: Option<String>,
+    /// NDJSON and f32 only: `smooth` (the default) or `constant`.
+    pub(super) interpolation: Option<How>,
+    /// NDJSON and f32 only, outside the measured wavelengths: `masked` (the default), `zero` or `nearest`.
+    pub(super) beyond: Option<Outside>,
+    /// NDJSON and f32 only: one entry, from 0, for each leading index axis, `I,J`.
+    pub(super) index: Option<String>,
+}
+
+/// Of what sampler a stream of pairs asks the density.
+#[derive(Debug, Default, PartialEq, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(super) struct PdfOptions {
+    /// NDJSON and f32 only: the subdivision level at which directions are drawn; the material's own if nothing is said.
+    pub(super) level: Option<u8>,
+    /// NDJSON and f32 only: one entry, from 0, for each leading index axis, `I,J`.
+    pub(super) index: Option<String>,
+}
+
+/// How to draw for a stream of incoming directions, one direction for each.
+#[derive(Debug, Default, PartialEq, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(super) struct SampleOptions {
+    /// NDJSON and f32 only: the same seed gives the same directions anywhere; 0 if nothing is said.
+    pub(super) seed: Option<u64>,
+    /// NDJSON and f32 only: stop the descent at this subdivision level.
+    pub(super) level: Option<u8>,
+    /// NDJSON and f32 only: one entry, from 0, for each leading index axis, `I,J`.
+    pub(super) index: Option<String>,
+}
+
+/// How to integrate for a stream of incoming directions.
+#[derive(Debug, Default, PartialEq, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(super) struct AlbedoOptions {
+    /// NDJSON and f32 only: `smooth` (the default) or `constant`.
+    pub(super) interpolation: Option<How>,
+    /// NDJSON and f32 only: one entry, from 0, for each leading index axis, `I,J`.
+    pub(super) index: Option<String>,
+}
+
+impl From<How> for Interpolation {
+    fn from(how: How) -> Self {
+        match how {
+            How::Constant => Self::Constant,
+            How::Smooth => Self::Smooth,
+        }
+    }
+}
+
+impl From<Outside> for Beyond {
+    fn from(outside: Outside) -> Self {
+        match outside {
+            Outside::Masked => Self::Masked,
+            Outside::Zero => Self::Zero,
+            Outside::Nearest => Self::Nearest,
+        }
+    }
+}
+
+/// A part of the query string, if it is there, read by `read`.
+pub(in crate::api) fn read<T>(text: Option<&str>, read: impl FnOnce(&str) -> Result<T, String>) -> Result<Option<T>, Problem> {
+    text.map(read).transpose().map_err(|detail| Problem::new(Kind::BadQuery, detail))
+}
+
+/// `THETA,PHI` in degrees.
+pub(in crate::api) fn direction(what: &str, text: &str) -> Result<Direction, String> {
+    let refused = || {
+        let shown: String = text.chars().take(80).collect();
+        format!("{what}: found `{shown}`, expected THETA,PHI in degrees with THETA from 0 to 180")
+    };
+    let angles: Vec<f64> = numbers(text).ok_or_else(refused)?;
+    let angles: Angles = angles.try_into().map_err(|_| refused())?;
+    check(what, angles)
+}
+
+/// `A,B,C` or `START:STOP:STEP` in nm.
+pub(super) fn wavelengths(text: &str) -> Result<Vec<f64>, String> {
+    if text.contains(':') {
+        return WavelengthGrid::parse_range(text).map(|grid| grid.values()).map_err(|e| format!("wavelengths: {e}"));
+    }
+    let refused = || "wavelengths: expected A,B,C or START:STOP:STEP in nm".to_owned();
+    let values = numbers(text).ok_or_else(refused)?;
+    check_wavelengths(&values)?;
+    Ok(values)
+}
+
+/// A list of wavelengths that may be asked for.
+pub(super) fn check_wavelengths(values: &[f64]) -> Result<(), String> {
+    if values.is_empty() || values.len() > MAX_WAVELENGTHS {
+        return Err(format!("wavelengths: found {}, expected 1 to {MAX_WAVELENGTHS}", values.len()));
+    }
+    match values.iter().find(|v| !(v.is_finite() && **v > 0.0)) {
+        Some(bad) => Err(format!("wavelengths: found {bad}, expected positive numbers of nm")),
+        None => Ok(()),
+    }
+}
+
+/// `I,J`.
+pub(in crate::api) fn indices(text: &str) -> Result<Vec<usize>, String> {
+    numbers(text).ok_or_else(|| "index: expected numbers from 0 with commas between them".to_owned())
+}
+
+fn numbers<T: std::str::FromStr>(text: &str) -> Option<Vec<T>> {
+    text.split(',').map(|part| part.trim().parse().ok()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_of_queries_are_checked() {
+        assert!(direction("wi", "30,90").is_ok() && direction("wi", " 30 , -90 ").is_ok());
+        for bad in ["", "30", "30,90,1", "x,y", "-1,0", "nan,0", "0,inf"] {
+            assert!(direction("wi", bad).unwrap_err().contains("expected"), "{bad}");
+        }
+        assert_eq!(wavelengths("400:420:10").unwrap(), [400.0, 410.0, 420.0]);
+        assert_eq!(wavelengths("550,400").unwrap(), [550.0, 400.0]);
+        for bad in ["", "0", "-5", "nan", "400:", "1:1e12:1"] {
+            assert!(wavelengths(bad).is_err(), "{bad}");
+        }
+        assert_eq!(indices("3,0").unwrap(), [3, 0]);
+        assert!(indices("-1").is_err());
+    }
+}

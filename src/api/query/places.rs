@@ -1,0 +1,312 @@
+//! Where to look: pairs of directions from lists, lines and floats, all in degrees.
+
+use super::super::extract::parse_json;
+use super::super::problem::Problem;
+use super::invalid;
+use crate::domain::Direction;
+use bytes::Bytes;
+use serde::Deserialize;
+use std::ops::Range;
+use std::sync::Arc;
+use utoipa::ToSchema;
+
+/// `[theta, phi]` in degrees.
+pub(super) type Angles = [f64; 2];
+
+/// The directions of one record.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Pair {
+    pub(super) wi: Option<Direction>,
+    pub(super) wo: Option<Direction>,
+}
+
+/// Which directions a record of floats has; two floats each, `wi` first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Directions {
+    pub(super) wi: bool,
+    pub(super) wo: bool,
+}
+
+/// Lists of directions side by side; without any list there is one place, which has no direction.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Places {
+    wi: Option<Vec<Angles>>,
+    wo: Option<Vec<Angles>>,
+    /// How many pairs.
+    count: usize,
+    /// How many answers each pair gets.
+    each: usize,
+}
+
+/// Some records of a batch, in the form they came in.
+#[derive(Clone, Debug)]
+pub(super) enum Records {
+    /// Answers of listed pairs.
+    Listed(Arc<Places>, Range<usize>),
+    /// Records of floats.
+    Floats(Directions, Bytes),
+    /// Lines, the last one with or without its end.
+    Lines(Bytes),
+}
+
+/// One record as a line.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(as = Line)]
+pub(super) struct Line {
+    /// `[theta, phi]`, for quantities and questions that have one.
+    #[serde(default)]
+    wi: Option<[f64; 2]>,
+    /// `[theta, phi]`, for quantities and questions that have one.
+    #[serde(default)]
+    wo: Option<[f64; 2]>,
+}
+
+impl Directions {
+    /// Bytes of a record.
+    pub(super) fn bytes(self) -> usize {
+        8 * (usize::from(self.wi) + usize::from(self.wo))
+    }
+}
+
+impl Places {
+    /// Lists of one length, or one of one, with `each` answers a pair and at most `most` in all.
+    pub(super) fn of(
+        wi: Option<Vec<Angles>>,
+        wo: Option<Vec<Angles>>,
+        each: usize,
+        most: usize,
+    ) -> Result<Self, Problem> {
+        let count = match (wi.as_ref().map(Vec::len), wo.as_ref().map(Vec::len)) {
+            (None, None) => 1,
+            (Some(n), None) | (None, Some(n)) => n,
+            (Some(a), Some(b)) if a == b || b == 1 => a,
+            (Some(1), Some(b)) => b,
+            (Some(a), Some(b)) => {
+                return Err(invalid(format!("{a} directions in wi and {b} in wo, expected as many, or one of them")));
+            }
+        };
+        if count == 0 || count > most {
+            return Err(invalid(format!("{count} directions, expected 1 to {most}")));
+        }
+        if each == 0 || each > most / count {
+            return Err(invalid(format!("count: found {each}, expected 1 to {}", most / count)));
+        }
+        Ok(Self { wi, wo, count, each })
+    }
+
+    /// How many answers there are.
+    pub(super) fn len(&self) -> usize {
+        self.count * self.each
+    }
+
+    fn pair(&self, answer: usize) -> Result<Pair, Problem> {
+        let i = answer / self.each;
+        let at = |what, list: Option<&Vec<Angles>>| {
+            let angles = list.map(|list| list[if list.len() == 1 { 0 } else { i }]);
+            angles.map(|angles| check(what, angles)).transpose()
+        };
+        let pair = at("wi", self.wi.as_ref()).and_then(|wi| Ok(Pair { wi, wo: at("wo", self.wo.as_ref())? }));
+        pair.map_err(|detail| invalid(self.place(answer) + &detail))
+    }
+
+    /// The words before a problem of this answer.
+    fn place(&self, answer: usize) -> String {
+        if self.count == 1 { String::new() } else { format!("pair {}: ", answer / self.each + 1) }
+    }
+}
+
+/// The pairs of some records up to the first that is wrong, and what is wrong with it.
+pub(super) struct Read {
+    pub(super) pairs: Vec<Pair>,
+    pub(super) problem: Option<Problem>,
+}
+
+impl Records {
+    /// The records in parts of at most `most`.
+    pub(super) fn parts(&self, most: usize) -> Vec<Self> {
+        match self {
+            Self::Listed(places, range) => range
+                .clone()
+                .step_by(most)
+                .map(|start| Self::Listed(Arc::clone(places), start..(start + most).min(range.end)))
+                .collect(),
+            Self::Floats(directions, bytes) => {
+                let step = most * directions.bytes();
+                let starts = (0..bytes.len()).step_by(step);
+                starts
+                    .map(|start| Self::Floats(*directions, bytes.slice(start..(start + step).min(bytes.len()))))
+                    .collect()
+            }
+            Self::Lines(bytes) => {
+                let ends = bytes.iter().enumerate().filter(|(_, byte)| **byte == b'\n').map(|(at, _)| at + 1);
+                let mut parts = Vec::new();
+                let mut start = 0;
+                for end in ends.skip(most - 1).step_by(most) {
+                    parts.push(Self::Lines(bytes.slice(start..end)));
+                    start = end;
+                }
+                if start < bytes.len() {
+                    parts.push(Self::Lines(bytes.slice(start..)));
+                }
+                parts
+            }
+        }
+    }
+
+    /// How many records count towards the numbers of those behind: listed answers, records or lines.
+    pub(super) fn count(&self) -> usize {
+        match self {
+            Self::Listed(_, range) => range.len(),
+            Self::Floats(directions, bytes) => bytes.len() / directions.bytes(),
+            Self::Lines(bytes) => bytes.split(|byte| *byte == b'\n').count() - 1,
+        }
+    }
+
+    /// The pairs up to the first that is wrong. `first` is the number of the first record from 0.
+    pub(super) fn read(&self, first: u64) -> Read {
+        let mut pairs = Vec::new();
+        let mut problem = None;
+        let mut take = |pair: Result<Option<Pair>, Problem>| match pair {
+            Ok(pair) => {
+                pairs.extend(pair);
+                true
+            }
+            Err(wrong) => {
+                problem = Some(wrong);
+                false
+            }
+        };
+        match self {
+            Self::Listed(places, range) => {
+                let _ = range.clone().all(|answer| take(places.pair(answer).map(Some)));
+            }
+            Self::Floats(directions, bytes) => {
+                let records = bytes.chunks_exact(directions.bytes());
+                let _ = records.zip(first..).all(|(record, number)| {
+                    take(
+                        floats(*directions, record)
+                            .map(Some)
+                            .map_err(|problem| problem.at(&format!("record {}", number + 1))),
+                    )
+                });
+            }
+            Self::Lines(bytes) => {
+                let lines = bytes.split(|byte| *byte == b'\n');
+                let _ = lines.zip(first..).all(|(text, number)| {
+                    take(line(text).map_err(|problem| problem.at(&format!("line {}", number + 1))))
+                });
+            }
+        }
+        Read { pairs, problem }
+    }
+
+    /// What the record of answer `at` of these is called; `first` as in [`Records::read`].
+    pub(super) fn name(&self, first: u64, at: usize) -> String {
+        match self {
+            Self::Listed(places, range) => places.place(range.start + at).trim_end_matches(": ").to_owned(),
+            Self::Floats(..) => format!("record {}", first + at as u64 + 1),
+            Self::Lines(bytes) => {
+                // Blank lines have no answer.
+                let lines = bytes.split(|byte| *byte == b'\n').zip(first..);
+                let number = lines.filter(|(text, _)| !text.trim_ascii().is_empty()).nth(at).map_or(first, |(_, n)| n);
+                format!("line {}", number + 1)
+            }
+        }
+    }
+}
+
+/// A direction from angles in degrees, or what is wrong with them.
+pub(super) fn check(what: &str, [theta, phi]: Angles) -> Result<Direction, String> {
+    if (0.0..=180.0).contains(&theta) && phi.is_finite() {
+        Ok(Direction::from_degrees(theta, phi))
+    } else {
+        Err(format!("{what}: found [{theta}, {phi}], expected [theta, phi] in degrees with theta from 0 to 180"))
+    }
+}
+
+fn floats(directions: Directions, record: &[u8]) -> Result<Pair, Problem> {
+    let at = |what, byte: usize| {
+        let float = |at: usize| f64::from(f32::from_le_bytes([0, 1, 2, 3].map(|i| record[byte + at + i])));
+        check(what, [float(0), float(4)]).map_err(invalid)
+    };
+    let wi = if directions.wi { Some(at("wi", 0)?) } else { None };
+    let wo = if directions.wo { Some(at("wo", if directions.wi { 8 } else { 0 })?) } else { None };
+    Ok(Pair { wi, wo })
+}
+
+/// `None` if the line is blank.
+fn line(text: &[u8]) -> Result<Option<Pair>, Problem> {
+    if text.trim_ascii().is_empty() {
+        return Ok(None);
+    }
+    let line: Line = parse_json(text)?;
+    let at = |what, angles: Option<Angles>| angles.map(|angles| check(what, angles)).transpose().map_err(invalid);
+    Ok(Some(Pair { wi: at("wi", line.wi)?, wo: at("wo", line.wo)? }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BOTH: Directions = Directions { wi: true, wo: true };
+
+    fn packed(values: &[f32]) -> Bytes {
+        values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>().into()
+    }
+
+    fn pairs(records: &Records, first: u64) -> Vec<Pair> {
+        let read = records.read(first);
+        assert!(read.problem.is_none(), "{:?}", read.problem);
+        read.pairs
+    }
+
+    #[test]
+    fn lists_of_directions_pair_up() {
+        let (two, three) = (vec![[0.0, 0.0], [30.0, 90.0]], vec![[0.0, 0.0]; 3]);
+        let count = |wi, wo, each| Places::of(wi, wo, each, 9).map(|places| places.len());
+        assert_eq!(count(Some(two.clone()), Some(two.clone()), 1).unwrap(), 2);
+        assert_eq!(count(Some(two[..1].to_vec()), Some(three.clone()), 3).unwrap(), 9);
+        assert_eq!(count(None, None, 1).unwrap(), 1);
+        assert!(count(Some(two), Some(three.clone()), 1).is_err());
+        assert!(count(Some(vec![]), None, 1).is_err() && count(Some(vec![[0.0; 2]; 10]), None, 1).is_err());
+        for each in [0, 4, usize::MAX] {
+            assert!(count(Some(three.clone()), None, each).is_err(), "{each}");
+        }
+    }
+
+    #[test]
+    fn the_three_forms_say_the_same() {
+        let (wi, wo) = (vec![[30.0, 90.0], [10.0, 0.5]], vec![[20.0, 1.0], [40.0, -3.0]]);
+        let text = b"{\"wi\":[30,90],\"wo\":[20,1]}\n\r\n{\"wo\":[40,-3],\"wi\":[10,0.5]}";
+        let listed = Records::Listed(Arc::new(Places::of(Some(wi), Some(wo), 1, 9).unwrap()), 0..2);
+        let floats = Records::Floats(BOTH, packed(&[30.0, 90.0, 20.0, 1.0, 10.0, 0.5, 40.0, -3.0]));
+        let lines = Records::Lines(Bytes::from_static(text));
+        assert_eq!(pairs(&listed, 0), pairs(&floats, 0));
+        assert_eq!(pairs(&listed, 0), pairs(&lines, 7));
+        assert_eq!(
+            (listed.name(0, 1), floats.name(5, 1), lines.name(7, 1)),
+            ("pair 2".into(), "record 7".into(), "line 10".into())
+        );
+        for records in [listed, floats, lines] {
+            let whole = pairs(&records, 0);
+            let parts: Vec<Pair> = records.parts(1).iter().flat_map(|part| pairs(part, 0)).collect();
+            assert_eq!(parts, whole);
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_number_behind_what_is_right() {
+        let text = b"{\"wo\":[20,1]}\n\n{\"wo\":[200,1]}\n{\"wo\":[20,1]}\n";
+        let read = Records::Lines(Bytes::from_static(text)).read(10);
+        assert_eq!(read.pairs.len(), 1);
+        assert!(read.problem.unwrap().body().detail.starts_with("line 13: wo: found [200, 1]"));
+        for bad in ["[[1,2],[3,4]]", "{\"wx\":[1,2]}", "{", "7", "{\"wi\":[1]}"] {
+            let read = Records::Lines(Bytes::copy_from_slice(bad.as_bytes())).read(0);
+            assert!(read.problem.unwrap().body().detail.starts_with("line 1: "), "{bad}");
+        }
+        let nan = packed(&[1.0, 1.0, 1.0, 1.0, f32::NAN, 0.0, 1.0, 1.0]);
+        let read = Records::Floats(BOTH, nan).read(0);
+        assert!(read.problem.unwrap().body().detail.starts_with("record 2: wi: found [NaN, 0]"));
+    }
+}

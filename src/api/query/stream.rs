@@ -1,0 +1,192 @@
+//! A batch answered: whole as JSON, or block by block as a stream in bounded memory.
+
+use super::super::problem::{Kind, Problem};
+use super::super::state::App;
+use super::answers::Answers;
+use super::blocks::{Block, Source};
+use super::media::Encoding;
+use super::places::{Places, Records};
+use super::question::{Answered, Question, fits};
+use crate::evaluate::Material;
+use crate::jobs::{Limits, MathsError};
+use axum::body::{Body, Bytes};
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use futures::StreamExt;
+use futures::stream::BoxStream;
+use rayon::prelude::*;
+use std::collections::VecDeque;
+use std::io;
+use std::sync::Arc;
+use tokio::sync::OwnedSemaphorePermit;
+use tokio_util::task::AbortOnDropHandle;
+
+/// Records evaluated for one turn on the threads.
+const BLOCK: usize = 4096;
+/// Values of a block where records have many.
+const BLOCK_VALUES: usize = 1 << 19;
+/// Records evaluated together by one thread.
+const PART: usize = 512;
+/// Values of a part where records have many.
+const PART_VALUES: usize = 1 << 16;
+/// Blocks that are evaluated or wait to be sent.
+const BLOCKS: usize = 3;
+
+/// An answered block as bytes: its parts in order, and the problem behind the last answer.
+#[derive(Debug)]
+struct Sent {
+    parts: VecDeque<Bytes>,
+    problem: Option<Problem>,
+}
+
+/// The whole answer as one JSON object. Where the maths run.
+pub(super) fn whole(
+    material: &Material,
+    question: &Question,
+    places: Places,
+    limits: &Limits,
+) -> Result<Vec<u8>, Problem> {
+    let (count, width) = (places.len(), question.width(material));
+    fits(count, width, limits.values)?;
+    let mut all: Option<Answers> = None;
+    let block = Block { records: Records::Listed(Arc::new(places), 0..count), first: 0 };
+    for (answers, problem) in parts(material, question, &block, width, |answers| answers) {
+        if let Some(problem) = problem {
+            return Err(problem);
+        }
+        match &mut all {
+            Some(all) => all.append(answers),
+            None => all = Some(answers),
+        }
+    }
+    let json = all.map(|all| all.json(question, material));
+    json.transpose().map_err(|error| Problem::internal(&error)).map(Option::unwrap_or_default)
+}
+
+/// The answer block by block. `bytes` is its length, if that is known.
+pub(super) async fn stream(
+    app: &App,
+    material: Arc<Material>,
+    question: Question,
+    source: Source,
+    encoding: Encoding,
+    bytes: Option<u64>,
+) -> Result<Response, Problem> {
+    let place = Arc::clone(&app.streams).try_acquire_owned();
+    let place = place.map_err(|_| Problem::new(Kind::Overloaded, "too many streams are under way"))?;
+    let width = question.width(&material);
+    let most = BLOCK.min(BLOCK_VALUES / width).max(1);
+    let asked = Arc::new((material, question));
+    let blocks = futures::stream::unfold(source, move |mut source| async move {
+        let block = source.next(most).await?;
+        Some((block, source))
+    });
+    let queries = app.engine.queries.clone();
+    let mut answered = blocks
+        .map(move |block| {
+            let (asked, queries) = (Arc::clone(&asked), queries.clone());
+            // A task of its own takes the turn when it comes, even while the client does not read.
+            AbortOnDropHandle::new(tokio::spawn(async move {
+                let block = block?;
+                let sent = queries.run_in_turn(move || send(&asked.0, &asked.1, &block, width, encoding)).await?;
+                Ok::<_, Problem>(sent)
+            }))
+        })
+        .buffered(BLOCKS)
+        .map(|sent| {
+            let sent = sent.unwrap_or_else(|error| Err(MathsError::Panicked(error.to_string()).into()));
+            sent.unwrap_or_else(|problem| Sent { parts: VecDeque::new(), problem: Some(problem) })
+        })
+        .boxed();
+    // The status waits for the first answer: what cannot begin is a problem as everywhere.
+    let mut sent = Sent { parts: VecDeque::new(), problem: None };
+    while sent.parts.is_empty() {
+        if let Some(problem) = sent.problem {
+            return Err(problem);
+        }
+        let Some(next) = answered.next().await else { break };
+        sent = next;
+    }
+    let state = Sending { answered, sent, _place: place };
+    let mut response =
+        Body::from_stream(futures::stream::try_unfold(state, move |state| state.next(encoding))).into_response();
+    response.headers_mut().insert(header::CONTENT_TYPE, encoding.header());
+    response.headers_mut().extend(bytes.map(|bytes| (header::CONTENT_LENGTH, bytes.into())));
+    Ok(response)
+}
+
+/// A stream on its way out.
+struct Sending {
+    answered: BoxStream<'static, Sent>,
+    sent: Sent,
+    _place: OwnedSemaphorePermit,
+}
+
+impl Sending {
+    async fn next(mut self, encoding: Encoding) -> io::Result<Option<(Bytes, Self)>> {
+        loop {
+            if let Some(part) = self.sent.parts.pop_front() {
+                return Ok(Some((part, self)));
+            }
+            if let Some(problem) = self.sent.problem.take() {
+                // Blocks behind the problem are dropped.
+                self.answered = futures::stream::empty().boxed();
+                let problem = problem.body();
+                tracing::info!(detail = problem.detail, "a stream ended with a problem");
+                if encoding == Encoding::Floats {
+                    return Err(io::Error::other(problem.detail));
+                }
+                let mut line = serde_json::to_vec(&problem)?;
+                line.push(b'\n');
+                return Ok(Some((line.into(), self)));
+            }
+            match self.answered.next().await {
+                Some(sent) => self.sent = sent,
+                None => return Ok(None),
+            }
+        }
+    }
+}
+
+/// A block as it is sent. Where the maths run.
+fn send(material: &Material, question: &Question, block: &Block, width: usize, encoding: Encoding) -> Sent {
+    let mut sent = Sent { parts: VecDeque::new(), problem: None };
+    for (bytes, problem) in parts(material, question, block, width, |answers| answers.bytes(encoding)) {
+        match bytes {
+            Ok(bytes) if bytes.is_empty() => {}
+            Ok(bytes) => sent.parts.push_back(bytes.into()),
+            Err(error) => sent.problem = Some(Problem::internal(&error)),
+        }
+        sent.problem = sent.problem.or(problem);
+        if sent.problem.is_some() {
+            break;
+        }
+    }
+    sent
+}
+
+/// The parts of a block, answered side by side, each with the problem behind its last answer.
+fn parts<T: Send>(
+    material: &Material,
+    question: &Question,
+    block: &Block,
+    width: usize,
+    take: impl Fn(Answers) -> T + Sync,
+) -> Vec<(T, Option<Problem>)> {
+    let mut next = block.first;
+    let numbered: Vec<(Records, u64)> = block
+        .records
+        .parts(PART.min(PART_VALUES / width).max(1))
+        .into_iter()
+        .map(|records| {
+            let first = next;
+            next += records.count() as u64;
+            (records, first)
+        })
+        .collect();
+    let answer = |(records, first): (Records, u64)| {
+        let Answered { answers, problem } = question.answer(material, &records, first);
+        (take(answers), problem)
+    };
+    numbered.into_par_iter().map(answer).collect()
+}
