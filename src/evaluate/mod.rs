@@ -10,6 +10,16 @@
 //!   material sends nothing there. Wavelengths outside the measured range are masked.
 //! * **Isotropic** data (incoming elevations): the azimuth of `wi` is taken from `wo` too. Elevations beyond the ends of
 //!   the axis take the value of its end.
+//! * **The horizon** (z = 0 exactly) belongs to every domain it bounds: to the upper hemisphere, to the lower one, and on the
+//!   whole sphere to the upper cells. Values there are those of the cells beside it, without a cosine, and finite; weights
+//!   of samples and albedos have |cos θo| and go to 0 with it. Below it a `wo` is outside an upper outgoing axis (0), a
+//!   `wi` outside an upper incoming one (refused). At grazing `wi` the function is that of the outermost cells: nothing
+//!   is extrapolated beyond their centroids. What leaves on the side of `wi` is reflected, on the other transmitted; a
+//!   direction on the horizon is above. Over a whole sphere the smooth form is continuous across the horizon, so that the
+//!   two sides of a BSDF mix within a cell of it; the constant form keeps them apart.
+//! * **Negative** values are given as they were measured: data with none never give any, in either form. Where data have
+//!   some, sampling takes negative means over wavelengths as 0, and everything else has them unless
+//!   [`physics::Preparation::clamp`] asks for 0.
 
 mod albedo;
 mod elements;
@@ -17,12 +27,14 @@ mod incoming;
 mod kernel;
 mod lookup;
 mod material;
+pub mod physics;
 mod planes;
 mod reconstruct;
 mod sampling;
 mod smooth;
 mod spectrum;
 
+pub use albedo::Side;
 pub use incoming::Alignment;
 pub use material::{Material, OpenedReport};
 
