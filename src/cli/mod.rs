@@ -17,8 +17,10 @@ mod migrate;
 mod openapi;
 mod output;
 mod paper;
+mod physics;
 mod project;
 mod query;
+mod reflectance;
 mod report;
 mod request;
 mod runtime;
@@ -65,6 +67,10 @@ enum Command {
     Evaluate(evaluate::Args),
     /// Draw directions from a material
     Sample(sample::Args),
+    /// Report the energy, flux and reciprocity of a material
+    Physics(physics::Args),
+    /// Write the directional albedo of a material as a material of its own
+    Reflectance(reflectance::Args),
     /// Write a material in a format that others read
     Export(export::Args),
     /// List the spectral bases
@@ -126,6 +132,8 @@ impl Cli {
             Command::Decode(args) => decode::run(&args),
             Command::Evaluate(args) => evaluate::run(&args),
             Command::Sample(args) => sample::run(&args),
+            Command::Physics(args) => physics::run(&args),
+            Command::Reflectance(args) => reflectance::run(&args),
             Command::Export(args) => export::run(&args),
             Command::Bases(args) => bases::run(&args),
             Command::Formats(args) => formats::run(&args),

@@ -117,7 +117,7 @@ fn er_l2(text: &str) -> Result<Target, String> {
 }
 
 impl TargetArgs {
-    fn target(&self, illuminant: Illuminant) -> Target {
+    pub(super) fn target(&self, illuminant: Illuminant) -> Target {
         let named = self.er_l2;
         let named = named.or(self.er_l1.map(Target::ErL1));
         let named = named.or(self.max_relative_error.map(Target::MaxRelativeError));

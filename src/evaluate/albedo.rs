@@ -132,7 +132,10 @@ impl Material {
         let Some(own) = self.outgoing.as_ref().map(|lookup| lookup.mesh()) else { return Ok(()) };
         let level = own.level().saturating_add(finer);
         let Some(mesh) = TriangleMesh::new(own.domain(), level) else {
-            return unfit(format!("integration at level {level}, expected at most {}", crate::domain::limits::MAX_LEVEL));
+            return unfit(format!(
+                "integration at level {level}, expected at most {}",
+                crate::domain::limits::MAX_LEVEL
+            ));
         };
         let has_cosine = self.quantity().has_cosine();
         // The whole of isotropic data is turned by the azimuth of wi; so are the triangles.

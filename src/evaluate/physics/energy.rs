@@ -116,10 +116,11 @@ impl Material {
 
     fn largest(&self, values: &[f32], sign: f64) -> Option<Spot> {
         let lambdas = self.lambdas();
-        let best = values.iter().enumerate().filter(|(_, v)| !v.is_nan()).fold(None, |best: Option<(usize, f64)>, (i, &v)| {
-            let value = sign * f64::from(v);
-            if best.is_none_or(|(_, most)| value > most) { Some((i, value)) } else { best }
-        });
+        let best =
+            values.iter().enumerate().filter(|(_, v)| !v.is_nan()).fold(None, |best: Option<(usize, f64)>, (i, &v)| {
+                let value = sign * f64::from(v);
+                if best.is_none_or(|(_, most)| value > most) { Some((i, value)) } else { best }
+            });
         best.map(|(i, value)| self.spot(sign * value, i / lambdas, i % lambdas))
     }
 

@@ -100,8 +100,12 @@ impl Material {
                     let (wo, b) = wos[number % outgoing];
                     let index = self.index_of(number / (incoming * outgoing));
                     let weight = a * b * self.cosines(wi, wo);
-                    self.compare(&index, wi, wo, there, back)
-                        .map(|(apart, sum)| Compared { number, weight, apart, sum })
+                    self.compare(&index, wi, wo, there, back).map(|(apart, sum)| Compared {
+                        number,
+                        weight,
+                        apart,
+                        sum,
+                    })
                 },
             )
             .collect();
@@ -111,7 +115,8 @@ impl Material {
             Some(worst) if worst.difference() >= pair.difference() => Some(worst),
             _ => Some(*pair),
         });
-        let largest = largest.map(|pair| self.worst(&pair, wis[pair.number / outgoing % incoming].0, wos[pair.number % outgoing].0));
+        let largest = largest
+            .map(|pair| self.worst(&pair, wis[pair.number / outgoing % incoming].0, wos[pair.number % outgoing].0));
         let sum = |of: &dyn Fn(&Compared) -> f64| pairs.iter().map(of).sum::<f64>();
         let ratio = |a: f64, b: f64| if b > 0.0 { a / b } else { 0.0 };
         let weight = sum(&|pair| pair.weight);
@@ -158,7 +163,8 @@ impl Material {
         self.compare(&index, wi, wo, &mut there, &mut back);
         let apart = |lambda: usize| (there[lambda] - back[lambda]).abs();
         let lambda = (0..there.len()).filter(|&lambda| !apart(lambda).is_nan());
-        let lambda = lambda.fold(0, |most, lambda| if apart(lambda) > apart(most) || apart(most).is_nan() { lambda } else { most });
+        let lambda = lambda
+            .fold(0, |most, lambda| if apart(lambda) > apart(most) || apart(most).is_nan() { lambda } else { most });
         WorstPair {
             difference: pair.difference(),
             index,

