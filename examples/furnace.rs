@@ -53,7 +53,7 @@ fn main() -> ExitCode {
 }
 
 /// Prints the table for the material in `path`, or for one of its own; whether all of it agrees.
-pub fn run(path: Option<&str>, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
+pub(crate) fn run(path: Option<&str>, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
     let bytes = match path {
         Some(path) => std::fs::read(path)?,
         None => made(WHITE)?,

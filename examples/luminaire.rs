@@ -41,7 +41,7 @@ fn main() -> ExitCode {
 }
 
 /// Prints the flux of the luminaire in `path`, or of one of its own; whether the estimates agree.
-pub fn run(path: Option<&str>, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
+pub(crate) fn run(path: Option<&str>, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
     let bytes = match path {
         Some(path) => std::fs::read(path)?,
         None => {

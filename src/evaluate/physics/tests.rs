@@ -666,7 +666,7 @@ fn refusals_name_their_reason() {
     is_unfit(scan.reciprocity(), "this phase has no axes of directions to exchange");
     let brdf = Material::of(lambert(0.5)).unwrap();
     let up = angles(10.0, 10.0);
-    let mut symmetric = |place, scratch: usize| {
+    let symmetric = |place, scratch: usize| {
         brdf.symmetric_spectrum(place, Interpolation::Smooth, Mean::Arithmetic, &mut vec![0.0; scratch], &mut [0.0; 3])
     };
     is_unfit(symmetric(place(up, up), 2), "scratch of 2 samples, expected 3");
