@@ -42,13 +42,12 @@ fn main() -> ExitCode {
 
 /// Prints the flux of the luminaire in `path`, or of one of its own; whether the estimates agree.
 pub(crate) fn run(path: Option<&str>, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
-    let bytes = match path {
-        Some(path) => std::fs::read(path)?,
-        None => {
-            let interpretation = Interpretation::default();
-            let input = Input { bytes: SPOTLIGHT.as_bytes(), spectrum: None, interpretation: &interpretation };
-            pipeline::compress(&pipeline::read(&input)?, &Request::to(Target::ErL2(0.01)), &Silent)?.bytes
-        }
+    let bytes = if let Some(path) = path {
+        std::fs::read(path)?
+    } else {
+        let interpretation = Interpretation::default();
+        let input = Input { bytes: SPOTLIGHT.as_bytes(), spectrum: None, interpretation: &interpretation };
+        pipeline::compress(&pipeline::read(&input)?, &Request::to(Target::ErL2(0.01)), &Silent)?.bytes
     };
     let material = Material::open(&bytes)?;
     if material.quantity() != Quantity::Edf {

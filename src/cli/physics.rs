@@ -5,10 +5,10 @@ use super::output::{Sheet, count, per_cent, print, print_json, three_digits};
 use super::query;
 use super::report::axes_lines;
 use crate::domain::{Axis, Quantity, Unit};
-use crate::evaluate::Material;
 use crate::evaluate::physics::{
     AlbedoReport, Allowance, EnergyReport, FluxReport, NormalisationReport, ReciprocityReport, Spot, Verdict,
 };
+use crate::evaluate::{EvaluateError, Material};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -34,15 +34,7 @@ struct Answer {
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let material = query::open(&args.material)?;
-    let about = |error| Failure::from(error).about(&args.material);
-    let has_two_ways = matches!(material.quantity(), Quantity::Brdf | Quantity::Bsdf | Quantity::Phase);
-    let answer = Answer {
-        quantity: material.quantity(),
-        unit: material.unit(),
-        axes: material.axes().iter().map(Axis::describe).collect(),
-        energy: material.energy().map_err(about)?,
-        reciprocity: if has_two_ways { Some(material.reciprocity().map_err(about)?) } else { None },
-    };
+    let answer = Answer::of(&material).map_err(|error| Failure::from(error).about(&args.material))?;
     if args.json {
         return print_json(&answer);
     }
@@ -50,6 +42,17 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 }
 
 impl Answer {
+    fn of(material: &Material) -> Result<Self, EvaluateError> {
+        let has_two_ways = matches!(material.quantity(), Quantity::Brdf | Quantity::Bsdf | Quantity::Phase);
+        Ok(Self {
+            quantity: material.quantity(),
+            unit: material.unit(),
+            axes: material.axes().iter().map(Axis::describe).collect(),
+            energy: material.energy()?,
+            reciprocity: if has_two_ways { Some(material.reciprocity()?) } else { None },
+        })
+    }
+
     fn sheet(&self, material: &Material) -> Sheet {
         let mut sheet = Sheet::default();
         sheet.line("quantity", format!("{}, {}", self.quantity, self.unit));
@@ -188,17 +191,11 @@ fn reciprocity_lines(sheet: &mut Sheet, report: &ReciprocityReport) {
 }
 
 fn found(spot: &Spot) -> String {
-    let mut text = format!("{:.4}", spot.value);
-    if let Some([theta, phi]) = spot.wi {
-        text.push_str(&format!(", wi at ({theta:.1}, {phi:.1})"));
-    }
-    if let Some(wavelength) = spot.wavelength {
-        text.push_str(&format!(", {wavelength} nm"));
-    }
-    if !spot.index.is_empty() {
-        text.push_str(&format!(", index {:?}", spot.index));
-    }
-    text
+    let wi = spot.wi.map(|[theta, phi]| format!(", wi at ({theta:.1}, {phi:.1})"));
+    let wavelength = spot.wavelength.map(|nm| format!(", {nm} nm"));
+    let index = (!spot.index.is_empty()).then(|| format!(", index {:?}", spot.index));
+    let places: String = [wi, wavelength, index].into_iter().flatten().collect();
+    format!("{:.4}{places}", spot.value)
 }
 
 fn allowed(allowance: &Allowance) -> String {
@@ -208,6 +205,7 @@ fn allowed(allowance: &Allowance) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline;
 
     #[test]
     fn places_are_said_in_degrees_and_nanometres() {
@@ -241,5 +239,37 @@ mod tests {
         assert!(text(Verdict::WithinError, 0.005).contains(within));
         assert!(text(Verdict::Broken, 0.2).contains("20.0 % above 1, more than compression may add"));
         assert!(text(Verdict::Broken, 0.2).contains("2 are negative, as samples are"));
+    }
+
+    /// What is printed of a virtual measurement, opened as it is.
+    fn printed(quantity: &str, model: &str, axes: &str) -> String {
+        let document =
+            format!("{{\"wavelume\":\"virtual\",\"quantity\":\"{quantity}\",\"model\":{model},\"axes\":{axes}}}");
+        let interpretation = crate::formats::Interpretation::default();
+        let input = pipeline::Input { bytes: document.as_bytes(), spectrum: None, interpretation: &interpretation };
+        let source = pipeline::read(&input).unwrap();
+        let request = pipeline::Request::to(crate::compress::Target::Lossless);
+        let measurement = pipeline::project(&source.acquisition, &request).unwrap().measurement;
+        let material = Material::of(measurement).unwrap();
+        let answer = Answer::of(&material).unwrap();
+        assert!(serde_json::to_string(&answer).unwrap().contains("\"energy\":{"));
+        answer.sheet(&material).render("m.wlm")
+    }
+
+    #[test]
+    fn every_quantity_has_its_report() {
+        let lambert = "{\"lambert\":{\"reflectance\":0.7}}";
+        let text = printed("brdf", lambert, "[\"hemi:1\",\"hemi:2\",\"lambda:400:100:4\"]");
+        assert!(text.contains("albedo       at most 0.7000, wi at (") && text.contains("conserved"), "{text}");
+        assert!(text.contains("reciprocity  1,024 pairs compared, 0 left out") && text.contains("left-out"), "{text}");
+        let both = format!(
+            "{{\"sum\":[{{\"lobe\":{lambert}}},{{\"lobe\":{{\"lambert_transmission\":{{\"transmittance\":0.2}}}}}}]}}"
+        );
+        let text = printed("bsdf", &both, "[\"sphere:1\",\"sphere:2\",\"lambda:400:100:4\"]");
+        assert!(text.contains("reflected at most 0.7000") && text.contains("transmitted at most 0.2000"), "{text}");
+        let text = printed("phase", "\"rayleigh\"", "[\"sphere:1\",\"sphere:3\"]");
+        assert!(text.contains("normalisation  ") && text.contains("integral       least "), "{text}");
+        let text = printed("edf", "\"isotropic\"", "[\"sphere:2\",\"lambda:400:50:7\"]");
+        assert!(text.contains("flux") && text.contains("not known: the unit is relative"), "{text}");
     }
 }
