@@ -20,9 +20,11 @@ mod migrate;
 mod openapi;
 mod output;
 mod paper;
+mod physics;
 mod preview;
 mod project;
 mod query;
+mod reflectance;
 mod report;
 mod request;
 mod runtime;
@@ -74,6 +76,10 @@ enum Command {
     Color(color::Args),
     /// Draw a material: a ball, a polar diagram or a plot, as PNG
     Preview(preview::Args),
+    /// Report the energy, flux and reciprocity of a material
+    Physics(physics::Args),
+    /// Write the directional albedo of a material as a material of its own
+    Reflectance(reflectance::Args),
     /// Write a material in a format that others read
     Export(export::Args),
     /// Add materials, each times a factor: coefficients where they are linear in the samples
@@ -141,6 +147,8 @@ impl Cli {
             Command::Sample(args) => sample::run(&args),
             Command::Color(args) => color::run(&args),
             Command::Preview(args) => preview::run(&args),
+            Command::Physics(args) => physics::run(&args),
+            Command::Reflectance(args) => reflectance::run(&args),
             Command::Export(args) => export::run(&args),
             Command::Combine(args) => combine::run(&args),
             Command::Dot(args) => dot::run(&args),

@@ -129,7 +129,7 @@ fn er_l2(text: &str) -> Result<Target, String> {
 }
 
 impl TargetArgs {
-    fn target(&self, illuminant: Illuminant) -> Target {
+    pub(super) fn target(&self, illuminant: Illuminant) -> Target {
         self.named_under(illuminant).unwrap_or(DEFAULT_TARGET)
     }
 

@@ -1,6 +1,6 @@
 //! An opened material: the roles of its axes, its planes (or samples), and the tables that queries read.
 
-use super::albedo;
+use super::albedo::Albedos;
 use super::incoming::{Alignment, Nodes};
 use super::lookup::{MeshLookup, Stencil, elevation_stencil, nearest_elevation};
 use super::planes::Planes;
@@ -17,9 +17,10 @@ use std::sync::Arc;
 pub struct Material {
     quantity: Quantity,
     unit: Unit,
+    pub(super) sampling: Sampling,
     axes: Vec<Axis>,
     layout: Layout,
-    summary: Option<Summary>,
+    pub(super) summary: Option<Summary>,
     /// The lengths of the leading opaque axes.
     indices: Vec<usize>,
     incoming: Incoming,
@@ -31,8 +32,8 @@ pub struct Material {
     pub(super) form: Form,
     /// Present with an outgoing axis.
     pub(super) trees: Option<Trees>,
-    /// `[cell, lambda]`; empty without an outgoing axis.
-    pub(super) albedos: Vec<f32>,
+    /// Nothing without an outgoing axis.
+    pub(super) albedos: Albedos,
 }
 
 /// How samples are kept for queries.
@@ -132,7 +133,7 @@ impl Material {
         let length = |axis: Option<usize>| axis.map_or(1, |axis| axes[axis].len());
         let shape = [length(layout.incoming), length(layout.outgoing), length(layout.spectral)];
         let albedos =
-            outgoing.as_ref().map(|lookup| albedo::table(&measurement, lookup.mesh(), shape[2])).unwrap_or_default();
+            outgoing.as_ref().map(|lookup| Albedos::new(&measurement, lookup.mesh(), shape[2])).unwrap_or_default();
         let nodes = match &incoming {
             Incoming::None => Nodes::One,
             Incoming::Triangles(lookup) => Nodes::triangles(Arc::clone(lookup)),
@@ -141,7 +142,7 @@ impl Material {
         let entries = indices.iter().product();
         let candidates = alignment.map_or_else(|| candidates(measurement.quantity), |alignment| vec![alignment]);
         let axes = axes.to_vec();
-        let (quantity, unit) = (measurement.quantity, measurement.unit);
+        let (quantity, unit, sampling) = (measurement.quantity, measurement.unit, measurement.sampling);
         let found = planes(&measurement, shape[2], outgoing.as_deref(), nodes, entries, &candidates);
         let form = if let Some((planes, smooth)) = found {
             Form::Planes { planes: Box::new(planes), smooth: Box::new(smooth) }
@@ -163,6 +164,7 @@ impl Material {
         let mut material = Self {
             quantity,
             unit,
+            sampling,
             axes,
             layout: layout.clone(),
             summary: None,
@@ -248,8 +250,8 @@ impl Material {
             + incoming
             + self.outgoing.as_ref().map_or(0, |lookup| lookup.memory())
             + self.trees.as_ref().map_or(0, Trees::memory)
-            + size_of_val(&*self.albedos)
             + size_of_val(&*self.incoming_directions)
+            + self.albedos.memory()
     }
 
     pub(super) fn grid(&self) -> Option<&WavelengthGrid> {
@@ -340,6 +342,22 @@ impl Material {
 
     pub(super) fn has_incoming(&self) -> bool {
         !matches!(self.incoming, Incoming::None)
+    }
+
+    /// Whether `direction` is inside the incoming domain.
+    #[inline]
+    pub(super) fn takes(&self, direction: Direction) -> bool {
+        match &self.incoming {
+            Incoming::None => false,
+            Incoming::Triangles(lookup) => lookup.holds(direction.xyz()),
+            Incoming::Elevations(_) => direction.cos_theta() >= 0.0,
+        }
+    }
+
+    /// Whether `direction` is inside the outgoing domain.
+    #[inline]
+    pub(super) fn sends(&self, direction: Direction) -> bool {
+        self.outgoing.as_ref().is_some_and(|lookup| lookup.holds(direction.xyz()))
     }
 
     pub(super) fn is_isotropic(&self) -> bool {

@@ -1,15 +1,27 @@
 //! A material in use: spectra, pdf, importance samples and albedo; no allocation per query.
 //!
 //! # Rules
-//! * **Piecewise constant** is what was measured: a sample holds over its whole triangle. The smooth form is made from it:
-//!   a vertex value is the mean of the triangles around the vertex by solid angle (one-sided at the horizon), a direction
-//!   lies barycentrically between the three vertices of its triangle. It is continuous, keeps constants, and never leaves
-//!   the range of the samples around.
+//! * **Piecewise constant** is what was measured: a sample holds over its whole triangle.
+//! * **Smooth** is continuous over directions. Where a few planes hold all spectra (nearly always) it is made of quadratic
+//!   elements over outgoing directions, through values that have the cells' averages, in logarithms where data are positive;
+//!   over incoming directions it goes from one to the next with lobes moving along ([`Alignment`]). Otherwise (single
+//!   samples masked or zero, spectra of high rank) a vertex value is the mean of the triangles around it by solid angle, and
+//!   a direction lies barycentrically between three; that never leaves the range of the samples around.
 //! * **Masked** cells are left out and the others weigh more; where all are masked the answer is NaN.
 //! * **Outside**: `wi` outside the incoming domain is refused. `wo` outside the outgoing domain has value 0 and pdf 0: the
 //!   material sends nothing there. Wavelengths outside the measured range are masked.
 //! * **Isotropic** data (incoming elevations): the azimuth of `wi` is taken from `wo` too. Elevations beyond the ends of
 //!   the axis take the value of its end.
+//! * **The horizon** (z = 0 exactly) belongs to every domain it bounds: to the upper hemisphere, to the lower one, and on the
+//!   whole sphere to the upper cells. Values there are those of the cells beside it, without a cosine, and finite; weights
+//!   of samples and albedos have |cos θo| and go to 0 with it. Below it a `wo` is outside an upper outgoing axis (0), a
+//!   `wi` outside an upper incoming one (refused). At grazing `wi` the function is that of the outermost cells: nothing
+//!   is extrapolated beyond their centroids. What leaves on the side of `wi` is reflected, on the other transmitted; a
+//!   direction on the horizon is above. Over a whole sphere the smooth form is continuous across the horizon, so that the
+//!   two sides of a BSDF mix within a cell of it; the constant form keeps them apart.
+//! * **Negative** values are given as they were measured: data with none never give any, in either form. Where data have
+//!   some, sampling takes negative means over wavelengths as 0, and everything else has them unless
+//!   [`physics::Preparation::clamp`] asks for 0.
 
 mod albedo;
 mod batch;
@@ -18,6 +30,7 @@ mod incoming;
 mod kernel;
 mod lookup;
 mod material;
+pub mod physics;
 mod planes;
 mod reconstruct;
 mod sampling;
@@ -25,6 +38,7 @@ mod smooth;
 mod spectrum;
 pub mod warp;
 
+pub use albedo::Side;
 pub use batch::{Directions, Pairs};
 pub use incoming::Alignment;
 pub use material::{Material, OpenedReport};
@@ -50,7 +64,7 @@ pub struct Place<'a> {
 pub enum Interpolation {
     /// The value of the triangle that holds the direction, as the paper has it; of the nearest incoming elevation.
     Constant,
-    /// Continuous over directions: barycentric between vertex means; linear between incoming elevations.
+    /// Continuous over directions.
     #[default]
     Smooth,
 }

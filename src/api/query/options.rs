@@ -99,7 +99,10 @@ impl From<Outside> for Beyond {
 }
 
 /// A part of the query string, if it is there, read by `read`.
-pub(in crate::api) fn read<T>(text: Option<&str>, read: impl FnOnce(&str) -> Result<T, String>) -> Result<Option<T>, Problem> {
+pub(in crate::api) fn read<T>(
+    text: Option<&str>,
+    read: impl FnOnce(&str) -> Result<T, String>,
+) -> Result<Option<T>, Problem> {
     text.map(read).transpose().map_err(|detail| Problem::new(Kind::BadQuery, detail))
 }
 

@@ -1,0 +1,275 @@
+//! `wavelume physics`: the energy, flux and reciprocity of a material.
+
+use super::failure::Failure;
+use super::output::{Sheet, count, per_cent, print, print_json, three_digits};
+use super::query;
+use super::report::axes_lines;
+use crate::domain::{Axis, Quantity, Unit};
+use crate::evaluate::physics::{
+    AlbedoReport, Allowance, EnergyReport, FluxReport, NormalisationReport, ReciprocityReport, Spot, Verdict,
+};
+use crate::evaluate::{EvaluateError, Material};
+use serde::Serialize;
+use std::path::PathBuf;
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The material
+    #[arg(value_name = "M.wlm")]
+    material: PathBuf,
+    /// Print one line of JSON, with the albedo of every incoming direction
+    #[arg(long)]
+    json: bool,
+}
+
+/// The reports; those that the quantity has.
+#[derive(Serialize)]
+struct Answer {
+    quantity: Quantity,
+    unit: Unit,
+    axes: Vec<String>,
+    energy: EnergyReport,
+    reciprocity: Option<ReciprocityReport>,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let material = query::open(&args.material)?;
+    let answer = Answer::of(&material).map_err(|error| Failure::from(error).about(&args.material))?;
+    if args.json {
+        return print_json(&answer);
+    }
+    print(&answer.sheet(&material).render(&args.material.display().to_string()))
+}
+
+impl Answer {
+    fn of(material: &Material) -> Result<Self, EvaluateError> {
+        let has_two_ways = matches!(material.quantity(), Quantity::Brdf | Quantity::Bsdf | Quantity::Phase);
+        Ok(Self {
+            quantity: material.quantity(),
+            unit: material.unit(),
+            axes: material.axes().iter().map(Axis::describe).collect(),
+            energy: material.energy()?,
+            reciprocity: if has_two_ways { Some(material.reciprocity()?) } else { None },
+        })
+    }
+
+    fn sheet(&self, material: &Material) -> Sheet {
+        let mut sheet = Sheet::default();
+        sheet.line("quantity", format!("{}, {}", self.quantity, self.unit));
+        axes_lines(&mut sheet, &self.axes);
+        if let Some(albedo) = &self.energy.albedo {
+            albedo_lines(&mut sheet, albedo);
+        }
+        if let Some(normalisation) = &self.energy.normalisation {
+            normalisation_lines(&mut sheet, normalisation);
+        }
+        for flux in self.energy.flux.iter().flatten() {
+            flux_lines(&mut sheet, flux, material);
+        }
+        if let Some(reciprocity) = &self.reciprocity {
+            reciprocity_lines(&mut sheet, reciprocity);
+        }
+        sheet
+    }
+}
+
+fn albedo_lines(sheet: &mut Sheet, albedo: &AlbedoReport) {
+    let sides = [("", &albedo.largest), ("reflected ", &albedo.reflected), ("transmitted ", &albedo.transmitted)];
+    for (side, spot) in sides {
+        match spot {
+            Some(spot) => sheet.line("albedo", format!("{side}at most {}", found(spot))),
+            None if side.is_empty() => sheet.line("albedo", "masked"),
+            None => sheet,
+        };
+    }
+    sheet.line("albedo", format!("mean {}", three_digits(albedo.mean)));
+    if albedo.negative > 0 {
+        sheet.line("albedo", format!("{} are negative, as samples are", count(albedo.negative)));
+    }
+    sheet.line(
+        "energy",
+        match albedo.verdict {
+            Verdict::Holds => "conserved: no albedo above 1".to_owned(),
+            Verdict::WithinError => {
+                format!(
+                    "{} above 1, within what compression may add ({})",
+                    per_cent(albedo.excess),
+                    allowed(&albedo.allowance)
+                )
+            }
+            Verdict::Broken => {
+                format!(
+                    "{} above 1, more than compression may add ({})",
+                    per_cent(albedo.excess),
+                    allowed(&albedo.allowance)
+                )
+            }
+        },
+    );
+}
+
+fn normalisation_lines(sheet: &mut Sheet, report: &NormalisationReport) {
+    for (which, spot) in [("least", &report.least), ("largest", &report.largest)] {
+        if let Some(spot) = spot {
+            sheet.line("integral", format!("{which} {}", found(spot)));
+        }
+    }
+    sheet.line("integral", format!("mean {:.5}", report.mean));
+    let off = per_cent(report.deviation);
+    sheet.line(
+        "normalisation",
+        match report.verdict {
+            Verdict::Holds => "holds: every integral is 1".to_owned(),
+            Verdict::WithinError => {
+                format!("{off} off, within what compression may add ({})", allowed(&report.allowance))
+            }
+            Verdict::Broken => format!("{off} off, more than compression may add ({})", allowed(&report.allowance)),
+        },
+    );
+}
+
+fn flux_lines(sheet: &mut Sheet, flux: &FluxReport, material: &Material) {
+    let entry = if flux.index.is_empty() { String::new() } else { format!(" of {:?}", flux.index) };
+    let spectral = || flux.spectral.iter().enumerate().filter_map(|(lambda, v)| v.map(|v| (lambda, v)));
+    let most = spectral().fold(None, |most: Option<(usize, f64)>, one| match most {
+        Some(most) if most.1 >= one.1 => Some(most),
+        _ => Some(one),
+    });
+    match (flux.total, most) {
+        (Some(total), _) => sheet.line("flux", format!("{} {}{entry}", three_digits(total), flux.total_unit)),
+        (None, Some(_)) => sheet.line("flux", format!("by wavelength only{entry}: the unit is {}", material.unit())),
+        (None, None) => sheet.line("flux", format!("masked{entry}")),
+    };
+    if let (Some((lambda, value)), Some(wavelengths)) = (most, material.wavelengths()) {
+        let at = wavelengths[lambda];
+        sheet.line("flux", format!("at most {} {}, at {at} nm", three_digits(value), flux.unit));
+    }
+    match (flux.luminous, &flux.reason) {
+        (Some(luminous), _) => {
+            let unit = if flux.unit == "lm/klm" { "lm/klm" } else { "lm" };
+            sheet.line("luminous flux", format!("{} {unit}", three_digits(luminous)))
+        }
+        (None, reason) => sheet.line("luminous flux", format!("not known: {}", reason.as_deref().unwrap_or_default())),
+    };
+}
+
+fn reciprocity_lines(sheet: &mut Sheet, report: &ReciprocityReport) {
+    let step = if report.step > 1 { format!(", one of {}", count(report.step)) } else { String::new() };
+    sheet.line(
+        "reciprocity",
+        format!("{} pairs compared{step}, {} left out", count(report.pairs), count(report.left_out)),
+    );
+    let Some(worst) = &report.largest else { return };
+    sheet.line(
+        "reciprocity",
+        format!(
+            "differs by {} of the light; mean {}, nine tenths below {}",
+            per_cent(report.light),
+            per_cent(report.mean),
+            per_cent(report.p90)
+        ),
+    );
+    let angles = |[theta, phi]: [f64; 2]| format!("({theta:.1}, {phi:.1})");
+    let wavelength = worst.wavelength.map(|nm| format!(", {nm} nm")).unwrap_or_default();
+    sheet.line(
+        "reciprocity",
+        format!(
+            "most {}: {} and back {} between {} and {}{wavelength}",
+            per_cent(worst.difference),
+            three_digits(worst.there),
+            three_digits(worst.back),
+            angles(worst.wi),
+            angles(worst.wo)
+        ),
+    );
+    if let Some(error) = report.left_out_error {
+        sheet.line(
+            "reciprocity",
+            format!("interpolation is in it: a left-out incoming direction is predicted to {}", per_cent(error)),
+        );
+    }
+}
+
+fn found(spot: &Spot) -> String {
+    let wi = spot.wi.map(|[theta, phi]| format!(", wi at ({theta:.1}, {phi:.1})"));
+    let wavelength = spot.wavelength.map(|nm| format!(", {nm} nm"));
+    let index = (!spot.index.is_empty()).then(|| format!(", index {:?}", spot.index));
+    let places: String = [wi, wavelength, index].into_iter().flatten().collect();
+    format!("{:.4}{places}", spot.value)
+}
+
+fn allowed(allowance: &Allowance) -> String {
+    format!("er(L2) {}, at most {}", per_cent(allowance.er_l2), per_cent(allowance.bound))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline;
+
+    #[test]
+    fn places_are_said_in_degrees_and_nanometres() {
+        let mut spot =
+            Spot { value: 0.98765, index: vec![], wi: Some([84.26, 12.0]), lambda: 3, wavelength: Some(700.0) };
+        assert_eq!(found(&spot), "0.9877, wi at (84.3, 12.0), 700 nm");
+        spot = Spot { index: vec![1, 2], wi: None, wavelength: None, ..spot };
+        assert_eq!(found(&spot), "0.9877, index [1, 2]");
+    }
+
+    #[test]
+    fn every_verdict_has_its_words() {
+        let albedo = |verdict, excess| AlbedoReport {
+            largest: None,
+            reflected: None,
+            transmitted: None,
+            mean: 0.5,
+            excess,
+            allowance: Allowance { er_l2: 0.01, bound: 0.05 },
+            verdict,
+            negative: 2,
+            entries: vec![],
+        };
+        let text = |verdict, excess| {
+            let mut sheet = Sheet::default();
+            albedo_lines(&mut sheet, &albedo(verdict, excess));
+            sheet.render("m.wlm")
+        };
+        assert!(text(Verdict::Holds, 0.0).contains("energy  conserved: no albedo above 1\n"));
+        let within = "0.500 % above 1, within what compression may add (er(L2) 1.00 %, at most 5.00 %)";
+        assert!(text(Verdict::WithinError, 0.005).contains(within));
+        assert!(text(Verdict::Broken, 0.2).contains("20.0 % above 1, more than compression may add"));
+        assert!(text(Verdict::Broken, 0.2).contains("2 are negative, as samples are"));
+    }
+
+    /// What is printed of a virtual measurement, opened as it is.
+    fn printed(quantity: &str, model: &str, axes: &str) -> String {
+        let document =
+            format!("{{\"wavelume\":\"virtual\",\"quantity\":\"{quantity}\",\"model\":{model},\"axes\":{axes}}}");
+        let interpretation = crate::formats::Interpretation::default();
+        let input = pipeline::Input { bytes: document.as_bytes(), spectrum: None, interpretation: &interpretation };
+        let source = pipeline::read(&input).unwrap();
+        let request = pipeline::Request::to(crate::compress::Target::Lossless);
+        let measurement = pipeline::project(&source.acquisition, &request).unwrap().measurement;
+        let material = Material::of(measurement).unwrap();
+        let answer = Answer::of(&material).unwrap();
+        assert!(serde_json::to_string(&answer).unwrap().contains("\"energy\":{"));
+        answer.sheet(&material).render("m.wlm")
+    }
+
+    #[test]
+    fn every_quantity_has_its_report() {
+        let lambert = "{\"lambert\":{\"reflectance\":0.7}}";
+        let text = printed("brdf", lambert, "[\"hemi:1\",\"hemi:2\",\"lambda:400:100:4\"]");
+        assert!(text.contains("albedo       at most 0.7000, wi at (") && text.contains("conserved"), "{text}");
+        assert!(text.contains("reciprocity  1,024 pairs compared, 0 left out") && text.contains("left-out"), "{text}");
+        let both = format!(
+            "{{\"sum\":[{{\"lobe\":{lambert}}},{{\"lobe\":{{\"lambert_transmission\":{{\"transmittance\":0.2}}}}}}]}}"
+        );
+        let text = printed("bsdf", &both, "[\"sphere:1\",\"sphere:2\",\"lambda:400:100:4\"]");
+        assert!(text.contains("reflected at most 0.7000") && text.contains("transmitted at most 0.2000"), "{text}");
+        let text = printed("phase", "\"rayleigh\"", "[\"sphere:1\",\"sphere:3\"]");
+        assert!(text.contains("normalisation  ") && text.contains("integral       least "), "{text}");
+        let text = printed("edf", "\"isotropic\"", "[\"sphere:2\",\"lambda:400:50:7\"]");
+        assert!(text.contains("flux") && text.contains("not known: the unit is relative"), "{text}");
+    }
+}

@@ -1,0 +1,188 @@
+//! Conservation of energy: the stored albedo of every incoming direction against 1, phase functions' integrals against 1.
+
+use super::{FluxReport, Spot, is_whole};
+use crate::domain::{ErrorReport, Quantity};
+use crate::evaluate::albedo::{Side, is_above};
+use crate::evaluate::{EvaluateError, Material};
+use serde::Serialize;
+use std::f64::consts::PI;
+
+/// What rounding of samples to f32 may add to an integral that is exactly 1.
+const ROUNDING: f64 = 1e-6;
+
+/// The energy that leaves a material; one of the three is there, as the quantity has it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EnergyReport {
+    /// The quantity.
+    pub quantity: Quantity,
+    /// Of a BRDF, BTDF or BSDF.
+    pub albedo: Option<AlbedoReport>,
+    /// Of a phase function.
+    pub normalisation: Option<NormalisationReport>,
+    /// Of an emission, one for each entry of the opaque axes.
+    pub flux: Option<Vec<FluxReport>>,
+}
+
+/// How an integral that should be (at most) 1 stands to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// It is, to the rounding of samples.
+    Holds,
+    /// It is not, but by no more than the stated error of the compressed file can make of it.
+    WithinError,
+    /// It is not: the measurement itself breaks it.
+    Broken,
+}
+
+/// What compression may have added, from the header's errors.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Allowance {
+    /// The stated er(L2): what to expect of a sample.
+    pub er_l2: f64,
+    /// The most that an integral of 1 can be off: the largest relative error of a sample, plus the largest absolute error of
+    /// those without a relative one times the whole (projected) solid angle; 0 for a measurement that is no file.
+    pub bound: f64,
+}
+
+/// Directional–hemispherical albedos ∫ f · |cos θo| dωo.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AlbedoReport {
+    /// The largest over incoming entries and wavelengths, where anything is measured.
+    pub largest: Option<Spot>,
+    /// The largest of the reflected light alone, where both sides are measured.
+    pub reflected: Option<Spot>,
+    /// The largest of the transmitted light alone, where both sides are measured.
+    pub transmitted: Option<Spot>,
+    /// The mean over incoming entries and wavelengths.
+    pub mean: f64,
+    /// By how much the largest exceeds 1; 0 if it does not.
+    pub excess: f64,
+    /// What compression may have added.
+    pub allowance: Allowance,
+    /// Whether the largest is at most 1.
+    pub verdict: Verdict,
+    /// Albedos below 0, which only negative samples can make.
+    pub negative: u64,
+    /// The largest over wavelengths for every incoming entry.
+    pub entries: Vec<Spot>,
+}
+
+/// The integrals over the sphere of a phase function.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NormalisationReport {
+    /// The least over incoming entries and wavelengths.
+    pub least: Option<Spot>,
+    /// The largest.
+    pub largest: Option<Spot>,
+    /// The mean.
+    pub mean: f64,
+    /// The largest difference to 1.
+    pub deviation: f64,
+    /// What compression may have added.
+    pub allowance: Allowance,
+    /// Whether all are 1. One that is not is made so by [`super::Preparation::normalise`].
+    pub verdict: Verdict,
+}
+
+impl Material {
+    /// What leaves the material for every incoming direction and wavelength, of the piecewise constant function; refused
+    /// for quantities without an outgoing axis.
+    pub fn energy(&self) -> Result<EnergyReport, EvaluateError> {
+        self.needs_outgoing("energy")?;
+        let quantity = self.quantity();
+        let mut report = EnergyReport { quantity, albedo: None, normalisation: None, flux: None };
+        match quantity {
+            Quantity::Edf => report.flux = Some(self.fluxes()),
+            Quantity::Phase => report.normalisation = Some(self.normalisation()),
+            _ => report.albedo = Some(self.albedo_report()),
+        }
+        Ok(report)
+    }
+
+    /// Stored integrals of one side: `[entry, incoming, lambda]`.
+    pub(super) fn side(&self, side: Side) -> Vec<f32> {
+        let lambdas = self.lambdas();
+        let rows = self.entries() * self.shape[0];
+        let mut values = vec![0.0; rows * lambdas];
+        for (row, values) in values.chunks_exact_mut(lambdas).enumerate() {
+            let is_above = is_above(self.incoming_direction(row % self.shape[0]));
+            if let Some(table) = self.albedos.of(side, is_above) {
+                values.copy_from_slice(&table[row * lambdas..][..lambdas]);
+            }
+        }
+        values
+    }
+
+    fn largest(&self, values: &[f32], sign: f64) -> Option<Spot> {
+        let lambdas = self.lambdas();
+        let best =
+            values.iter().enumerate().filter(|(_, v)| !v.is_nan()).fold(None, |best: Option<(usize, f64)>, (i, &v)| {
+                let value = sign * f64::from(v);
+                if best.is_none_or(|(_, most)| value > most) { Some((i, value)) } else { best }
+            });
+        best.map(|(i, value)| self.spot(sign * value, i / lambdas, i % lambdas))
+    }
+
+    fn albedo_report(&self) -> AlbedoReport {
+        let both = self.side(Side::Both);
+        let lambdas = self.lambdas();
+        let has_both = self.outgoing.as_ref().is_some_and(|lookup| is_whole(lookup.mesh().domain()));
+        let part = |side| if has_both { self.largest(&self.side(side), 1.0) } else { None };
+        let largest = self.largest(&both, 1.0);
+        let excess = largest.as_ref().map_or(0.0, |spot| (spot.value - 1.0).max(0.0));
+        let allowance = self.allowance(if has_both { 2.0 * PI } else { PI });
+        let entries = both.chunks_exact(lambdas).enumerate().filter_map(|(row, spectrum)| {
+            let spot = self.largest(spectrum, 1.0)?;
+            Some(self.spot(spot.value, row, spot.lambda))
+        });
+        AlbedoReport {
+            reflected: part(Side::Reflected),
+            transmitted: part(Side::Transmitted),
+            mean: mean(&both),
+            excess,
+            verdict: verdict(excess, allowance.bound),
+            allowance,
+            negative: both.iter().filter(|&&v| v < 0.0).count() as u64,
+            entries: entries.collect(),
+            largest,
+        }
+    }
+
+    fn normalisation(&self) -> NormalisationReport {
+        let values = self.side(Side::Both);
+        let (least, largest) = (self.largest(&values, -1.0), self.largest(&values, 1.0));
+        let deviation = [&least, &largest].into_iter().flatten().fold(0.0, |d: f64, s| d.max((s.value - 1.0).abs()));
+        let allowance = self.allowance(4.0 * PI);
+        NormalisationReport {
+            least,
+            largest,
+            mean: mean(&values),
+            deviation,
+            allowance,
+            verdict: verdict(deviation, allowance.bound),
+        }
+    }
+
+    /// Of a file whose samples are seen over `measure` sr.
+    fn allowance(&self, measure: f64) -> Allowance {
+        let Some(summary) = self.summary() else { return Allowance::default() };
+        let ErrorReport { er_l2, max_relative_error, max_absolute_error_unscored, .. } = summary.errors;
+        Allowance { er_l2, bound: max_relative_error + measure * max_absolute_error_unscored }
+    }
+}
+
+fn verdict(excess: f64, bound: f64) -> Verdict {
+    match excess {
+        e if e <= ROUNDING => Verdict::Holds,
+        e if e <= ROUNDING + bound => Verdict::WithinError,
+        _ => Verdict::Broken,
+    }
+}
+
+/// Of those that are not masked; 0 if all are.
+fn mean(values: &[f32]) -> f64 {
+    let known = values.iter().filter(|v| !v.is_nan());
+    let (sum, count) = known.fold((0.0, 0_u64), |(sum, count), &v| (sum + f64::from(v), count + 1));
+    if count > 0 { sum / count as f64 } else { 0.0 }
+}

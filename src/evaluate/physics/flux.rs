@@ -1,0 +1,109 @@
+//! The flux of an emission: its intensity integrated over all directions, by wavelength, in total and as light that is seen.
+
+use crate::domain::colour::Tristimulus;
+use crate::domain::{Unit, WavelengthGrid};
+use crate::evaluate::Material;
+use crate::evaluate::albedo::Side;
+use serde::Serialize;
+
+/// The flux of one entry of the opaque axes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FluxReport {
+    /// The entry.
+    pub index: Vec<usize>,
+    /// ∫ I dω for every sample of a spectrum; `None` where all directions are masked.
+    pub spectral: Vec<Option<f64>>,
+    /// The unit of `spectral`: that of the intensity, times sr.
+    pub unit: &'static str,
+    /// The total over wavelengths: the integral of spectral densities by the trapezoidal rule, the one value of data
+    /// without wavelengths. `None` for samples that are no densities (their total would depend on their number) and where
+    /// a sample is masked.
+    pub total: Option<f64>,
+    /// The unit of `total`.
+    pub total_unit: &'static str,
+    /// Luminous flux in lm (per 1000 lamp lumens for cd/klm): `total` for candela, 683 lm/W · ∫ V(λ) Φ(λ) dλ for watts
+    /// per nm.
+    pub luminous: Option<f64>,
+    /// Why there is no luminous flux.
+    pub reason: Option<String>,
+}
+
+impl Material {
+    pub(super) fn fluxes(&self) -> Vec<FluxReport> {
+        let table = self.albedos.of(Side::Both, true).unwrap_or_default();
+        table.chunks_exact(self.lambdas()).enumerate().map(|(entry, row)| self.flux(entry, row)).collect()
+    }
+
+    fn flux(&self, entry: usize, row: &[f32]) -> FluxReport {
+        let (unit, total_unit) = units(self.unit());
+        let is_whole = row.iter().all(|v| !v.is_nan());
+        let total = match self.grid() {
+            _ if !is_whole => None,
+            Some(grid) if is_density(self.unit()) => Some(integral(grid, row)),
+            None if row.len() == 1 => Some(f64::from(row[0])),
+            _ => None,
+        };
+        let luminous = self.luminous(row, total);
+        FluxReport {
+            index: self.index_of(entry),
+            spectral: row.iter().map(|v| (!v.is_nan()).then_some(f64::from(*v))).collect(),
+            unit,
+            total,
+            total_unit: if self.grid().is_some() { total_unit } else { unit },
+            reason: luminous.as_ref().err().cloned(),
+            luminous: luminous.ok(),
+        }
+    }
+
+    fn luminous(&self, row: &[f32], total: Option<f64>) -> Result<f64, String> {
+        let watts = match self.unit() {
+            Unit::Candela | Unit::CandelaPerKilolumen => {
+                return total.ok_or_else(|| "candela by wavelength or masked in every direction".to_owned());
+            }
+            Unit::WattPerSteradianNanometre => 1.0,
+            Unit::MilliwattPerSteradianNanometre => 1e-3,
+            Unit::MicrowattPerSteradianNanometre => 1e-6,
+            unit => return Err(format!("the unit is {unit}, expected cd, cd/klm or watts per sr and nm")),
+        };
+        let grid = self.grid().ok_or_else(|| "no wavelengths".to_owned())?;
+        let weights = Tristimulus::emission(grid).map_err(|error| error.to_string())?;
+        let luminous = watts * weights.xyz(row).y;
+        if luminous.is_nan() { Err("a wavelength is masked in every direction".to_owned()) } else { Ok(luminous) }
+    }
+}
+
+fn integral(grid: &WavelengthGrid, row: &[f32]) -> f64 {
+    grid.weights().iter().zip(row).map(|(weight, &v)| weight * f64::from(v)).sum()
+}
+
+/// Whether samples are densities over wavelength.
+fn is_density(unit: Unit) -> bool {
+    matches!(
+        unit,
+        Unit::WattPerSteradianNanometre
+            | Unit::MilliwattPerSteradianNanometre
+            | Unit::MicrowattPerSteradianNanometre
+            | Unit::MicromolePerSecondSteradianNanometre
+            | Unit::RelativePerNanometre
+    )
+}
+
+/// The unit of the flux of an intensity, and that of its total over wavelengths.
+fn units(unit: Unit) -> (&'static str, &'static str) {
+    match unit {
+        Unit::Relative => ("relative·sr", "relative·sr"),
+        Unit::One => ("sr", "sr"),
+        Unit::PerSteradian => ("1", "1"),
+        Unit::Candela => ("lm", "lm"),
+        Unit::CandelaPerKilolumen => ("lm/klm", "lm/klm"),
+        Unit::WattPerSteradian => ("W", "W"),
+        Unit::MilliwattPerSteradian => ("mW", "mW"),
+        Unit::MicrowattPerSteradian => ("uW", "uW"),
+        Unit::MicromolePerSecondSteradian => ("umol/s", "umol/s"),
+        Unit::WattPerSteradianNanometre => ("W/nm", "W"),
+        Unit::MilliwattPerSteradianNanometre => ("mW/nm", "mW"),
+        Unit::MicrowattPerSteradianNanometre => ("uW/nm", "uW"),
+        Unit::MicromolePerSecondSteradianNanometre => ("umol/s/nm", "umol/s"),
+        Unit::RelativePerNanometre => ("relative·sr/nm", "relative·sr"),
+    }
+}

@@ -1,0 +1,117 @@
+//! Samples made physical before a material is used, where that is asked for: negative ones, phase functions' integrals.
+
+use crate::compress;
+use crate::domain::{Axis, Measurement, Quantity, Tensor, TriangleMesh};
+use crate::evaluate::{EvaluateError, Material, unfit};
+use serde::Serialize;
+
+/// What to change of a measurement; nothing unless it is said.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Preparation {
+    /// Samples below 0 become 0: noise around no light. Spectra, albedo, reflectance and reports then see no negative
+    /// value. (Without it they do; sampling takes negative means over wavelengths as 0 in any case.)
+    pub clamp: bool,
+    /// Every spectrum sample of a phase function is divided by its integral over the sphere, for each incoming entry and
+    /// wavelength; masked directions count as 0. After clamping.
+    pub normalise: bool,
+}
+
+/// What was changed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Prepared {
+    /// Samples that were below 0.
+    pub clamped: u64,
+    /// The least of them; 0 if there were none.
+    pub most_negative: f32,
+    /// Integrals that were made 1: one for each incoming entry and wavelength.
+    pub normalised: u64,
+    /// Those left as they were, because they are not positive.
+    pub not_normalised: u64,
+    /// The least and the largest integral before.
+    pub integrals: Option<(f64, f64)>,
+}
+
+impl Preparation {
+    /// A changed measurement. Normalising anything but a phase function over triangles is refused.
+    pub fn of(self, measurement: Measurement) -> Result<(Measurement, Prepared), EvaluateError> {
+        let mut done = Prepared::default();
+        if !self.clamp && !self.normalise {
+            return Ok((measurement, done));
+        }
+        let axes = measurement.tensor.axes().to_vec();
+        let mut mesh_and_lambdas = None;
+        if self.normalise {
+            mesh_and_lambdas = Some(sphere(&measurement)?);
+        }
+        let Measurement { quantity, unit, sampling, tensor } = measurement;
+        let mut samples = tensor.into_samples();
+        if self.clamp {
+            for sample in samples.iter_mut().filter(|s| **s < 0.0) {
+                done.clamped += 1;
+                done.most_negative = done.most_negative.min(*sample);
+                *sample = 0.0;
+            }
+        }
+        if let Some((mesh, lambdas)) = mesh_and_lambdas {
+            normalise(&mut samples, mesh, lambdas, &mut done);
+        }
+        let tensor = Tensor::new(axes, samples).map_err(|error| EvaluateError::Unfit(error.to_string()))?;
+        Ok((Measurement { quantity, unit, sampling, tensor }, done))
+    }
+}
+
+impl Material {
+    /// [`Material::open`], with samples changed as `preparation` says.
+    pub fn open_prepared(bytes: &[u8], preparation: Preparation) -> Result<(Self, Prepared), EvaluateError> {
+        let decoded = compress::decode(bytes)?;
+        let (mut material, prepared) = Self::of_prepared(decoded.measurement, preparation)?;
+        material.summary = Some(decoded.summary);
+        Ok((material, prepared))
+    }
+
+    /// [`Material::of`], with samples changed as `preparation` says.
+    pub fn of_prepared(measurement: Measurement, preparation: Preparation) -> Result<(Self, Prepared), EvaluateError> {
+        let (measurement, prepared) = preparation.of(measurement)?;
+        Ok((Self::of(measurement)?, prepared))
+    }
+}
+
+/// The outgoing mesh of a phase function, and its samples in a spectrum.
+fn sphere(measurement: &Measurement) -> Result<(TriangleMesh, usize), EvaluateError> {
+    let quantity = measurement.quantity;
+    if quantity != Quantity::Phase {
+        return unfit(format!("normalisation was asked for, but this is a {quantity}, expected a phase function"));
+    }
+    let axes = measurement.tensor.axes();
+    let layout = measurement.layout().map_err(|error| EvaluateError::Unfit(error.to_string()))?;
+    match layout.outgoing.map(|axis| &axes[axis]) {
+        Some(Axis::Triangles(mesh)) => Ok((*mesh, layout.spectral.map_or(1, |axis| axes[axis].len()))),
+        _ => unfit("normalisation was asked for, but this phase function has no outgoing axis to integrate over"),
+    }
+}
+
+fn normalise(samples: &mut [f32], mesh: TriangleMesh, lambdas: usize, done: &mut Prepared) {
+    let measures = mesh.solid_angles();
+    for block in samples.chunks_exact_mut(mesh.len() * lambdas) {
+        let mut integrals = vec![0.0_f64; lambdas];
+        for (spectrum, measure) in block.chunks_exact(lambdas).zip(&measures) {
+            for (integral, &sample) in integrals.iter_mut().zip(spectrum).filter(|(_, sample)| !sample.is_nan()) {
+                *integral += measure * f64::from(sample);
+            }
+        }
+        for &integral in &integrals {
+            if integral > 0.0 {
+                done.normalised += 1;
+                let (least, largest) = done.integrals.unwrap_or((integral, integral));
+                done.integrals = Some((least.min(integral), largest.max(integral)));
+            } else {
+                done.not_normalised += 1;
+            }
+        }
+        for spectrum in block.chunks_exact_mut(lambdas) {
+            for (sample, integral) in spectrum.iter_mut().zip(&integrals).filter(|(_, integral)| **integral > 0.0) {
+                *sample = (f64::from(*sample) / integral) as f32;
+            }
+        }
+    }
+}

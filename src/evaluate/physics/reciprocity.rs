@@ -1,0 +1,214 @@
+//! Helmholtz reciprocity: f(wi, wo) against f(wo, wi) at measured incoming directions and outgoing cells.
+
+use super::degrees;
+use crate::domain::{Axis, Direction, TriangleMesh};
+use crate::evaluate::{EvaluateError, Interpolation, Material, Place};
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// Pairs of directions that are compared at most; of more, every n-th.
+const MOST_PAIRS: usize = 1 << 17;
+
+/// How far a material is from f(wi, wo) = f(wo, wi), by smooth evaluation.
+///
+/// The pairs are every incoming entry with the centroid of every outgoing cell, on the same side of a surface, where both
+/// ways are in the material and the outgoing elevation lies between the ends of a list of incoming ones. The difference of
+/// a pair is Σ|a − b| / Σ½(|a| + |b|) over the wavelengths that are masked in neither: from 0 to 2. Pairs weigh by
+/// cos θi · cos θo and their solid angles (phase functions: solid angles alone; entries of a list of elevations alike).
+///
+/// One way starts at a measured incoming direction, the other between them: what interpolation adds is in the
+/// differences. [`ReciprocityReport::left_out_error`] is a measure of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ReciprocityReport {
+    /// Pairs compared.
+    pub pairs: u64,
+    /// Pairs that cannot be compared: transmitted, outside one of the domains, masked, or dark both ways.
+    pub left_out: u64,
+    /// One of so many pairs was looked at; 1 for all.
+    pub step: u64,
+    /// The weighted mean of the differences.
+    pub mean: f64,
+    /// The difference that nine tenths of the weight stay below.
+    pub p90: f64,
+    /// The largest difference, and where.
+    pub largest: Option<WorstPair>,
+    /// The difference of the light: Σ weight · |a − b| over Σ weight · ½(|a| + |b|). Dark pairs have no say in it.
+    pub light: f64,
+    /// The share of light that goes astray where an incoming direction is predicted from those around it.
+    pub left_out_error: Option<f64>,
+}
+
+/// The pair that differs most.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct WorstPair {
+    /// Its difference.
+    pub difference: f64,
+    /// One entry for each leading opaque axis.
+    pub index: Vec<usize>,
+    /// Theta and phi of the measured incoming direction, degrees.
+    pub wi: [f64; 2],
+    /// Those of the outgoing one.
+    pub wo: [f64; 2],
+    /// The number of the sample of the spectrum that differs most.
+    pub lambda: usize,
+    /// Its wavelength in nm.
+    pub wavelength: Option<f64>,
+    /// f(wi, wo) there.
+    pub there: f64,
+    /// f(wo, wi) there.
+    pub back: f64,
+}
+
+/// What is known of a pair.
+#[derive(Clone, Copy)]
+struct Compared {
+    number: usize,
+    weight: f64,
+    /// Σ|a − b| and Σ½(|a| + |b|).
+    apart: f64,
+    sum: f64,
+}
+
+impl Compared {
+    fn difference(&self) -> f64 {
+        self.apart / self.sum
+    }
+}
+
+impl Material {
+    /// Compares the two ways of light; refused for quantities that have none (spectra, reflectances, emissions, BTDFs).
+    pub fn reciprocity(&self) -> Result<ReciprocityReport, EvaluateError> {
+        let up = Direction::from_degrees(0.0, 0.0);
+        self.pair(Place { index: &[], wi: Some(up), wo: Some(up) })?;
+        let mesh = self.needs_outgoing("reciprocity")?;
+        let (incoming, outgoing) = (self.shape[0], self.shape[1]);
+        let wis: Vec<(Direction, f64)> =
+            (0..incoming).filter_map(|i| Some((self.incoming_direction(i)?, self.incoming_measure(i)))).collect();
+        let wos: Vec<(Direction, f64)> = (0..outgoing).map(|o| (mesh.centroid(o), mesh.solid_angle(o))).collect();
+        let all = self.entries() * incoming * outgoing;
+        let step = all.div_ceil(MOST_PAIRS).max(1);
+        // Odd, so that a stride over powers of two does not see the same cells of every incoming direction only.
+        let step = if step > 1 { step | 1 } else { step };
+        let numbers: Vec<usize> = (0..all).step_by(step).collect();
+        let lambdas = self.lambdas();
+        let compared: Vec<Option<Compared>> = numbers
+            .par_iter()
+            .map_init(
+                || (vec![0.0; lambdas], vec![0.0; lambdas]),
+                |(there, back), &number| {
+                    let (wi, a) = wis[number / outgoing % incoming];
+                    let (wo, b) = wos[number % outgoing];
+                    let index = self.index_of(number / (incoming * outgoing));
+                    let weight = a * b * self.cosines(wi, wo);
+                    self.compare(&index, wi, wo, there, back).map(|(apart, sum)| Compared {
+                        number,
+                        weight,
+                        apart,
+                        sum,
+                    })
+                },
+            )
+            .collect();
+        let left_out = compared.iter().filter(|pair| pair.is_none()).count() as u64;
+        let mut pairs: Vec<Compared> = compared.into_iter().flatten().collect();
+        let largest = pairs.iter().fold(None, |worst: Option<Compared>, pair| match worst {
+            Some(worst) if worst.difference() >= pair.difference() => Some(worst),
+            _ => Some(*pair),
+        });
+        let largest = largest
+            .map(|pair| self.worst(&pair, wis[pair.number / outgoing % incoming].0, wos[pair.number % outgoing].0));
+        let sum = |of: &dyn Fn(&Compared) -> f64| pairs.iter().map(of).sum::<f64>();
+        let ratio = |a: f64, b: f64| if b > 0.0 { a / b } else { 0.0 };
+        let weight = sum(&|pair| pair.weight);
+        let mean = ratio(sum(&|pair| pair.weight * pair.difference()), weight);
+        let light = ratio(sum(&|pair| pair.weight * pair.apart), sum(&|pair| pair.weight * pair.sum));
+        Ok(ReciprocityReport {
+            pairs: pairs.len() as u64,
+            left_out,
+            step: step as u64,
+            mean,
+            p90: quantile(&mut pairs, 0.9 * weight),
+            largest,
+            light,
+            left_out_error: self.report().left_out_error,
+        })
+    }
+
+    /// Σ|a − b| and Σ½(|a| + |b|); `None` where the two ways cannot be compared.
+    fn compare(
+        &self,
+        index: &[usize],
+        wi: Direction,
+        wo: Direction,
+        there: &mut [f32],
+        back: &mut [f32],
+    ) -> Option<(f64, f64)> {
+        if self.is_transmitted(wi, wo) || !self.is_between(wo) || !self.holds(wi, wo) || !self.holds(wo, wi) {
+            return None;
+        }
+        let how = Interpolation::Smooth;
+        self.spectrum(Place { index, wi: Some(wi), wo: Some(wo) }, how, there).ok()?;
+        self.spectrum(Place { index, wi: Some(wo), wo: Some(wi) }, how, back).ok()?;
+        let both = there.iter().zip(&*back).filter(|(a, b)| !a.is_nan() && !b.is_nan());
+        let (apart, sum) = both.fold((0.0, 0.0), |(apart, sum), (&a, &b)| {
+            let (a, b) = (f64::from(a), f64::from(b));
+            (apart + (a - b).abs(), sum + 0.5 * (a.abs() + b.abs()))
+        });
+        (sum > 0.0).then_some((apart, sum))
+    }
+
+    fn worst(&self, pair: &Compared, wi: Direction, wo: Direction) -> WorstPair {
+        let index = self.index_of(pair.number / (self.shape[0] * self.shape[1]));
+        let (mut there, mut back) = (vec![0.0; self.lambdas()], vec![0.0; self.lambdas()]);
+        self.compare(&index, wi, wo, &mut there, &mut back);
+        let apart = |lambda: usize| (there[lambda] - back[lambda]).abs();
+        let lambda = (0..there.len()).filter(|&lambda| !apart(lambda).is_nan());
+        let lambda = lambda
+            .fold(0, |most, lambda| if apart(lambda) > apart(most) || apart(most).is_nan() { lambda } else { most });
+        WorstPair {
+            difference: pair.difference(),
+            index,
+            wi: degrees(wi),
+            wo: degrees(wo),
+            lambda,
+            wavelength: self.wavelength(lambda),
+            there: f64::from(there[lambda]),
+            back: f64::from(back[lambda]),
+        }
+    }
+
+    /// Whether a direction lies between the ends of a list of incoming elevations, if there is one.
+    fn is_between(&self, direction: Direction) -> bool {
+        match self.incoming_axis() {
+            Some(Axis::Elevation(values)) => {
+                let theta = direction.theta_degrees();
+                values.first().is_some_and(|&first| first <= theta) && values.last().is_some_and(|&last| theta <= last)
+            }
+            _ => true,
+        }
+    }
+
+    fn incoming_measure(&self, entry: usize) -> f64 {
+        match self.incoming_axis() {
+            Some(Axis::Triangles(mesh)) => TriangleMesh::solid_angle(*mesh, entry),
+            _ => 1.0,
+        }
+    }
+
+    fn cosines(&self, wi: Direction, wo: Direction) -> f64 {
+        if self.quantity().has_cosine() { (wi.cos_theta() * wo.cos_theta()).abs() } else { 1.0 }
+    }
+}
+
+/// The difference that pairs of this weight stay below.
+fn quantile(pairs: &mut [Compared], weight: f64) -> f64 {
+    pairs.sort_by(|a, b| a.difference().total_cmp(&b.difference()).then(a.number.cmp(&b.number)));
+    let mut so_far = 0.0;
+    for pair in &*pairs {
+        so_far += pair.weight;
+        if so_far >= weight {
+            return pair.difference();
+        }
+    }
+    pairs.last().map_or(0.0, Compared::difference)
+}

@@ -1,0 +1,27 @@
+//! The albedo as a measurement of its own: the paper's reflectance, to be compressed and stored (\[CPB06\] section 6.1.3).
+
+use crate::domain::{Axis, AxisError, Layout, Measurement, Quantity, Tensor, TensorError, Unit};
+use crate::evaluate::albedo::Side;
+use crate::evaluate::{EvaluateError, Material, unfit};
+
+impl Material {
+    /// The directional–hemispherical reflectance a(wi, λ) = ∫ f · |cos θo| dωo of a BRDF, BTDF or BSDF, of one side or both
+    /// (the transmittance of a BTDF): quantity [`Quantity::Reflectance`], unit 1, on the material's own axes without the
+    /// outgoing one, `[index…, incoming, lambda]`. Each value stands for what the incoming entry stands for. Masked where
+    /// the whole of it is.
+    pub fn reflectance(&self, side: Side) -> Result<Measurement, EvaluateError> {
+        let quantity = self.quantity();
+        if !quantity.has_cosine() {
+            return unfit(format!("this {quantity} has no reflectance, expected a brdf, btdf or bsdf"));
+        }
+        self.needs_outgoing("reflectance")?;
+        let layout =
+            Layout::of(quantity, self.axes()).map_err(|error: AxisError| EvaluateError::Unfit(error.to_string()))?;
+        let axes = self.axes().iter().enumerate().filter(|&(i, _)| layout.outgoing != Some(i));
+        let axes: Vec<Axis> = axes.map(|(_, axis)| axis.clone()).collect();
+        let unfit = |error: TensorError| EvaluateError::Unfit(error.to_string());
+        let tensor = Tensor::new(axes, self.side(side)).map_err(unfit)?;
+        let measurement = Measurement::new(Quantity::Reflectance, Unit::One, self.sampling, tensor);
+        measurement.map_err(|error| EvaluateError::Unfit(error.to_string()))
+    }
+}
