@@ -153,6 +153,19 @@ impl Material {
         self.sample_by(self.mean_trees()?, index, wi, u, options.into())
     }
 
+    /// The direction and density of [`Material::sample`] alone, for callers who evaluate f themselves; `None` where nothing
+    /// is drawn.
+    #[inline]
+    pub fn draw(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        u: [f64; 2],
+        options: impl Into<SampleOptions>,
+    ) -> Result<Option<(Direction, f64)>, EvaluateError> {
+        self.draw_by(self.mean_trees()?, index, wi, u, options.into())
+    }
+
     /// The point of the unit square that [`Material::sample`] with the same options takes to `wo`; `None` where its density
     /// is 0. In a mixture it is the tree's, as [`Warps::invert`] says.
     pub fn invert(
@@ -191,7 +204,7 @@ impl Material {
         u: [f64; 2],
         options: SampleOptions,
     ) -> Result<Option<DirectionSample>, EvaluateError> {
-        let Some((direction, pdf)) = self.draw(trees, index, wi, u, options)? else { return Ok(None) };
+        let Some((direction, pdf)) = self.draw_by(trees, index, wi, u, options)? else { return Ok(None) };
         let how = match options.density {
             Density::Uniform => Interpolation::Constant,
             Density::Linear => Interpolation::Smooth,
@@ -204,7 +217,7 @@ impl Material {
 
     /// A direction and its density.
     #[inline]
-    fn draw(
+    fn draw_by(
         &self,
         trees: &Trees,
         index: &[usize],

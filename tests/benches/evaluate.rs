@@ -10,7 +10,9 @@ use wavelume::compress::{Settings, compress};
 use wavelume::domain::{
     Axis, Direction, Domain, Measurement, Quantity, Sampling, Silent, Tensor, TriangleMesh, Unit, WavelengthGrid,
 };
-use wavelume::evaluate::{Alignment, Beyond, Interpolation, Material, Place};
+use wavelume::evaluate::{
+    Alignment, Beyond, Density, Directions, Interpolation, Material, Pairs, Place, SampleOptions,
+};
 
 type Vector = [f64; 3];
 
@@ -117,98 +119,179 @@ fn error(
     (root(all), root(peak))
 }
 
-fn main() {
-    let grid = WavelengthGrid::even(400.0, 50.0, 7).unwrap_or_else(|e| unreachable!("{e}"));
+/// Errors at and between measured incoming directions.
+fn accuracy(grid: &WavelengthGrid) {
     println!(
-        "er(L2) in % at 4,000 fresh outgoing directions (all to 80 degrees, within 20 degrees of the mirror direction)"
+        "er(L2) in % at 4,000 fresh outgoing directions down to 80 degrees, and of those within 20 degrees of the mirror's"
     );
-    for alpha in [0.15] {
-        for level in [4] {
-            let f = |wi, wo, lambda| gloss(alpha, 0.3, wi, wo, lambda);
-            let measured = measurement(Axis::Triangles(mesh(Domain::Hemisphere, 1)), level, &grid, f);
-            let at: Vec<Vector> = (0..16).map(|i| mesh(Domain::Hemisphere, 1).centroid(i).xyz()).collect();
-            let between: Vec<Vector> = (0..24).map(|i| uniform(i, 0.4)).collect();
-            for alignment in [Alignment::None, Alignment::HalfVector, Alignment::TurnedHalfVector] {
-                let material =
-                    Material::with_alignment(measured.clone(), alignment).unwrap_or_else(|e| unreachable!("{e}"));
-                let show = |(all, peak): (f64, f64)| format!("{all:7.3} {peak:7.3}");
-                println!(
-                    "alpha {alpha} level {level} {alignment:?}: constant at measured {} | smooth at measured {} | constant between {} | smooth between {} | {:?}",
-                    show(error(&material, Interpolation::Constant, &at, 0.17, f)),
-                    show(error(&material, Interpolation::Smooth, &at, 0.17, f)),
-                    show(error(&material, Interpolation::Constant, &between, 0.17, f)),
-                    show(error(&material, Interpolation::Smooth, &between, 0.17, f)),
-                    material.report(),
-                );
+    println!("| material | incoming | alignment | constant | mirror | smooth | mirror | smooth between | mirror |");
+    println!("|---|---|---|--:|--:|--:|--:|--:|--:|");
+    let triangles = Axis::Triangles(mesh(Domain::Hemisphere, 1));
+    let elevations = Axis::Elevation(vec![0.0, 15.0, 35.0, 55.0, 75.0]);
+    let centroids: Vec<Vector> = (0..16).map(|i| mesh(Domain::Hemisphere, 1).centroid(i).xyz()).collect();
+    let around: Vec<Vector> = (0..24).map(|i| uniform(i, 0.4)).collect();
+    let at: Vec<Vector> = [15.0, 35.0, 55.0].map(|t| Direction::from_degrees(t, 0.0).xyz()).to_vec();
+    let gap: Vec<Vector> =
+        (0..20).map(|i| Direction::from_degrees(15.5 + f64::from(i), 18.0 * f64::from(i)).xyz()).collect();
+    for alpha in [0.15, 0.3] {
+        let f = |wi, wo, lambda| gloss(alpha, 0.3, wi, wo, lambda);
+        for (name, axis, measured_at, between) in
+            [("16 triangles", &triangles, &centroids, &around), ("elevations, 15-35", &elevations, &at, &gap)]
+        {
+            for level in [4, 5] {
+                let measured = measurement(axis.clone(), level, grid, f);
+                let own = open(measured.clone(), None).report().alignment;
+                for alignment in [Alignment::None, Alignment::HalfVector, Alignment::TurnedHalfVector] {
+                    if name != "16 triangles" && alignment == Alignment::TurnedHalfVector {
+                        continue;
+                    }
+                    let material = open(measured.clone(), Some(alignment));
+                    let show = |(all, peak): (f64, f64)| format!("{all:.2} | {peak:.2}");
+                    println!(
+                        "| GGX {alpha}, level {level} | {name} | {alignment:?}{} | {} | {} | {} |",
+                        if alignment == own { " (found)" } else { "" },
+                        show(error(&material, Interpolation::Constant, measured_at, 0.17, f)),
+                        show(error(&material, Interpolation::Smooth, measured_at, 0.17, f)),
+                        show(error(&material, Interpolation::Smooth, between, 0.17, f)),
+                    );
+                }
             }
         }
     }
-    // A gap of 20 degrees between elevations.
-    let f = |wi, wo, lambda| gloss(0.15, 0.3, wi, wo, lambda);
-    let measured = measurement(Axis::Elevation(vec![0.0, 15.0, 35.0, 55.0, 75.0]), 5, &grid, f);
-    let between: Vec<Vector> =
-        (0..20).map(|i| Direction::from_degrees(15.5 + f64::from(i), 18.0 * f64::from(i)).xyz()).collect();
-    for alignment in [Alignment::None, Alignment::HalfVector] {
-        let material = Material::with_alignment(measured.clone(), alignment).unwrap_or_else(|e| unreachable!("{e}"));
-        println!(
-            "gap 15-35 {alignment:?}: {:?} {:?}",
-            error(&material, Interpolation::Smooth, &between, 0.17, f),
-            material.report().left_out_error
-        );
-    }
-    for (name, axis) in [
-        ("triangles", Axis::Triangles(mesh(Domain::Hemisphere, 1))),
-        ("elevations", Axis::Elevation(vec![0.0, 15.0, 35.0, 55.0, 75.0])),
-    ] {
-        for (alpha, diffuse) in [(0.15, 0.3), (0.3, 0.3), (0.6, 0.5), (0.15, 0.001)] {
-            let f = |wi, wo, lambda| gloss(alpha, diffuse, wi, wo, lambda);
-            let material = Material::of(measurement(axis.clone(), 4, &grid, f)).unwrap_or_else(|e| unreachable!("{e}"));
-            println!("{name} alpha {alpha} diffuse {diffuse}: {:?}", material.report());
+}
+
+fn open(measurement: Measurement, alignment: Option<Alignment>) -> Material {
+    let opened = match alignment {
+        None => Material::of(measurement),
+        Some(alignment) => Material::with_alignment(measurement, alignment),
+    };
+    opened.unwrap_or_else(|e| unreachable!("{e}"))
+}
+
+fn compressed(measurement: &Measurement) -> Vec<u8> {
+    compress(measurement, &Settings::default(), &Silent).unwrap_or_else(|e| unreachable!("{e}")).bytes
+}
+
+/// The best of many runs over `count` calls, in ns a call.
+fn time(name: &str, count: usize, mut work: impl FnMut(usize) -> f32) -> f64 {
+    let mut best = f64::INFINITY;
+    for _ in 0..100 {
+        let start = Instant::now();
+        let mut sum = 0.0;
+        for i in 0..count {
+            sum += work(i);
         }
+        black_box(sum);
+        best = best.min(start.elapsed().as_secs_f64() * 1e9 / count as f64);
     }
-    speed();
+    println!("| {name} | {best:.0} |");
+    best
 }
 
 fn speed() {
     let grid = WavelengthGrid::even(380.0, 5.0, 75).unwrap_or_else(|e| unreachable!("{e}"));
     let f = |wi, wo, lambda| gloss(0.2, 0.5, wi, wo, lambda);
     let measured = measurement(Axis::Triangles(mesh(Domain::Hemisphere, 1)), 4, &grid, f);
-    let compressed = compress(&measured, &Settings::default(), &Silent).unwrap_or_else(|e| unreachable!("{e}"));
+    let bytes = compressed(&measured);
     let start = Instant::now();
-    let material = Material::open(&compressed.bytes).unwrap_or_else(|e| unreachable!("{e}"));
+    let material = Material::open(&bytes).unwrap_or_else(|e| unreachable!("{e}"));
     println!(
-        "{} bytes, opened in {:.1} ms, {:?}",
-        compressed.bytes.len(),
+        "\nBRDF 16 x 1024 x 75 in {} bytes, opened in {:.0} ms: {:?}\n",
+        bytes.len(),
         start.elapsed().as_secs_f64() * 1e3,
         material.report()
     );
-    let count = 4096;
+    let count = 1024;
     let direction = |v: Vector| Direction::new(v[0], v[1], v[2]);
     let pairs: Vec<(Option<Direction>, Option<Direction>)> =
         (0..count).map(|i| (direction(uniform(i * 7 + 3, 0.1)), direction(uniform(i, 0.0)))).collect();
-    let time = |name: &str, work: &mut dyn FnMut(Place<'_>) -> f32| {
-        let mut best = f64::INFINITY;
-        for _ in 0..60 {
-            let start = Instant::now();
-            let mut sum = 0.0;
-            for &(wi, wo) in &pairs {
-                sum += work(Place { index: &[], wi, wo });
-            }
-            black_box(sum);
-            best = best.min(start.elapsed().as_secs_f64() * 1e9 / count as f64);
-        }
-        println!("{name:40} {best:8.1} ns");
-    };
+    let place = |i: usize| Place { index: &[], wi: pairs[i].0, wo: pairs[i].1 };
+    println!("| one call, one thread, material in cache | ns |\n|---|--:|");
     let mut out = vec![0.0; 75];
     let mut four = [0.0; 4];
     let lambdas = [412.3, 503.1, 555.5, 641.9];
+    let copied: Vec<f32> = (0..1 << 19).map(|i| i as f32).collect();
+    time("copy of 75 samples from 2 MiB of float32", count, |i| {
+        out.copy_from_slice(&copied[(i * 7919 * 75) % (copied.len() - 75)..][..75]);
+        out[7]
+    });
+    let mut brdf = f64::INFINITY;
     for how in [Interpolation::Constant, Interpolation::Smooth] {
-        time(&format!("spectrum {how:?}"), &mut |place| {
-            material.spectrum(place, how, &mut out).map_or(0.0, |()| out[7])
+        let ns = time(&format!("BRDF, spectrum of 75, {how:?}"), count, |i| {
+            material.spectrum(place(i), how, &mut out).map_or(0.0, |()| out[7])
         });
-        time(&format!("4 wavelengths {how:?}"), &mut |place| {
-            material.at_wavelengths(place, how, Beyond::Nearest, &lambdas, &mut four).map_or(0.0, |()| four[0])
+        brdf = brdf.min(ns);
+        time(&format!("BRDF, 4 wavelengths, {how:?}"), count, |i| {
+            material.at_wavelengths(place(i), how, Beyond::Nearest, &lambdas, &mut four).map_or(0.0, |()| four[0])
         });
     }
-    time("pdf", &mut |place| place.wo.and_then(|wo| material.pdf(&[], place.wi, wo, None).ok()).unwrap_or(0.0) as f32);
+    for density in [Density::Uniform, Density::Linear] {
+        let options = SampleOptions { density, ..SampleOptions::default() };
+        time(&format!("pdf, {density:?}"), count, |i| {
+            place(i).wo.and_then(|wo| material.pdf(&[], place(i).wi, wo, options).ok()).unwrap_or(0.0) as f32
+        });
+        let how = if density == Density::Uniform { Interpolation::Constant } else { Interpolation::Smooth };
+        time(&format!("sample, pdf and 4 wavelengths, {density:?}"), count, |i| {
+            let drawn = material.draw(&[], place(i).wi, point(i), options).ok().flatten();
+            let Some((wo, pdf)) = drawn else { return 0.0 };
+            let at = Place { index: &[], wi: place(i).wi, wo: Some(wo) };
+            let found = material.at_wavelengths(at, how, Beyond::Nearest, &lambdas, &mut four);
+            found.map_or(0.0, |()| four[0] * wo.cos_theta() as f32 / pdf as f32)
+        });
+    }
+    let coordinates = |wi: bool, k: usize| -> Vec<f32> {
+        let of = |pair: &(Option<Direction>, Option<Direction>)| if wi { pair.0 } else { pair.1 };
+        pairs.iter().filter_map(of).map(|d| d.xyz()[k] as f32).collect()
+    };
+    let [wx, wy, wz] = [0, 1, 2].map(|k| coordinates(true, k));
+    let [ox, oy, oz] = [0, 1, 2].map(|k| coordinates(false, k));
+    let batch = Pairs {
+        index: &[],
+        wi: Some(Directions { x: &wx, y: &wy, z: &wz }),
+        wo: Some(Directions { x: &ox, y: &oy, z: &oz }),
+    };
+    let mut all = vec![0.0; 75 * count];
+    let each = time("1,024 spectra in a batch, Smooth", 1, |_| {
+        material.spectra(batch, Interpolation::Smooth, &mut all).map_or(0.0, |()| all[7])
+    });
+    println!("| of which one | {:.0} |", each / count as f64);
+
+    let sphere = mesh(Domain::Sphere, 4);
+    let lamp = |i: usize| (1.1 + sphere.centroid(i / 91).cos_theta()) * (1.0 + 0.5 * ((i % 91) as f64 / 9.0).sin());
+    let axes = vec![
+        Axis::Triangles(sphere),
+        Axis::Wavelength(WavelengthGrid::even(380.0, 5.0, 91).unwrap_or_else(|e| unreachable!("{e}"))),
+    ];
+    let tensor =
+        Tensor::new(axes, (0..2048 * 91).map(|i| lamp(i) as f32).collect()).unwrap_or_else(|e| unreachable!("{e}"));
+    let edf = Measurement::new(Quantity::Edf, Unit::Relative, Sampling::Average, tensor)
+        .unwrap_or_else(|e| unreachable!("{e}"));
+    let edf = Material::open(&compressed(&edf)).unwrap_or_else(|e| unreachable!("{e}"));
+    let mut out = vec![0.0; 91];
+    let mut emission = f64::INFINITY;
+    for how in [Interpolation::Constant, Interpolation::Smooth] {
+        emission = emission.min(time(&format!("EDF, spectrum of 91, {how:?}"), count, |i| {
+            let place = Place { index: &[], wi: None, wo: pairs[i].1 };
+            edf.spectrum(place, how, &mut out).map_or(0.0, |()| out[7])
+        }));
+    }
+    let axes = vec![Axis::Wavelength(WavelengthGrid::even(380.0, 5.0, 91).unwrap_or_else(|e| unreachable!("{e}")))];
+    let tensor = Tensor::new(axes, (0..91).map(|i| lamp(i) as f32).collect()).unwrap_or_else(|e| unreachable!("{e}"));
+    let spd = Measurement::new(Quantity::Spectrum, Unit::Relative, Sampling::Average, tensor)
+        .unwrap_or_else(|e| unreachable!("{e}"));
+    let spd = Material::open(&compressed(&spd)).unwrap_or_else(|e| unreachable!("{e}"));
+    let spectrum = time("SPD, spectrum of 91", count, |_| {
+        spd.spectrum(black_box(Place::default()), Interpolation::Smooth, &mut out).map_or(0.0, |()| out[7])
+    });
+    println!("\n[CPB06] table 8, one spectrum (theirs on an Athlon XP 1800+, 90 wavelengths):\n");
+    println!("| | paper, us | here, us | paper / here |\n|---|--:|--:|--:|");
+    for (name, paper, ns) in [("SPD", 23.0, spectrum), ("EDF", 72.0, emission), ("BRDF", 117.0, brdf)] {
+        println!("| {name} | {paper} | {:.3} | {:.0} |", ns / 1e3, paper * 1e3 / ns);
+    }
+}
+
+fn main() {
+    let grid = WavelengthGrid::even(400.0, 50.0, 7).unwrap_or_else(|e| unreachable!("{e}"));
+    accuracy(&grid);
+    speed();
 }
