@@ -69,6 +69,9 @@ impl Answer {
         if let Some(reciprocity) = &self.reciprocity {
             reciprocity_lines(&mut sheet, reciprocity);
         }
+        if let Some(warning) = material.report().warning() {
+            sheet.line("warning", warning);
+        }
         sheet
     }
 }

@@ -6,7 +6,8 @@
 pub(super) const LANES: usize = 16;
 
 /// eˣ to 2 units in the last place for −87 … 88; 0 below and the largest finite power above.
-#[inline]
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "a call in the loop over lanes would keep it from becoming vector code")]
 pub(super) fn exp(x: f32) -> f32 {
     const LOG2_E: f32 = std::f32::consts::LOG2_E;
     // ln 2 in two parts, the first with few bits, so that its multiples are exact (Cody & Waite 1980).
@@ -31,7 +32,8 @@ pub(super) fn exp(x: f32) -> f32 {
 }
 
 /// Σ cₖ bₖ + mean for one block of wavelengths: `basis` is `[vector][lane]`, the mean first.
-#[inline]
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "the loops around it become vector code only together with it")]
 pub(super) fn combine(coefficients: &[f32], basis: &[f32]) -> [f32; LANES] {
     let (mean, vectors) = basis.split_at(LANES);
     let mut sum: [f32; LANES] = std::array::from_fn(|lane| mean[lane]);
@@ -41,6 +43,15 @@ pub(super) fn combine(coefficients: &[f32], basis: &[f32]) -> [f32; LANES] {
         }
     }
     sum
+}
+
+/// The exponentials of all lanes.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "as for the exponential itself")]
+pub(super) fn exp_all(values: &mut [f32; LANES]) {
+    for value in values {
+        *value = exp(*value);
+    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 //! Positive data stand as logarithms, so that what is interpolated and expanded stays positive; data with negative values
 //! stand as they are. The basis of logarithms begins with a constant: brightness is a plane of its own.
 
-use super::kernel::{LANES, combine, exp};
+use super::kernel::{LANES, combine, exp, exp_all};
 use super::smooth::Mixed;
 use crate::transform::Klt;
 use rayon::prelude::*;
@@ -201,9 +201,11 @@ impl Planes {
         for (block, out) in self.blocks.chunks_exact(stride).zip(out.chunks_mut(LANES)) {
             let mut values = combine(row, block);
             if self.logarithms {
-                values = values.map(exp);
+                exp_all(&mut values);
             }
-            values = values.map(|v| v * scale);
+            for value in &mut values {
+                *value *= scale;
+            }
             out.copy_from_slice(&values[..out.len()]);
         }
     }
@@ -216,7 +218,7 @@ impl Planes {
             *value = self.value(row, lambda);
         }
         if self.logarithms {
-            values = values.map(exp);
+            exp_all(&mut values);
         }
         values.map(|v| v * scale)
     }
@@ -239,7 +241,7 @@ impl Planes {
         for (block, weights) in self.blocks.chunks_exact(stride).zip(weights.chunks(LANES)) {
             let mut values = combine(row, block);
             if self.logarithms {
-                values = values.map(exp);
+                exp_all(&mut values);
             }
             sum += values.iter().zip(weights).map(|(v, w)| v * w).sum::<f32>();
         }
