@@ -209,7 +209,7 @@ mod tests {
     #[tokio::test]
     async fn any_pieces_give_the_same_records() {
         let floats: Vec<u8> = (0..40).flat_map(|i| (i as f32).to_le_bytes()).collect();
-        let lines: String = (0..20).map(|i| format!("{{\"wo\":[{},{}]}}\n", 2 * i, 2 * i + 1)).collect();
+        let lines = (0..20).map(|i| format!("{{\"wo\":[{},{}]}}\n", 2 * i, 2 * i + 1)).collect::<Vec<_>>().concat();
         let whole = pairs(Cutter::floats(WO), &floats, floats.len(), 4096).await.0;
         assert_eq!(whole.len(), 20);
         for size in [1, 2, 3, 5, 8, 13, 64, 1000] {
