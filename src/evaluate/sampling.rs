@@ -63,20 +63,25 @@ struct Carried {
 }
 
 impl Carried {
-    /// The direction of the cell's `wo` under the incoming direction asked for; what goes below the horizon comes up again.
-    fn out(&self, wo: Vector) -> Vector {
-        let Some((moved, _)) = moved(self.alignment, self.from, self.to, wo) else { return wo };
-        if self.side * moved[2] < 0.0 { [moved[0], moved[1], -moved[2]] } else { moved }
+    /// The direction of the cell's `wo` under the incoming direction asked for, and the part of its density that comes from
+    /// there, for a density `pdf` at `wo`; what goes below the horizon comes up again. `None` where there is no way.
+    fn out(&self, wo: Vector, pdf: f64) -> Option<(Vector, f64, bool)> {
+        let (moved, solid_angle) = moved(self.alignment, self.from, self.to, wo)?;
+        let crossed = self.side * moved[2] < 0.0;
+        Some((if crossed { [moved[0], moved[1], -moved[2]] } else { moved }, pdf / solid_angle, crossed))
     }
 
-    /// The density at `wo` of directions of the cell's density `pdf` that were carried out.
-    fn density(&self, wo: Vector, pdf: impl Fn(Vector) -> f64) -> f64 {
-        let back = |wo: Vector| match moved(self.alignment, self.to, self.from, wo) {
+    /// The density at `wo` of directions of the cell's density `pdf` that were carried out without crossing the horizon.
+    fn straight(&self, wo: Vector, pdf: impl Fn(Vector) -> f64) -> f64 {
+        match moved(self.alignment, self.to, self.from, wo) {
             Some((there, solid_angle)) if self.side * there[2] >= 0.0 => pdf(there) * solid_angle,
             _ => 0.0,
-        };
-        let below = if self.side == 0.0 { 0.0 } else { back([wo[0], wo[1], -wo[2]]) };
-        back(wo) + below
+        }
+    }
+
+    /// The same of those that crossed it.
+    fn crossed(&self, wo: Vector, pdf: impl Fn(Vector) -> f64) -> f64 {
+        if self.side == 0.0 { 0.0 } else { self.straight([wo[0], wo[1], -wo[2]], pdf) }
     }
 }
 
@@ -235,24 +240,31 @@ impl Material {
             return Ok(drawn.map(|drawn| (turned(drawn.direction, cos, sin), drawn.pdf)));
         };
         let by_tree = if trees.warps.total(cell) > 0.0 { 1.0 - options.defensive } else { 0.0 };
-        let direction = if u[0] < by_tree || options.defensive == 0.0 {
-            let own = SampleOptions { defensive: 0.0, ..options };
-            let Some(drawn) = trees.warps.sample(cell, [(u[0] / by_tree).min(1.0), u[1]], &own) else {
-                return Ok(None);
-            };
-            Direction::from_unit(unit(carried.out(drawn.direction.xyz())))
-        } else {
-            trees.warps.draw_background([((u[0] - by_tree) / (1.0 - by_tree)).min(BELOW_ONE), u[1]])
-        };
-        let pdf = Self::carried_pdf(trees, cell, &carried, direction, options);
-        Ok((pdf > 0.0).then(|| (turned(direction, cos, sin), pdf)))
+        if options.defensive > 0.0 && u[0] >= by_tree {
+            let u = [((u[0] - by_tree) / (1.0 - by_tree)).min(BELOW_ONE), u[1]];
+            let direction = trees.warps.draw_background(u);
+            let pdf = Self::carried_pdf(trees, cell, &carried, direction, options);
+            return Ok((pdf > 0.0).then(|| (turned(direction, cos, sin), pdf)));
+        }
+        let own = SampleOptions { defensive: 0.0, ..options };
+        let drawn = trees.warps.sample(cell, [(u[0] / by_tree).min(1.0), u[1]], &own);
+        let found = drawn.and_then(|drawn| carried.out(drawn.direction.xyz(), drawn.pdf));
+        Ok(found.map(|(wo, density, crossed)| {
+            let at = |there: Vector| trees.warps.pdf(cell, Direction::from_unit(unit(there)), &own);
+            let other = if crossed { carried.straight(wo, at) } else { carried.crossed(wo, at) };
+            let direction = Direction::from_unit(unit(wo));
+            let background = if by_tree < 1.0 { trees.warps.background(direction) } else { 0.0 };
+            let pdf = by_tree * (density + other) + (1.0 - by_tree) * background;
+            (turned(direction, cos, sin), pdf)
+        }))
     }
 
     /// The density at `wo` where directions are carried.
     fn carried_pdf(trees: &Trees, cell: usize, carried: &Carried, wo: Direction, options: SampleOptions) -> f64 {
         let own = SampleOptions { defensive: 0.0, ..options };
         let by_tree = if trees.warps.total(cell) > 0.0 { 1.0 - options.defensive } else { 0.0 };
-        let tree = carried.density(wo.xyz(), |there| trees.warps.pdf(cell, Direction::from_unit(unit(there)), &own));
+        let at = |there: Vector| trees.warps.pdf(cell, Direction::from_unit(unit(there)), &own);
+        let tree = carried.straight(wo.xyz(), at) + carried.crossed(wo.xyz(), at);
         let background = if by_tree < 1.0 && options.defensive > 0.0 { trees.warps.background(wo) } else { 0.0 };
         by_tree * tree + (1.0 - by_tree) * background
     }

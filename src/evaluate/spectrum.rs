@@ -18,14 +18,13 @@ struct Rows {
     outgoing: Stencil,
 }
 
-/// What there is at a place, before it becomes a spectrum.
+/// What there is at a place where every sample is kept.
 #[allow(clippy::large_enum_variant, reason = "it lives on the stack for a moment: a query does not allocate")]
 enum Found<'a> {
     /// Outside the outgoing domain.
     Outside,
     Cell(&'a [f32]),
     Rows(Rows),
-    Planes(&'a Planes, Mixed),
 }
 
 impl Material {
@@ -36,11 +35,20 @@ impl Material {
         if out.len() != self.lambdas() {
             return unfit(format!("room for {} samples, expected {}", out.len(), self.lambdas()));
         }
-        match self.find(place, how)? {
-            Found::Outside => out.fill(0.0),
-            Found::Cell(row) => out.copy_from_slice(row),
-            Found::Rows(rows) => self.sum(&rows, out),
-            Found::Planes(planes, mixed) => planes.expand(&mixed, out),
+        match &self.form {
+            Form::Planes { planes, smooth } => match self.mixed_at(planes, smooth, place, how)? {
+                Some(mixed) => planes.expand(&mixed, out),
+                None => out.fill(0.0),
+            },
+            Form::Samples { samples, .. } if self.cells() == 1 && self.layout().incoming.is_none() => {
+                self.cell_of(place)?;
+                out.copy_from_slice(samples);
+            }
+            Form::Samples { samples, .. } => match self.find(samples, place, how)? {
+                Found::Outside => out.fill(0.0),
+                Found::Cell(row) => out.copy_from_slice(row),
+                Found::Rows(rows) => self.sum(&rows, out),
+            },
         }
         Ok(())
     }
@@ -63,20 +71,22 @@ impl Material {
         if out.len() != wavelengths.len() {
             return unfit(format!("room for {} samples, expected {}: one a wavelength", out.len(), wavelengths.len()));
         }
-        match self.find(place, how)? {
-            Found::Outside => between(grid, beyond, wavelengths, out, |_| 0.0),
-            Found::Cell(row) => between(grid, beyond, wavelengths, out, |lambda| row[lambda]),
-            Found::Rows(rows) => between(grid, beyond, wavelengths, out, |lambda| self.sample_of(&rows, lambda)),
-            Found::Planes(planes, mixed) => {
-                let presence = mixed.presence;
-                if presence > 0.0 {
+        match &self.form {
+            Form::Planes { planes, smooth } => {
+                let mixed = self.mixed_at(planes, smooth, place, how)?.unwrap_or(Mixed::NOTHING);
+                if mixed.presence > 0.0 {
                     for (lambdas, out) in wavelengths.chunks(LANES / 2).zip(out.chunks_mut(LANES / 2)) {
                         few(planes, &mixed, (grid, beyond), lambdas, out);
                     }
                 } else {
-                    between(grid, beyond, wavelengths, out, |_| presence);
+                    between(grid, beyond, wavelengths, out, |_| mixed.presence);
                 }
             }
+            Form::Samples { samples, .. } => match self.find(samples, place, how)? {
+                Found::Outside => between(grid, beyond, wavelengths, out, |_| 0.0),
+                Found::Cell(row) => between(grid, beyond, wavelengths, out, |lambda| row[lambda]),
+                Found::Rows(rows) => between(grid, beyond, wavelengths, out, |lambda| self.sample_of(&rows, lambda)),
+            },
         }
         Ok(())
     }
@@ -90,14 +100,17 @@ impl Material {
         let sum = |value: &dyn Fn(usize) -> f32| {
             weights.iter().enumerate().filter(|(_, w)| **w != 0.0).map(|(lambda, w)| w * value(lambda)).sum()
         };
-        Ok(match self.find(place, how)? {
-            Found::Outside => 0.0,
-            Found::Cell(row) => sum(&|lambda| row[lambda]),
-            Found::Rows(rows) => sum(&|lambda| self.sample_of(&rows, lambda)),
-            Found::Planes(planes, mixed) if mixed.presence > 0.0 => {
-                planes.weighted(&mixed.row, weights) * mixed.presence
-            }
-            Found::Planes(_, mixed) => mixed.presence,
+        Ok(match &self.form {
+            Form::Planes { planes, smooth } => match self.mixed_at(planes, smooth, place, how)? {
+                Some(mixed) if mixed.presence > 0.0 => planes.weighted(&mixed.row, weights) * mixed.presence,
+                Some(mixed) => mixed.presence,
+                None => 0.0,
+            },
+            Form::Samples { samples, .. } => match self.find(samples, place, how)? {
+                Found::Outside => 0.0,
+                Found::Cell(row) => sum(&|lambda| row[lambda]),
+                Found::Rows(rows) => sum(&|lambda| self.sample_of(&rows, lambda)),
+            },
         })
     }
 
@@ -120,13 +133,16 @@ impl Material {
             }
             if weight > 0.0 { sum * all / weight } else { 0.0 }
         };
-        Ok(match self.find(place, how)? {
-            Found::Cell(row) => known(&|lambda| row[lambda]),
-            Found::Rows(rows) => known(&|lambda| self.sample_of(&rows, lambda)),
-            Found::Planes(planes, mixed) if mixed.presence > 0.0 => {
-                planes.weighted(&mixed.row, weights) * mixed.presence
-            }
-            Found::Planes(..) | Found::Outside => 0.0,
+        Ok(match &self.form {
+            Form::Planes { planes, smooth } => match self.mixed_at(planes, smooth, place, how)? {
+                Some(mixed) if mixed.presence > 0.0 => planes.weighted(&mixed.row, weights) * mixed.presence,
+                _ => 0.0,
+            },
+            Form::Samples { samples, .. } => match self.find(samples, place, how)? {
+                Found::Outside => 0.0,
+                Found::Cell(row) => known(&|lambda| row[lambda]),
+                Found::Rows(rows) => known(&|lambda| self.sample_of(&rows, lambda)),
+            },
         })
     }
 
@@ -197,23 +213,46 @@ impl Material {
         }
     }
 
+    /// The row of planes at a place; `None` if `wo` is outside the outgoing domain.
     #[inline]
-    fn find(&self, place: Place<'_>, how: Interpolation) -> Result<Found<'_>, EvaluateError> {
-        let entry = if place.index.is_empty() && self.has_no_index() { 0 } else { self.entry(place.index)? };
-        match (&self.form, how) {
-            (Form::Planes { planes, .. }, Interpolation::Constant) => {
-                let Some(cell) = self.cell_at(entry, place)? else { return Ok(Found::Outside) };
-                Ok(Found::Planes(planes, planes.mixed(cell)))
+    fn mixed_at(
+        &self,
+        planes: &Planes,
+        smooth: &Smooth,
+        place: Place<'_>,
+        how: Interpolation,
+    ) -> Result<Option<Mixed>, EvaluateError> {
+        match how {
+            Interpolation::Constant => Ok(self.cell_of(place)?.map(|cell| planes.mixed(cell))),
+            Interpolation::Smooth => {
+                let entry = self.entry_of(place)?;
+                Ok(self.lookup(smooth, entry, place)?.map(|found| smooth.gather(&found)))
             }
-            (Form::Planes { planes, smooth }, Interpolation::Smooth) => {
-                Ok(self.mixed(smooth, entry, place)?.map_or(Found::Outside, |mixed| Found::Planes(planes, mixed)))
-            }
-            (Form::Samples { samples, .. }, Interpolation::Constant) => {
+        }
+    }
+
+    #[inline]
+    fn entry_of(&self, place: Place<'_>) -> Result<usize, EvaluateError> {
+        if place.index.is_empty() && self.has_no_index() { Ok(0) } else { self.entry(place.index) }
+    }
+
+    /// The cell of a place; `None` if `wo` is outside the outgoing domain.
+    #[inline]
+    fn cell_of(&self, place: Place<'_>) -> Result<Option<usize>, EvaluateError> {
+        let entry = self.entry_of(place)?;
+        self.cell_at(entry, place)
+    }
+
+    /// The samples at a place.
+    fn find<'a>(&self, samples: &'a [f32], place: Place<'_>, how: Interpolation) -> Result<Found<'a>, EvaluateError> {
+        match how {
+            Interpolation::Constant => {
                 let lambdas = self.lambdas();
-                let cell = self.cell_at(entry, place)?;
+                let cell = self.cell_of(place)?;
                 Ok(cell.map_or(Found::Outside, |cell| Found::Cell(&samples[cell * lambdas..][..lambdas])))
             }
-            (Form::Samples { .. }, Interpolation::Smooth) => {
+            Interpolation::Smooth => {
+                let entry = self.entry_of(place)?;
                 let incoming = self.incoming_stencil(place.wi)?;
                 let outgoing = match self.outgoing(place.wi, place.wo)? {
                     None => Some(Stencil::one(0)),
@@ -234,12 +273,6 @@ impl Material {
         };
         let [n_in, n_out, _] = self.shape;
         Ok(outgoing.map(|outgoing| (entry * n_in + incoming) * n_out + outgoing))
-    }
-
-    /// The smooth row at a place; `None` if `wo` is outside the outgoing domain.
-    #[inline]
-    fn mixed(&self, smooth: &Smooth, entry: usize, place: Place<'_>) -> Result<Option<Mixed>, EvaluateError> {
-        Ok(self.lookup(smooth, entry, place)?.map(|found| smooth.gather(&found)))
     }
 
     /// Where the smooth row of a place stands; `None` if `wo` is outside the outgoing domain.
