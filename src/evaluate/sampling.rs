@@ -64,25 +64,42 @@ struct Carried {
 
 impl Carried {
     /// The direction of the cell's `wo` under the incoming direction asked for, and the part of its density that comes from
-    /// there, for a density `pdf` at `wo`; what goes below the horizon comes up again. `None` where there is no way.
-    fn out(&self, wo: Vector, pdf: f64) -> Option<(Vector, f64, bool)> {
-        let (moved, solid_angle) = moved(self.alignment, self.from, self.to, wo)?;
-        let crossed = self.side * moved[2] < 0.0;
-        Some((if crossed { [moved[0], moved[1], -moved[2]] } else { moved }, pdf / solid_angle, crossed))
-    }
-
-    /// The density at `wo` of directions of the cell's density `pdf` that were carried out without crossing the horizon.
-    fn straight(&self, wo: Vector, pdf: impl Fn(Vector) -> f64) -> f64 {
-        match moved(self.alignment, self.to, self.from, wo) {
-            Some((there, solid_angle)) if self.side * there[2] >= 0.0 => pdf(there) * solid_angle,
-            _ => 0.0,
+    /// there, for a density `pdf` at `wo`: what goes below the horizon comes up again, and what has no way stays.
+    fn out(&self, wo: Vector, pdf: f64) -> (Vector, f64, Way) {
+        match moved(self.alignment, self.from, self.to, wo) {
+            None => (wo, pdf, Way::Stayed),
+            Some((moved, solid_angle)) if self.side * moved[2] < 0.0 => {
+                ([moved[0], moved[1], -moved[2]], pdf / solid_angle, Way::Crossed)
+            }
+            Some((moved, solid_angle)) => (moved, pdf / solid_angle, Way::Straight),
         }
     }
 
-    /// The same of those that crossed it.
-    fn crossed(&self, wo: Vector, pdf: impl Fn(Vector) -> f64) -> f64 {
-        if self.side == 0.0 { 0.0 } else { self.straight([wo[0], wo[1], -wo[2]], pdf) }
+    /// The density at `wo` of directions of the cell's density `pdf` that came by any way but `known`.
+    fn density(&self, wo: Vector, known: Option<Way>, pdf: impl Fn(Vector) -> f64) -> f64 {
+        let back = |wo: Vector| match moved(self.alignment, self.to, self.from, wo) {
+            Some((there, solid_angle)) if self.side * there[2] >= 0.0 => pdf(there) * solid_angle,
+            _ => 0.0,
+        };
+        let by = |way: Way| match way {
+            _ if known == Some(way) => 0.0,
+            Way::Straight => back(wo),
+            Way::Crossed if self.side == 0.0 => 0.0,
+            Way::Crossed => back([wo[0], wo[1], -wo[2]]),
+            Way::Stayed if moved(self.alignment, self.from, self.to, wo).is_none() => pdf(wo),
+            Way::Stayed => 0.0,
+        };
+        by(Way::Straight) + by(Way::Crossed) + by(Way::Stayed)
     }
+}
+
+/// How a direction was carried.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Way {
+    Straight,
+    /// Over the horizon and up again.
+    Crossed,
+    Stayed,
 }
 
 /// Draws from a material by its values at one wavelength; as [`Material::sample`] and its kin do by the mean.
@@ -248,14 +265,13 @@ impl Material {
         }
         let own = SampleOptions { defensive: 0.0, ..options };
         let drawn = trees.warps.sample(cell, [(u[0] / by_tree).min(1.0), u[1]], &own);
-        let found = drawn.and_then(|drawn| carried.out(drawn.direction.xyz(), drawn.pdf));
-        Ok(found.map(|(wo, density, crossed)| {
+        Ok(drawn.map(|drawn| {
+            let (wo, density, way) = carried.out(drawn.direction.xyz(), drawn.pdf);
             let at = |there: Vector| trees.warps.pdf(cell, Direction::from_unit(unit(there)), &own);
-            let other = if crossed { carried.straight(wo, at) } else { carried.crossed(wo, at) };
+            let tree = density + carried.density(wo, Some(way), at);
             let direction = Direction::from_unit(unit(wo));
             let background = if by_tree < 1.0 { trees.warps.background(direction) } else { 0.0 };
-            let pdf = by_tree * (density + other) + (1.0 - by_tree) * background;
-            (turned(direction, cos, sin), pdf)
+            (turned(direction, cos, sin), by_tree * tree + (1.0 - by_tree) * background)
         }))
     }
 
@@ -264,7 +280,7 @@ impl Material {
         let own = SampleOptions { defensive: 0.0, ..options };
         let by_tree = if trees.warps.total(cell) > 0.0 { 1.0 - options.defensive } else { 0.0 };
         let at = |there: Vector| trees.warps.pdf(cell, Direction::from_unit(unit(there)), &own);
-        let tree = carried.straight(wo.xyz(), at) + carried.crossed(wo.xyz(), at);
+        let tree = carried.density(wo.xyz(), None, at);
         let background = if by_tree < 1.0 && options.defensive > 0.0 { trees.warps.background(wo) } else { 0.0 };
         by_tree * tree + (1.0 - by_tree) * background
     }
