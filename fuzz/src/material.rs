@@ -1,7 +1,7 @@
 //! Queries of an opened material, with what holds for all of them.
 
 use wavelume::domain::{Axis, Direction};
-use wavelume::evaluate::{Interpolation, Material, Place};
+use wavelume::evaluate::{Beyond, Interpolation, Material, Place};
 
 /// Theta and phi in degrees: poles, horizon, edges and vertices of the mesh, and places between.
 const DIRECTIONS: [(f64, f64); 12] = [
@@ -27,7 +27,7 @@ const WAVELENGTHS: [f64; 5] = [0.001, 380.0, 550.25, 780.0, 1e9];
 pub fn use_material(bytes: &[u8]) {
     let Ok(material) = Material::open(bytes) else { return };
     assert!(material.memory() > 0);
-    let axes = material.measurement().tensor.axes();
+    let axes = material.axes();
     let mut indices = vec![Vec::new(), Vec::new()];
     for axis in axes.iter().take_while(|axis| matches!(axis, Axis::Index { .. })) {
         indices[0].push(0);
@@ -50,11 +50,11 @@ fn values(material: &Material, place: Place<'_>) {
     let mut between = [0.0; WAVELENGTHS.len()];
     for how in [Interpolation::Constant, Interpolation::Smooth] {
         let answered = material.spectrum(place, how, &mut spectrum).is_ok();
-        let again = material.at_wavelengths(place, how, &WAVELENGTHS, &mut between);
+        let again = material.at_wavelengths(place, how, Beyond::Masked, &WAVELENGTHS, &mut between);
         assert!(again.is_err() || answered, "values at wavelengths, but no spectrum");
     }
     if let Some(wo) = place.wo
-        && let Ok(pdf) = material.pdf(place.index, place.wi, wo, None)
+        && let Ok(pdf) = material.pdf(place.index, place.wi, wo, None::<u8>)
     {
         assert!(pdf.is_finite() && pdf >= 0.0, "pdf {pdf}");
     }
@@ -62,7 +62,7 @@ fn values(material: &Material, place: Place<'_>) {
 
 fn samples(material: &Material, index: &[usize], wi: Option<Direction>) {
     for u in POINTS {
-        for level in [None, Some(0), Some(1), Some(200)] {
+        for level in [None, Some(0_u8), Some(1), Some(200)] {
             let Ok(Some(sample)) = material.sample(index, wi, u, level) else { continue };
             assert!(sample.pdf > 0.0 && sample.pdf.is_finite(), "pdf {} of a sample", sample.pdf);
             assert!(sample.weight >= 0.0, "weight {}", sample.weight);

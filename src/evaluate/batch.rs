@@ -57,7 +57,7 @@ impl<'a> Directions<'a> {
     }
 }
 
-/// Places side by side: pair i is (wi[i], wo[i]).
+/// Places side by side: the first of `wi` with the first of `wo`, and so on.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pairs<'a> {
     /// One entry for each leading opaque axis, the same for all.
