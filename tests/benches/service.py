@@ -171,6 +171,8 @@ def send(address, path, body, expected):
 
 
 def latency(server, material, seconds, rounds):
+    # Opening the material is not what is measured.
+    server.call(material + "/spectrum?wi=30,0&wo=45,170")
     one = json.dumps({"wi": [[30, 0]], "wo": [[45, 170]]})
     requests = {
         "GET /healthz, for comparison": "GET /healthz HTTP/1.1\r\nhost: bench\r\n\r\n",
