@@ -182,11 +182,11 @@ impl Sources {
         let unfit = |what: &str, error: TableError| Problem::new(Kind::UnfitQuery, format!("{what}: {error}"));
         let mut viewing = Viewing::standard(self.illuminant, self.observer);
         if let Some((id, table)) = &self.eye {
-            let tensor = &table.tensor();
+            let tensor = &table.measurement()?.tensor;
             viewing = viewing.seen_by(&id.to_string(), tensor).map_err(|error| unfit("observer", error))?;
         }
         if let Some((id, table)) = &self.light {
-            let tensor = &table.tensor();
+            let tensor = &table.measurement()?.tensor;
             let under = viewing.under(&id.to_string(), tensor, self.column.as_deref());
             viewing = under.map_err(|error| unfit("illuminant", error))?;
         }

@@ -86,14 +86,10 @@ impl Material {
     pub fn spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         let count = self.check_pairs(pairs, out)?;
         let lambdas = self.lambdas();
-        let Form::Planes { planes, smooth } = &self.form else {
-            return (0..count)
-                .try_for_each(|i| self.spectrum(pairs.place(i)?, how, &mut out[i * lambdas..][..lambdas]));
+        let (Form::Planes { planes, smooth }, Interpolation::Smooth) = (&self.form, how) else {
+            let mut rows = out.chunks_exact_mut(lambdas).enumerate();
+            return rows.try_for_each(|(i, out)| self.spectrum(pairs.place(i)?, how, out));
         };
-        if how == Interpolation::Constant {
-            return (0..count)
-                .try_for_each(|i| self.spectrum(pairs.place(i)?, how, &mut out[i * lambdas..][..lambdas]));
-        }
         let entry = self.entry(pairs.index)?;
         let mut found = [Lookup::NOWHERE; BLOCK];
         let mut mixed = [Mixed::NOTHING; BLOCK];

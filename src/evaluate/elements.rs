@@ -77,15 +77,8 @@ impl Elements {
         if self.domain == Domain::Sphere {
             octant += 4 * u32::from(z < 0.0);
         }
-        let [gx, gy, gz] = [arc(x.abs()), arc(y.abs()), arc(z.abs())];
         let n = self.patches;
-        let scale = n as f32 / (gx + gy + gz);
-        let (u, v) = (gx * scale, gy * scale);
-        // Rounding may carry a point over the far edge: the clamped patch holds it with a coordinate next to 0.
-        let i = (u as u32).min(n - 1);
-        let j = (v as u32).min(n - 1 - i);
-        let (s, t) = ((u - i as f32).clamp(0.0, 1.0), (v - j as f32).clamp(0.0, 1.0));
-        let upward = s + t <= 1.0 || i + j + 1 >= n;
+        let ((i, j, upward), [s, t]) = patch_and_place([x.abs(), y.abs(), z.abs()], n);
         let (b0, b1, b2) = if upward { ((1.0 - s - t).max(0.0), s, t) } else { (s + t - 1.0, 1.0 - s, 1.0 - t) };
         let (p, q) = (2 * i, 2 * j);
         let base = octant * self.octant;
@@ -117,13 +110,21 @@ impl Elements {
 /// The patch of a lattice with `n` patches along an edge of the octant, in which the direction with these absolute values
 /// lies: row, column, and whether it points up.
 #[inline]
-pub(super) fn patch_of([x, y, z]: [f32; 3], n: u32) -> (u32, u32, bool) {
+pub(super) fn patch_of(absolute: [f32; 3], n: u32) -> (u32, u32, bool) {
+    patch_and_place(absolute, n).0
+}
+
+/// The patch, and where in its row and column the direction lies, 0 … 1.
+#[inline]
+fn patch_and_place([x, y, z]: [f32; 3], n: u32) -> ((u32, u32, bool), [f32; 2]) {
     let [gx, gy, gz] = [arc(x), arc(y), arc(z)];
     let scale = n as f32 / (gx + gy + gz);
     let (u, v) = (gx * scale, gy * scale);
+    // Rounding may carry a point over the far edge: the clamped patch holds it with a coordinate next to 0.
     let i = (u as u32).min(n - 1);
     let j = (v as u32).min(n - 1 - i);
-    (i, j, u - i as f32 + (v - j as f32) <= 1.0 || i + j + 1 >= n)
+    let (s, t) = ((u - i as f32).clamp(0.0, 1.0), (v - j as f32).clamp(0.0, 1.0));
+    ((i, j, s + t <= 1.0 || i + j + 1 >= n), [s, t])
 }
 
 /// The corners of such a patch.

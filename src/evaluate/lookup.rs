@@ -226,6 +226,11 @@ impl MeshLookup {
         self.corners[triangle]
     }
 
+    /// Those of all triangles.
+    pub(super) fn all_corners(&self) -> &[[u32; 3]] {
+        &self.corners
+    }
+
     /// The triangles around a vertex, and their part of the solid angle around.
     pub(super) fn ring(&self, vertex: u32) -> impl Iterator<Item = (usize, f32)> + '_ {
         let ring = self.starts[vertex as usize] as usize..self.starts[vertex as usize + 1] as usize;
@@ -251,7 +256,9 @@ impl MeshLookup {
         Some(stencil)
     }
 
-    fn descend(&self, [x, y, z]: Vector) -> Option<(usize, Vector)> {
+    /// The triangle that holds a unit vector, and the vector in the first octant of the domain; `None` outside it.
+    #[inline]
+    pub(super) fn descend(&self, [x, y, z]: Vector) -> Option<(usize, Vector)> {
         if !self.holds([x, y, z]) {
             return None;
         }
@@ -319,7 +326,7 @@ pub(super) fn elevation(values: &[f64], theta: f64) -> (usize, f64) {
 }
 
 /// The triangles of the first octant of a domain.
-fn octant(domain: Domain, level: u8) -> impl Iterator<Item = [Vector; 3]> {
+pub(super) fn octant(domain: Domain, level: u8) -> impl Iterator<Item = [Vector; 3]> {
     let mesh = TriangleMesh::new(domain, level);
     mesh.into_iter().flat_map(move |mesh| (0..1_usize << (2 * u32::from(level))).map(move |i| mesh.vertices(i)))
 }
@@ -332,7 +339,7 @@ fn cut(a: Vector, b: Vector, corner: Vector) -> Vector {
 
 /// The vertex numbers of every triangle, and how many vertices there are. On the flat octahedron |x| + |y| + |z| = 2^L
 /// the vertices are lattice points, so that equal ones are found without comparing floats.
-pub(super) fn corners(mesh: TriangleMesh) -> (Vec<[u32; 3]>, usize) {
+fn corners(mesh: TriangleMesh) -> (Vec<[u32; 3]>, usize) {
     type Lattice = [i32; 3];
     let size = 1_i32 << mesh.level();
     let half = |a: Lattice, b: Lattice| [0, 1, 2].map(|k| i32::midpoint(a[k], b[k]));

@@ -178,7 +178,7 @@ impl Material {
             albedos,
         };
         let weights = vec![1.0 / material.lambdas() as f32; material.lambdas()];
-        material.trees = material.outgoing.as_deref().map(|lookup| Trees::new(&material, lookup.mesh(), &weights));
+        material.trees = material.outgoing.as_ref().map(|lookup| Trees::new(&material, lookup, &weights));
         Ok(material)
     }
 
@@ -262,7 +262,7 @@ impl Material {
     }
 
     /// The number of `index` among the entries of the opaque axes, row-major.
-    pub(super) fn entry(&self, index: &[usize]) -> Result<usize, EvaluateError> {
+    pub fn entry(&self, index: &[usize]) -> Result<usize, EvaluateError> {
         if index.len() != self.indices.len() {
             return unfit(format!("{} indices, expected {}: one for each index axis", index.len(), self.indices.len()));
         }
@@ -274,6 +274,17 @@ impl Material {
             entry = entry * length + i;
         }
         Ok(entry)
+    }
+
+    /// The entry of each opaque axis that `entry` is the row-major number of.
+    pub fn index_of(&self, mut entry: usize) -> Vec<usize> {
+        let mut index = self.indices.clone();
+        for i in index.iter_mut().rev() {
+            let length = *i;
+            *i = entry % length;
+            entry /= length;
+        }
+        index
     }
 
     /// The entry of the incoming axis for `wi` in the piecewise constant sense; 0 where there is no such axis.

@@ -233,8 +233,13 @@ impl Planes {
         }
     }
 
+    /// The inner product of the spectrum of what was found with weights.
+    pub(super) fn weighted_mixed(&self, mixed: &Mixed, weights: &[f32]) -> f32 {
+        if mixed.presence > 0.0 { self.weighted(&mixed.row, weights) * mixed.presence } else { mixed.presence }
+    }
+
     /// The inner product of the whole spectrum with weights.
-    pub(super) fn weighted(&self, row: &[f32], weights: &[f32]) -> f32 {
+    fn weighted(&self, row: &[f32], weights: &[f32]) -> f32 {
         let row = &row[..self.count];
         let stride = (self.count + 1) * LANES;
         let mut sum = 0.0;

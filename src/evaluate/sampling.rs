@@ -8,15 +8,13 @@
 //! carried along, and their density with them.
 
 use super::incoming::{Alignment, moved};
+use super::lookup::MeshLookup;
 use super::material::{Form, turned};
-use super::warp::{Density, Measure, SampleOptions, WarpMesh, Warps};
+use super::warp::{BELOW_ONE, Density, Measure, SampleOptions, WarpMesh, Warps};
 use super::{DirectionSample, EvaluateError, Interpolation, Material, Place, unfit};
 use crate::domain::vector::{Vector, unit};
-use crate::domain::{Direction, Domain, TriangleMesh};
+use crate::domain::{Direction, Domain};
 use std::sync::Arc;
-
-/// The largest number below 1.
-const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
 
 /// The warps of all incoming cells.
 #[derive(Debug)]
@@ -29,12 +27,15 @@ pub(super) struct Trees {
 
 impl Trees {
     /// By the inner product of spectra with `weights`: of cells for the leaves, of the smooth function at vertices.
-    pub(super) fn new(material: &Material, mesh: TriangleMesh, weights: &[f32]) -> Self {
-        let has_cosine = material.quantity().has_cosine();
-        let measure = if has_cosine { Measure::Projected } else { Measure::SolidAngle };
-        let shared = Arc::new(WarpMesh::new(mesh, measure));
+    pub(super) fn new(material: &Material, lookup: &Arc<MeshLookup>, weights: &[f32]) -> Self {
+        let measure = if material.quantity().has_cosine() { Measure::Projected } else { Measure::SolidAngle };
+        Self::on(&Arc::new(WarpMesh::over(Arc::clone(lookup), measure)), material, weights)
+    }
+
+    fn on(shared: &Arc<WarpMesh>, material: &Material, weights: &[f32]) -> Self {
+        let (mesh, has_cosine) = (shared.mesh(), material.quantity().has_cosine());
         let cells = material.cells() / mesh.len();
-        let warps = Warps::new(Arc::clone(&shared), cells, |cell, integrals, values| {
+        let warps = Warps::new(Arc::clone(shared), cells, |cell, integrals, values| {
             for (leaf, integral) in integrals.iter_mut().enumerate() {
                 let value = f64::from(material.cell_value(cell * mesh.len() + leaf, weights));
                 *integral = value.max(0.0) * shared.measures()[leaf];
@@ -45,6 +46,12 @@ impl Trees {
             }
         });
         Self { warps, has_cosine, weights: weights.to_vec() }
+    }
+
+    /// The part of a cell's directions that its tree draws, and the options without the other part.
+    fn without_defence(&self, cell: usize, options: SampleOptions) -> (f64, SampleOptions) {
+        let by_tree = if self.warps.total(cell) > 0.0 { 1.0 - options.defensive } else { 0.0 };
+        (by_tree, SampleOptions { defensive: 0.0, ..options })
     }
 
     pub(super) fn memory(&self) -> usize {
@@ -75,21 +82,23 @@ impl Carried {
         }
     }
 
+    /// The cell's directions that are carried to `wo`, and the solid angle of each in parts of that at `wo`.
+    fn origins(&self, wo: Vector) -> [(Way, Option<(Vector, f64)>); 3] {
+        let back =
+            |wo: Vector| moved(self.alignment, self.to, self.from, wo).filter(|(there, _)| self.side * there[2] >= 0.0);
+        let [x, y, z] = wo;
+        let stays = moved(self.alignment, self.from, self.to, wo).is_none();
+        [
+            (Way::Straight, back(wo)),
+            (Way::Crossed, if self.side == 0.0 { None } else { back([x, y, -z]) }),
+            (Way::Stayed, stays.then_some((wo, 1.0))),
+        ]
+    }
+
     /// The density at `wo` of directions of the cell's density `pdf` that came by any way but `known`.
-    fn density(&self, wo: Vector, known: Option<Way>, pdf: impl Fn(Vector) -> f64) -> f64 {
-        let back = |wo: Vector| match moved(self.alignment, self.to, self.from, wo) {
-            Some((there, solid_angle)) if self.side * there[2] >= 0.0 => pdf(there) * solid_angle,
-            _ => 0.0,
-        };
-        let by = |way: Way| match way {
-            _ if known == Some(way) => 0.0,
-            Way::Straight => back(wo),
-            Way::Crossed if self.side == 0.0 => 0.0,
-            Way::Crossed => back([wo[0], wo[1], -wo[2]]),
-            Way::Stayed if moved(self.alignment, self.from, self.to, wo).is_none() => pdf(wo),
-            Way::Stayed => 0.0,
-        };
-        by(Way::Straight) + by(Way::Crossed) + by(Way::Stayed)
+    fn density(&self, wo: Vector, known: Option<Way>, pdf: impl Fn(Direction) -> f64) -> f64 {
+        let others = self.origins(wo).into_iter().filter(|(way, _)| known != Some(*way));
+        others.filter_map(|(_, origin)| origin).map(|(there, part)| pdf(Direction::from_unit(unit(there))) * part).sum()
     }
 }
 
@@ -202,7 +211,7 @@ impl Material {
 
     /// Builds the trees of one wavelength in nm, linear between the samples of the spectra. Refused outside the measured range.
     pub fn sampler_at(&self, wavelength: f64) -> Result<WavelengthSampler<'_>, EvaluateError> {
-        let Some(lookup) = &self.outgoing else { return self.nothing_to_sample() };
+        let shared = self.mean_trees()?.warps.mesh();
         let Some(grid) = self.grid() else {
             return unfit(format!("a wavelength was given, but this {} has none", self.quantity()));
         };
@@ -214,7 +223,7 @@ impl Material {
         if t > 0.0 {
             weights[below + 1] = t as f32;
         }
-        let trees = Trees::new(self, lookup.mesh(), &weights);
+        let trees = Trees::on(shared, self, &weights);
         Ok(WavelengthSampler { material: self, trees })
     }
 
@@ -256,19 +265,17 @@ impl Material {
             let drawn = trees.warps.sample(cell, u, &options);
             return Ok(drawn.map(|drawn| (turned(drawn.direction, cos, sin), drawn.pdf)));
         };
-        let by_tree = if trees.warps.total(cell) > 0.0 { 1.0 - options.defensive } else { 0.0 };
+        let (by_tree, own) = trees.without_defence(cell, options);
         if options.defensive > 0.0 && u[0] >= by_tree {
             let u = [((u[0] - by_tree) / (1.0 - by_tree)).min(BELOW_ONE), u[1]];
             let direction = trees.warps.draw_background(u);
             let pdf = Self::carried_pdf(trees, cell, &carried, direction, options);
             return Ok((pdf > 0.0).then(|| (turned(direction, cos, sin), pdf)));
         }
-        let own = SampleOptions { defensive: 0.0, ..options };
         let drawn = trees.warps.sample(cell, [(u[0] / by_tree).min(1.0), u[1]], &own);
         Ok(drawn.map(|drawn| {
             let (wo, density, way) = carried.out(drawn.direction.xyz(), drawn.pdf);
-            let at = |there: Vector| trees.warps.pdf(cell, Direction::from_unit(unit(there)), &own);
-            let tree = density + carried.density(wo, Some(way), at);
+            let tree = density + carried.density(wo, Some(way), |there| trees.warps.pdf(cell, there, &own));
             let direction = Direction::from_unit(unit(wo));
             let background = if by_tree < 1.0 { trees.warps.background(direction) } else { 0.0 };
             (turned(direction, cos, sin), by_tree * tree + (1.0 - by_tree) * background)
@@ -277,10 +284,8 @@ impl Material {
 
     /// The density at `wo` where directions are carried.
     fn carried_pdf(trees: &Trees, cell: usize, carried: &Carried, wo: Direction, options: SampleOptions) -> f64 {
-        let own = SampleOptions { defensive: 0.0, ..options };
-        let by_tree = if trees.warps.total(cell) > 0.0 { 1.0 - options.defensive } else { 0.0 };
-        let at = |there: Vector| trees.warps.pdf(cell, Direction::from_unit(unit(there)), &own);
-        let tree = carried.density(wo.xyz(), None, at);
+        let (by_tree, own) = trees.without_defence(cell, options);
+        let tree = carried.density(wo.xyz(), None, |there| trees.warps.pdf(cell, there, &own));
         let background = if by_tree < 1.0 && options.defensive > 0.0 { trees.warps.background(wo) } else { 0.0 };
         by_tree * tree + (1.0 - by_tree) * background
     }
@@ -330,21 +335,17 @@ impl Material {
         options: SampleOptions,
     ) -> Result<Option<[f64; 2]>, EvaluateError> {
         let cell = self.sampled_cell(index, wi, options)?;
-        let Some((lookup, wo)) = self.outgoing(wi, Some(wo))?.filter(|(lookup, wo)| lookup.holds(wo.xyz())) else {
+        let Some((_, wo)) = self.outgoing(wi, Some(wo))?.filter(|(lookup, wo)| lookup.holds(wo.xyz())) else {
             return Ok(None);
         };
         let Some(carried) = self.carried_to(cell, wi) else { return Ok(trees.warps.invert(cell, wo, &options)) };
-        let by_tree = if trees.warps.total(cell) > 0.0 { 1.0 - options.defensive } else { 0.0 };
-        let own = SampleOptions { defensive: 0.0, ..options };
-        // Of the two directions that are carried here, the one that did not cross the horizon, if it is drawn at all.
-        let [x, y, z] = wo.xyz();
-        for wo in [[x, y, z], [x, y, -z]] {
-            if let Some((there, _)) = moved(carried.alignment, carried.to, carried.from, wo)
-                && lookup.holds(there)
-                && let Some([u, v]) = trees.warps.invert(cell, Direction::from_unit(unit(there)), &own)
-            {
-                return Ok(Some([u * by_tree, v]));
-            }
+        let (by_tree, own) = trees.without_defence(cell, options);
+        // The first of the directions that are carried here and drawn at all.
+        let origins = carried.origins(wo.xyz()).into_iter().filter_map(|(_, origin)| origin);
+        let mut drawn =
+            origins.filter_map(|(there, _)| trees.warps.invert(cell, Direction::from_unit(unit(there)), &own));
+        if let Some([u, v]) = drawn.next() {
+            return Ok(Some([u * by_tree, v]));
         }
         let [u, v] = trees.warps.place_background(wo);
         Ok((options.defensive > 0.0).then_some([by_tree + u * (1.0 - by_tree), v]))

@@ -90,6 +90,21 @@ pub(super) struct Mixed {
 impl Mixed {
     /// No light.
     pub(super) const NOTHING: Self = Self { row: [0.0; MOST_PLANES], presence: 0.0 };
+
+    /// Of a sum of rows that weigh `live` together, of `known` that are not masked. Weights of a fit may be negative, and
+    /// what is left of them next to nothing.
+    #[inline]
+    fn settled(mut row: Row, live: f32, known: f32) -> Self {
+        let mut presence = 0.0;
+        if live > NO_LIGHT {
+            let share = 1.0 / live;
+            for value in &mut row {
+                *value *= share;
+            }
+            presence = (live / known).clamp(0.0, 1.0);
+        }
+        Self { row, presence: if known > NO_LIGHT { presence } else { f32::NAN } }
+    }
 }
 
 impl Smooth {
@@ -474,15 +489,8 @@ impl Smooth {
             }
         }
         let mut row = [0.0; MOST_PLANES];
-        // Weights of a fit may be negative, and what is left of them next to nothing.
-        if live > NO_LIGHT {
-            let share = 1.0 / live;
-            for k in 0..WIDTH {
-                row[k] = share * sum[k];
-            }
-        }
-        let presence = if live > NO_LIGHT { (live / known).clamp(0.0, 1.0) } else { 0.0 };
-        Mixed { row, presence: if known > NO_LIGHT { presence } else { f32::NAN } }
+        row[..WIDTH].copy_from_slice(&sum);
+        Mixed::settled(row, live, known)
     }
 
     /// The share of light in a patch of a table, and the share that is known.
@@ -527,13 +535,7 @@ impl Mixture {
     }
 
     fn finish(self) -> Mixed {
-        let mut row = self.row;
-        if self.live > NO_LIGHT {
-            let share = 1.0 / self.live;
-            row = row.map(|v| v * share);
-        }
-        let presence = if self.live > NO_LIGHT { (self.live / self.known).clamp(0.0, 1.0) } else { 0.0 };
-        Mixed { row, presence: if self.known > NO_LIGHT { presence } else { f32::NAN } }
+        Mixed::settled(self.row, self.live, self.known)
     }
 }
 

@@ -3,10 +3,10 @@
 use super::kernel::LANES;
 use super::lookup::Stencil;
 use super::material::Form;
-use super::planes::{Cell, Planes};
+use super::planes::Planes;
 use super::smooth::{Lookup, Mixed, Smooth};
 use super::{Beyond, EvaluateError, Interpolation, Material, Place, unfit};
-use crate::domain::{Tensor, WavelengthGrid};
+use crate::domain::{Measurement, Tensor, WavelengthGrid};
 
 /// Samples of a spectrum that are summed together where some are masked.
 const BLOCK: usize = 64;
@@ -97,20 +97,8 @@ impl Material {
         if weights.len() != self.lambdas() {
             return unfit(format!("{} weights, expected {}: one a sample", weights.len(), self.lambdas()));
         }
-        let sum = |value: &dyn Fn(usize) -> f32| {
+        self.weighted_by(place, how, weights, |value| {
             weights.iter().enumerate().filter(|(_, w)| **w != 0.0).map(|(lambda, w)| w * value(lambda)).sum()
-        };
-        Ok(match &self.form {
-            Form::Planes { planes, smooth } => match self.mixed_at(planes, smooth, place, how)? {
-                Some(mixed) if mixed.presence > 0.0 => planes.weighted(&mixed.row, weights) * mixed.presence,
-                Some(mixed) => mixed.presence,
-                None => 0.0,
-            },
-            Form::Samples { samples, .. } => match self.find(samples, place, how)? {
-                Found::Outside => 0.0,
-                Found::Cell(row) => sum(&|lambda| row[lambda]),
-                Found::Rows(rows) => sum(&|lambda| self.sample_of(&rows, lambda)),
-            },
         })
     }
 
@@ -121,27 +109,26 @@ impl Material {
         how: Interpolation,
         weights: &[f32],
     ) -> Result<f32, EvaluateError> {
-        let known = |value: &dyn Fn(usize) -> f32| {
-            let (mut sum, mut weight, mut all) = (0.0, 0.0, 0.0);
-            for (lambda, w) in weights.iter().enumerate() {
-                let value = value(lambda);
-                all += w;
-                if !value.is_nan() {
-                    sum += w * value;
-                    weight += w;
-                }
-            }
-            if weight > 0.0 { sum * all / weight } else { 0.0 }
-        };
+        let sum = self.weighted_by(place, how, weights, |value| known_sum(weights, value))?;
+        Ok(if sum.is_nan() { 0.0 } else { sum })
+    }
+
+    /// The inner product at `place`, by `sum` where every sample is kept; NaN where a cell of planes is masked.
+    fn weighted_by(
+        &self,
+        place: Place<'_>,
+        how: Interpolation,
+        weights: &[f32],
+        sum: impl Fn(&dyn Fn(usize) -> f32) -> f32,
+    ) -> Result<f32, EvaluateError> {
         Ok(match &self.form {
-            Form::Planes { planes, smooth } => match self.mixed_at(planes, smooth, place, how)? {
-                Some(mixed) if mixed.presence > 0.0 => planes.weighted(&mixed.row, weights) * mixed.presence,
-                _ => 0.0,
-            },
+            Form::Planes { planes, smooth } => {
+                planes.weighted_mixed(&self.mixed_at(planes, smooth, place, how)?.unwrap_or(Mixed::NOTHING), weights)
+            }
             Form::Samples { samples, .. } => match self.find(samples, place, how)? {
                 Found::Outside => 0.0,
-                Found::Cell(row) => known(&|lambda| row[lambda]),
-                Found::Rows(rows) => known(&|lambda| self.sample_of(&rows, lambda)),
+                Found::Cell(row) => sum(&|lambda| row[lambda]),
+                Found::Rows(rows) => sum(&|lambda| self.sample_of(&rows, lambda)),
             },
         })
     }
@@ -165,12 +152,12 @@ impl Material {
         }
     }
 
-    /// All samples again, as far as planes hold them ([`super::OpenedReport::deviation`]).
-    pub fn tensor(&self) -> Tensor {
-        let slices = self.entries() * self.shape[0];
-        let samples = (0..slices).flat_map(|slice| self.slice(slice)).collect();
-        // The axes are those of the tensor that was opened.
-        Tensor::new(self.axes().to_vec(), samples).unwrap_or_else(|_| unreachable!("as many samples as there were"))
+    /// The samples as they are opened: those decoded, but for the deviation that [`Material::report`] states.
+    pub fn measurement(&self) -> Result<Measurement, EvaluateError> {
+        let samples = (0..self.entries() * self.shape[0]).flat_map(|slice| self.slice(slice)).collect();
+        let tensor = Tensor::new(self.axes().to_vec(), samples);
+        let tensor = tensor.map_err(|error| EvaluateError::Unfit(error.to_string()))?;
+        Ok(Measurement { quantity: self.quantity(), unit: self.unit(), sampling: self.sampling, tensor })
     }
 
     /// How many cells there are: entries of all axes but the last.
@@ -179,20 +166,14 @@ impl Material {
         self.entries() * n_in * n_out
     }
 
-    /// The inner product of a cell's spectrum with weights; masked samples are left out and the others weigh more.
+    /// The inner product of a cell's spectrum with weights; masked samples are left out and the others weigh more; NaN where
+    /// a cell of planes is masked.
     pub(super) fn cell_value(&self, cell: usize, weights: &[f32]) -> f32 {
         match &self.form {
-            Form::Planes { planes, .. } if planes.cell(cell) == Cell::Live => {
-                planes.weighted(planes.row(cell), weights)
-            }
-            Form::Planes { .. } => 0.0,
+            Form::Planes { planes, .. } => planes.weighted_mixed(&planes.mixed(cell), weights),
             Form::Samples { samples, .. } => {
-                let lambdas = self.lambdas();
-                let row = &samples[cell * lambdas..][..lambdas];
-                let known = row.iter().zip(weights).filter(|(s, _)| !s.is_nan());
-                let (sum, weight) = known.fold((0.0, 0.0), |(sum, weight), (s, w)| (sum + w * s, weight + w));
-                let all: f32 = weights.iter().sum();
-                if weight > 0.0 { sum * all / weight } else { 0.0 }
+                let row = &samples[cell * self.lambdas()..];
+                known_sum(weights, &|lambda| row[lambda])
             }
         }
     }
@@ -204,7 +185,7 @@ impl Material {
         match (&self.form, &self.outgoing) {
             (Form::Planes { planes, smooth }, _) => {
                 let mixed = smooth.own(entry, incoming, self.incoming_directions[incoming], d);
-                if mixed.presence > 0.0 { planes.weighted(&mixed.row, weights) * mixed.presence } else { 0.0 }
+                planes.weighted_mixed(&mixed, weights)
             }
             (Form::Samples { .. }, Some(lookup)) => {
                 lookup.ring(vertex).map(|(leaf, share)| share * self.cell_value(cell * n_out + leaf, weights)).sum()
@@ -358,6 +339,20 @@ impl Material {
             }
         }
     }
+}
+
+/// The inner product without masked samples, as if the others stood for them; 0 where all are masked.
+fn known_sum(weights: &[f32], value: &dyn Fn(usize) -> f32) -> f32 {
+    let (mut sum, mut weight, mut all) = (0.0, 0.0, 0.0);
+    for (lambda, w) in weights.iter().enumerate() {
+        let value = value(lambda);
+        all += w;
+        if !value.is_nan() {
+            sum += w * value;
+            weight += w;
+        }
+    }
+    if weight > 0.0 { sum * all / weight } else { 0.0 }
 }
 
 /// Up to half of [`LANES`] wavelengths of a row of planes: the samples below and above each are expanded together.

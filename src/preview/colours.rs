@@ -1,7 +1,7 @@
 //! The colour of a material at a place: XYZ, CIELAB, sRGB, and the temperature of lights.
 
 use super::viewing::Viewing;
-use super::{PreviewError, unfit, unflat};
+use super::{PreviewError, unfit};
 use crate::domain::colour::{
     Adaptation, ColourError, ColourTemperature, Lab, Xyz, in_gamut, linear_to_bytes, linear_to_xyz, map_to_gamut,
     xyz_of, xyz_to_linear,
@@ -87,7 +87,7 @@ pub fn colours(material: &Material, asked: &Question<'_>, viewing: &Viewing) -> 
         None if layout.incoming.or(layout.outgoing).is_some() && layout.indices > 0 => {
             return unfit(format!("no index was given, expected {}: one for each index axis", layout.indices));
         }
-        None => every(axes)?,
+        None => every(material, axes)?,
     };
     let mut spectrum = vec![0.0; material.lambdas()];
     let mut found = Vec::with_capacity(entries.len());
@@ -278,12 +278,12 @@ fn watts(unit: Unit) -> Option<f64> {
 }
 
 /// Every entry of the index axes, row-major.
-fn every(axes: &[Axis]) -> Result<Vec<Vec<usize>>, PreviewError> {
+fn every(material: &Material, axes: &[Axis]) -> Result<Vec<Vec<usize>>, PreviewError> {
     let count: usize = axes.iter().map(Axis::len).product();
     if count > MOST_COLOURS {
         return unfit(format!("{count} entries, expected at most {MOST_COLOURS} colours in one answer: give an index"));
     }
-    Ok((0..count).map(|flat| unflat(axes, flat)).collect())
+    Ok((0..count).map(|entry| material.index_of(entry)).collect())
 }
 
 /// The names of an entry's axes, where they have any.

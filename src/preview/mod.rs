@@ -91,18 +91,6 @@ pub fn picture(
     }
 }
 
-/// The number of an entry of index axes, row-major.
-fn flat(axes: &[Axis], index: &[usize]) -> usize {
-    axes.iter().zip(index).fold(0, |flat, (axis, i)| flat * axis.len() + i)
-}
-
-/// The entry of index axes with this number.
-fn unflat(axes: &[Axis], mut flat: usize) -> Vec<usize> {
-    let mut index: Vec<usize> = axes.iter().rev().map(|axis| (flat % axis.len(), flat /= axis.len()).0).collect();
-    index.reverse();
-    index
-}
-
 fn unfit<T>(message: impl Into<String>) -> Result<T, PreviewError> {
     Err(PreviewError::Unfit(message.into()))
 }

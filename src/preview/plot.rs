@@ -40,7 +40,7 @@ fn rows(material: &Material, index: Option<&[usize]>) -> Result<Vec<Vec<f32>>, P
         vec![index.to_vec()]
     } else {
         let most = count.min(MOST_CURVES);
-        (0..most).map(|i| super::unflat(axes, i * count / most)).collect()
+        (0..most).map(|i| material.index_of(i * count / most)).collect()
     };
     let mut rows = Vec::new();
     for index in &picked {

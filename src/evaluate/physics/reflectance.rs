@@ -1,6 +1,6 @@
 //! The albedo as a measurement of its own: the paper's reflectance, to be compressed and stored (\[CPB06\] section 6.1.3).
 
-use crate::domain::{Axis, AxisError, Layout, Measurement, Quantity, Tensor, TensorError, Unit};
+use crate::domain::{Axis, Measurement, Quantity, Tensor, TensorError, Unit};
 use crate::evaluate::albedo::Side;
 use crate::evaluate::{EvaluateError, Material, unfit};
 
@@ -15,9 +15,8 @@ impl Material {
             return unfit(format!("this {quantity} has no reflectance, expected a brdf, btdf or bsdf"));
         }
         self.needs_outgoing("reflectance")?;
-        let layout =
-            Layout::of(quantity, self.axes()).map_err(|error: AxisError| EvaluateError::Unfit(error.to_string()))?;
-        let axes = self.axes().iter().enumerate().filter(|&(i, _)| layout.outgoing != Some(i));
+        let outgoing = self.layout().outgoing;
+        let axes = self.axes().iter().enumerate().filter(|&(i, _)| outgoing != Some(i));
         let axes: Vec<Axis> = axes.map(|(_, axis)| axis.clone()).collect();
         let unfit = |error: TensorError| EvaluateError::Unfit(error.to_string());
         let tensor = Tensor::new(axes, self.side(side)).map_err(unfit)?;

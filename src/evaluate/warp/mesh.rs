@@ -18,10 +18,10 @@
 //! ```
 
 use super::Measure;
-use crate::domain::vector::{Vector, add, cross, dot, unit};
+use crate::domain::vector::{Vector, cross, dot};
 use crate::domain::{Direction, Domain, TriangleMesh};
-use crate::evaluate::lookup::corners;
-use std::hint::select_unpredictable;
+use crate::evaluate::lookup::{MeshLookup, octant};
+use std::sync::Arc;
 
 /// The eight triangles of four squares, `[lower, upper]` after `[lower, upper]`: one load in a descent.
 #[derive(Clone, Copy, Debug, Default)]
@@ -65,16 +65,13 @@ struct Leaf {
 pub struct WarpMesh {
     mesh: TriangleMesh,
     measure: Measure,
-    /// For each inner node of octant 0, level by level: the planes that cut off its corners, positive on the corner's side.
-    planes: Vec<[Vector; 3]>,
+    lookup: Arc<MeshLookup>,
     leaves: Vec<Leaf>,
     /// For each triangle, level by level: 2 · its square + 1 if it is the upper half.
     places: Vec<u32>,
     /// For each place of the last level: the leaf · 8 + the number of its frame.
     framed: Vec<u32>,
-    /// The vertex numbers of the leaves.
-    corners: Vec<[u32; 3]>,
-    /// Those of the squares of leaves: (0,0), (0,1), (1,0), (1,1).
+    /// The vertex numbers of the squares of leaves: (0,0), (0,1), (1,0), (1,1).
     quads: Vec<[u32; 4]>,
     points: Vec<Direction>,
     /// The tree of the measure alone.
@@ -88,30 +85,26 @@ pub struct WarpMesh {
 impl WarpMesh {
     /// The tables of `mesh`, with trees by `measure`.
     pub fn new(mesh: TriangleMesh, measure: Measure) -> Self {
-        let level = mesh.level();
-        let octant = 1_usize << (2 * u32::from(level));
-        let mut planes = Vec::new();
-        for depth in 0..level {
-            for node in octant_triangles(depth) {
-                let [v0, v1, v2] = node;
-                let (m01, m12, m02) = (middle(v0, v1), middle(v1, v2), middle(v0, v2));
-                planes.push([cut(m01, m02, v0), cut(m12, m01, v1), cut(m02, m12, v2)]);
-            }
-        }
-        let leaves: Vec<Leaf> = octant_triangles(level).into_iter().map(Leaf::new).collect();
+        Self::over(Arc::new(MeshLookup::new(mesh)), measure)
+    }
+
+    /// The same over tables of the mesh that there are already.
+    pub(in crate::evaluate) fn over(lookup: Arc<MeshLookup>, measure: Measure) -> Self {
+        let mesh = lookup.mesh();
+        let count = 1_usize << (2 * u32::from(mesh.level()));
+        let leaves: Vec<Leaf> = octant(Domain::Hemisphere, mesh.level()).map(Leaf::new).collect();
         let (places, framed) = places(mesh);
-        let (corners, count) = corners(mesh);
         let vertex = |place: usize, corner: usize| {
             let (leaf, frame) = unframed(framed[place]);
-            corners[leaf][usize::from(frame[corner])]
+            lookup.corners(leaf)[usize::from(frame[corner])]
         };
         let quads = (0..mesh.len() / 2)
             .map(|square| {
                 [vertex(2 * square, 1), vertex(2 * square + 1, 0), vertex(2 * square, 0), vertex(2 * square, 2)]
             })
             .collect();
-        let mut points = vec![Direction::from_unit([0.0, 0.0, 1.0]); count];
-        for (ids, vertices) in corners.iter().zip(mesh.all_vertices()) {
+        let mut points = vec![Direction::from_unit([0.0, 0.0, 1.0]); lookup.vertices()];
+        for (ids, vertices) in lookup.all_corners().iter().zip(mesh.all_vertices()) {
             for (&id, vertex) in ids.iter().zip(vertices) {
                 points[id as usize] = Direction::from_unit(vertex);
             }
@@ -121,25 +114,13 @@ impl WarpMesh {
             Measure::SolidAngle => mesh.solid_angle(i),
         };
         // All octants are congruent.
-        let one: Vec<f64> = (0..octant).map(own).collect();
-        let exact: Vec<f64> = (0..mesh.len()).map(|i| one[i % octant]).collect();
+        let one: Vec<f64> = (0..count).map(own).collect();
+        let exact: Vec<f64> = (0..mesh.len()).map(|i| one[i % count]).collect();
         let cosine =
             |point: &Direction| if measure == Measure::Projected { point.cos_theta().abs() as f32 } else { 1.0 };
         let cosines = points.iter().map(cosine).collect();
-        let mut this = Self {
-            mesh,
-            measure,
-            planes,
-            leaves,
-            places,
-            framed,
-            corners,
-            quads,
-            points,
-            measures: vec![],
-            cosines,
-            exact,
-        };
+        let mut this =
+            Self { mesh, measure, lookup, leaves, places, framed, quads, points, measures: vec![], cosines, exact };
         let mut measures = vec![Group::default(); this.groups()];
         this.fill(&mut this.exact.clone(), &mut measures);
         this.measures = measures;
@@ -168,17 +149,15 @@ impl WarpMesh {
 
     /// The numbers in [`WarpMesh::vertices`] of every leaf's vertices, in the order of the mesh.
     pub fn corners(&self) -> &[[u32; 3]] {
-        &self.corners
+        self.lookup.all_corners()
     }
 
-    /// Memory of the tables in bytes.
+    /// Memory in bytes, without the tables that find triangles of the mesh, which may be shared.
     pub fn memory(&self) -> usize {
         size_of::<Self>()
-            + size_of_val(&*self.planes)
             + size_of_val(&*self.leaves)
             + size_of_val(&*self.places)
             + size_of_val(&*self.framed)
-            + size_of_val(&*self.corners)
             + size_of_val(&*self.quads)
             + size_of_val(&*self.points)
             + size_of_val(&*self.measures)
@@ -248,7 +227,7 @@ impl WarpMesh {
 
     /// The numbers of a leaf's vertices.
     pub(super) fn corners_of(&self, leaf: usize) -> [u32; 3] {
-        self.corners[leaf]
+        self.lookup.corners(leaf)
     }
 
     /// The direction through the point of the planar triangle `leaf` with these barycentric coordinates of the vertices in
@@ -275,34 +254,13 @@ impl WarpMesh {
     /// The leaf that holds `direction`, the barycentric coordinates of the planar point on its ray and the factor of
     /// [`WarpMesh::point`]; `None` outside the domain.
     pub(super) fn locate(&self, direction: Direction) -> Option<(usize, [f64; 3], f64)> {
-        let [x, y, z] = direction.xyz();
-        let down = match self.mesh.domain() {
-            Domain::Hemisphere if z < 0.0 => return None,
-            Domain::Lower if z > 0.0 => return None,
-            Domain::Sphere => z < 0.0,
-            _ => false,
-        };
-        // A direction on an edge belongs to exactly one.
-        let second = x <= 0.0 && y > 0.0;
-        let third = x < 0.0 && y <= 0.0;
-        let fourth = x >= 0.0 && y < 0.0;
-        let quadrant = usize::from(second) + 2 * usize::from(third) + 3 * usize::from(fourth);
-        let [cos, sin] = TURNS[quadrant];
-        let folded = [cos * x + sin * y, cos * y - sin * x, z.abs()];
-        let (mut node, mut offset) = (0, 0);
-        for level in 0..self.mesh.level() {
-            let [corner0, corner1, corner2] = self.planes[offset + node];
-            let child = select_unpredictable(dot(corner2, folded) > 0.0, 2, 3);
-            let child = select_unpredictable(dot(corner1, folded) > 0.0, 1, child);
-            let child = select_unpredictable(dot(corner0, folded) > 0.0, 0, child);
-            node = 4 * node + child;
-            offset += 1 << (2 * u32::from(level));
-        }
-        let geometry = &self.leaves[node];
+        let (leaf, [x, y, z]) = self.lookup.descend(direction.xyz())?;
+        // Leaves are stored for the upper octant.
+        let folded = [x, y, z.abs()];
+        let geometry = &self.leaves[leaf & (self.leaves.len() - 1)];
         let [d0, d1, d2] = geometry.duals;
         let (a, b, c) = (dot(d0, folded).max(0.0), dot(d1, folded).max(0.0), dot(d2, folded).max(0.0));
         let length = 1.0 / (a + b + c);
-        let leaf = (quadrant + 4 * usize::from(down)) * self.leaves.len() + node;
         Some((leaf, [a * length, b * length, c * length], length * length * length * geometry.density))
     }
 }
@@ -324,24 +282,6 @@ fn unframed(framed: u32) -> (usize, Frame) {
 /// How many nodes of one octant lie above `level`.
 fn first(level: u8) -> usize {
     ((1 << (2 * u32::from(level))) - 1) / 3
-}
-
-/// The triangles of octant 0 at a level.
-fn octant_triangles(level: u8) -> Vec<[Vector; 3]> {
-    let octant = 1_usize << (2 * u32::from(level));
-    TriangleMesh::new(Domain::Hemisphere, level)
-        .map(|mesh| (0..octant).map(|i| mesh.vertices(i)).collect())
-        .unwrap_or_default()
-}
-
-fn middle(a: Vector, b: Vector) -> Vector {
-    unit(add(a, b))
-}
-
-/// The plane through `a`, `b` and the origin, positive on the side of `corner`.
-fn cut(a: Vector, b: Vector, corner: Vector) -> Vector {
-    let plane = cross(a, b);
-    if dot(plane, corner) < 0.0 { plane.map(|x| -x) } else { plane }
 }
 
 /// For each triangle, level by level, its place; for each place of the last level its leaf and frame.

@@ -49,7 +49,7 @@ use std::hint::select_unpredictable;
 use std::sync::Arc;
 
 /// The largest number below 1.
-const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
+pub(super) const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
 /// Points keep this barycentric distance from the edges of their leaf, so that rounding cannot carry one over the edge.
 const MARGIN: f64 = 1e-9;
 

@@ -69,7 +69,7 @@ impl Lobes {
         used.sort_unstable();
         used.dedup();
         let lambdas = material.lambdas();
-        let entry = super::super::flat(&axes[..layout.indices], index);
+        let entry = material.entry(index)?;
         let row = |cell: usize| material.slice(entry * axes[incoming_axis].len() + cell);
         let (lattice, tables) = if let Some(Axis::Triangles(mesh)) = outgoing {
             let finest = (2_usize << mesh.level()).clamp(8, 48);
