@@ -137,21 +137,33 @@ impl WavelengthGrid {
 
     /// Where `lambda` (nm) lies: `(i, t)` stands for `(1 − t)·sample[i] + t·sample[i + 1]`, `t = 0` at the last sample;
     /// `None` outside the axis.
+    #[inline]
     pub fn locate(&self, lambda: f64) -> Option<(usize, f64)> {
         let (first, last) = self.range();
         if !(lambda >= first && lambda <= last) {
             return None;
         }
-        let n = self.len();
-        let below = match self {
-            Self::Even { start, step, .. } => (((lambda - start) / step) as usize).min(n - 1),
-            Self::Uneven(values) => values.partition_point(|&v| v <= lambda) - 1,
-        };
-        if below + 1 == n {
-            return Some((n - 1, 0.0));
+        let position = self.position(lambda);
+        let below = position as usize;
+        Some((below, position - below as f64))
+    }
+
+    /// Where `lambda` (nm) lies in samples, linear between them and held at the ends; 0 if it is no number.
+    #[inline]
+    pub(crate) fn position(&self, lambda: f64) -> f64 {
+        let last = self.len() - 1;
+        match self {
+            Self::Even { start, step, .. } => ((lambda - start) / step).max(0.0).min(last as f64),
+            Self::Uneven(values) => {
+                let above = values.partition_point(|&v| v <= lambda);
+                if above == 0 || above > last {
+                    return above.min(last) as f64;
+                }
+                let (a, b) = (values[above - 1], values[above]);
+                // Rounding must not carry it to the next sample.
+                (above - 1) as f64 + ((lambda - a) / (b - a)).min(1.0 - f64::EPSILON)
+            }
         }
-        let (a, b) = (self.at(below), self.at(below + 1));
-        Some((below, ((lambda - a) / (b - a)).clamp(0.0, 1.0)))
     }
 
     /// Quadrature weights in nm of the trapezoidal rule: `Σ weight[i]·sample[i]` is the integral over the axis.

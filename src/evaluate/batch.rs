@@ -4,13 +4,14 @@
 //! another, which hides most of the memory's latency where a material is larger than the caches.
 
 use super::material::Form;
-use super::smooth::{Lookup, Mixed};
+use super::planes::Planes;
+use super::smooth::{Lookup, Mixed, Smooth};
 use super::{EvaluateError, Interpolation, Material, Place, unfit};
 use crate::domain::Direction;
 use rayon::prelude::*;
 
 /// Places worked on together.
-const BLOCK: usize = 64;
+pub(super) const BLOCK: usize = 64;
 /// Places that a thread takes at a time.
 const SHARE: usize = 4096;
 
@@ -32,6 +33,7 @@ impl<'a> Directions<'a> {
         self.x.len()
     }
 
+    #[inline]
     fn at(&self, i: usize) -> Result<Direction, EvaluateError> {
         let [x, y, z] = [self.x[i], self.y[i], self.z[i]];
         Direction::new(f64::from(x), f64::from(y), f64::from(z)).map_or_else(
@@ -69,7 +71,8 @@ pub struct Pairs<'a> {
 }
 
 impl<'a> Pairs<'a> {
-    fn place(&self, i: usize) -> Result<Place<'a>, EvaluateError> {
+    #[inline]
+    pub(super) fn place(&self, i: usize) -> Result<Place<'a>, EvaluateError> {
         let at = |directions: Option<Directions<'_>>| directions.map(|directions| directions.at(i)).transpose();
         Ok(Place { index: self.index, wi: at(self.wi)?, wo: at(self.wo)? })
     }
@@ -86,24 +89,50 @@ impl Material {
     pub fn spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         let count = self.check_pairs(pairs, out)?;
         let lambdas = self.lambdas();
-        let (Form::Planes { planes, smooth }, Interpolation::Smooth) = (&self.form, how) else {
+        let Form::Planes { planes, smooth } = &self.form else {
             let mut rows = out.chunks_exact_mut(lambdas).enumerate();
             return rows.try_for_each(|(i, out)| self.spectrum(pairs.place(i)?, how, out));
         };
+        self.rows(planes, smooth, pairs, how, count, |start, rows| {
+            planes.expand_all(rows, &mut out[start * lambdas..][..rows.len() * lambdas]);
+        })
+    }
+
+    /// The rows of planes at `pairs`, block by block, with where each block starts.
+    pub(super) fn rows(
+        &self,
+        planes: &Planes,
+        smooth: &Smooth,
+        pairs: Pairs<'_>,
+        how: Interpolation,
+        count: usize,
+        mut work: impl FnMut(usize, &[Mixed]),
+    ) -> Result<(), EvaluateError> {
         let entry = self.entry(pairs.index)?;
-        let mut found = [Lookup::NOWHERE; BLOCK];
+        let mut cells = [None; BLOCK];
+        let (mut found, mut is_there) = ([Lookup::NOWHERE; BLOCK], [false; BLOCK]);
         let mut mixed = [Mixed::NOTHING; BLOCK];
         for start in (0..count).step_by(BLOCK) {
             let length = BLOCK.min(count - start);
-            for (i, found) in found[..length].iter_mut().enumerate() {
-                *found = self.lookup(smooth, entry, pairs.place(start + i)?)?.unwrap_or(Lookup::NOWHERE);
+            match how {
+                Interpolation::Constant => {
+                    for (i, cell) in cells[..length].iter_mut().enumerate() {
+                        *cell = self.cell_at(entry, pairs.place(start + i)?)?;
+                    }
+                    for (mixed, cell) in mixed[..length].iter_mut().zip(cells) {
+                        *mixed = cell.map_or(Mixed::NOTHING, |cell| planes.mixed(cell));
+                    }
+                }
+                Interpolation::Smooth => {
+                    for (i, (found, is_there)) in found[..length].iter_mut().zip(&mut is_there).enumerate() {
+                        *is_there = self.look_up_smooth(smooth, entry, pairs.place(start + i)?, found)?;
+                    }
+                    for (mixed, (found, is_there)) in mixed[..length].iter_mut().zip(found.iter().zip(is_there)) {
+                        *mixed = if is_there { smooth.gather(found) } else { Mixed::NOTHING };
+                    }
+                }
             }
-            for (mixed, found) in mixed[..length].iter_mut().zip(&found) {
-                *mixed = if found.is_nowhere() { Mixed::NOTHING } else { smooth.gather(found) };
-            }
-            for (mixed, out) in mixed[..length].iter().zip(out[start * lambdas..].chunks_exact_mut(lambdas)) {
-                planes.expand(mixed, out);
-            }
+            work(start, &mixed[..length]);
         }
         Ok(())
     }
@@ -118,13 +147,20 @@ impl Material {
     }
 
     fn check_pairs(&self, pairs: Pairs<'_>, out: &[f32]) -> Result<usize, EvaluateError> {
-        let lambdas = self.lambdas();
+        pairs.check(out.len(), self.lambdas())
+    }
+}
+
+impl Pairs<'_> {
+    /// How many there are, after a look at their coordinates and at the room for `lambdas` samples each.
+    pub(super) fn check(self, room: usize, lambdas: usize) -> Result<usize, EvaluateError> {
+        let pairs = self;
         let count = pairs.wo.or(pairs.wi).map_or(1, |directions| directions.len());
         for (name, directions) in [("wi", pairs.wi), ("wo", pairs.wo)] {
             directions.map_or(Ok(()), |directions| directions.check(name, count))?;
         }
-        if count.checked_mul(lambdas) != Some(out.len()) {
-            return unfit(format!("room for {} samples, expected {count} spectra of {lambdas}", out.len()));
+        if count.checked_mul(lambdas) != Some(room) {
+            return unfit(format!("room for {room} samples, expected {count} spectra of {lambdas}"));
         }
         Ok(count)
     }

@@ -7,6 +7,7 @@
 
 use crate::domain::vector::{Vector, unit};
 use crate::domain::{Domain, TriangleMesh};
+use wide::f32x4;
 
 /// From here on two triangles of a mesh share the side of a patch.
 const HALVED_LEVEL: u8 = 6;
@@ -20,6 +21,28 @@ pub(super) struct Patch {
     pub(super) weights: [f32; NODES],
     /// Barycentric coordinates between the first three nodes.
     pub(super) corners: [f32; 3],
+}
+
+/// The patches of four directions, lane by lane.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Patches {
+    pub(super) nodes: [[i32; 4]; NODES],
+    pub(super) weights: [[f32; 4]; NODES],
+    pub(super) corners: [[f32; 4]; 3],
+}
+
+impl Patches {
+    pub(super) const NOWHERE: Self =
+        Self { nodes: [[0; 4]; NODES], weights: [[0.0; 4]; NODES], corners: [[0.0; 4]; 3] };
+
+    /// The patch of one of the four.
+    fn patch(&self, lane: usize) -> Patch {
+        Patch {
+            nodes: self.nodes.map(|node| node[lane] as u32),
+            weights: self.weights.map(|weight| weight[lane]),
+            corners: self.corners.map(|corner| corner[lane]),
+        }
+    }
 }
 
 /// The lattice of a domain.
@@ -71,61 +94,84 @@ impl Elements {
     }
 
     /// The patch around the direction (x, y, z), which need not be a unit vector; the sign of z matters on a sphere alone.
+    pub(super) fn at(self, d: [f32; 3]) -> Patch {
+        let mut patches = Patches::NOWHERE;
+        self.write(d.map(f32x4::splat), &mut patches);
+        patches.patch(0)
+    }
+
+    /// Writes the patches around four of them.
     #[inline]
-    pub(super) fn at(self, [x, y, z]: [f32; 3]) -> Patch {
-        let mut octant = u32::from(x < 0.0) + 2 * u32::from(y < 0.0);
+    pub(super) fn write(self, [x, y, z]: [f32x4; 3], to: &mut Patches) {
+        let (zero, one) = (f32x4::ZERO, f32x4::ONE);
+        let size = f32x4::splat(self.octant as f32);
+        let mut base = x.simd_lt(zero).blend(size, zero) + y.simd_lt(zero).blend(size + size, zero);
         if self.domain == Domain::Sphere {
-            octant += 4 * u32::from(z < 0.0);
+            base += z.simd_lt(zero).blend(f32x4::splat(4.0) * size, zero);
         }
-        let n = self.patches;
-        let ((i, j, upward), [s, t]) = patch_and_place([x.abs(), y.abs(), z.abs()], n);
-        let (b0, b1, b2) = if upward { ((1.0 - s - t).max(0.0), s, t) } else { (s + t - 1.0, 1.0 - s, 1.0 - t) };
-        let (p, q) = (2 * i, 2 * j);
-        let base = octant * self.octant;
-        let node = |p: u32, q: u32| base + p * (2 * n + 1) - (p * p - p) / 2 + q;
-        let nodes = if upward {
-            [node(p, q), node(p + 2, q), node(p, q + 2), node(p + 1, q), node(p, q + 1), node(p + 1, q + 1)]
-        } else {
-            [
-                node(p + 2, q + 2),
-                node(p, q + 2),
-                node(p + 2, q),
-                node(p + 1, q + 2),
-                node(p + 2, q + 1),
-                node(p + 1, q + 1),
-            ]
-        };
-        let weights = [
-            b0 * (2.0 * b0 - 1.0),
-            b1 * (2.0 * b1 - 1.0),
-            b2 * (2.0 * b2 - 1.0),
-            4.0 * b0 * b1,
-            4.0 * b0 * b2,
-            4.0 * b1 * b2,
+        let n = self.patches as f32;
+        let (gx, gy, gz) = (arc_of_four(x.abs()), arc_of_four(y.abs()), arc_of_four(z.abs()));
+        let scale = f32x4::splat(n * WITHIN) / (gx + gy + gz).fast_max(f32x4::splat(1e-20));
+        let (u, v) = (gx * scale, gy * scale);
+        let round = f32x4::splat(ROUND);
+        let half = f32x4::splat(0.5);
+        let (i, j) = ((u - half + round) - round, (v - half + round) - round);
+        let (s, t) = (u - i, v - j);
+        let up = (s + t).simd_le(one);
+        let b0 = up.blend((one - s - t).fast_max(zero), s + t - one);
+        let (b1, b2) = (up.blend(s, one - s), up.blend(t, one - t));
+        // Numbers of nodes are exact in f32: there are fewer than 2²⁴.
+        let (p, q) = (i + i, j + j);
+        let rows = f32x4::splat(2.0 * n);
+        let row0 = base + q + p * (rows + one) - half * (p * p - p);
+        let row1 = row0 + rows + one - p;
+        let row2 = row1 + rows - p;
+        let two = f32x4::splat(2.0);
+        let nodes = [
+            up.blend(row0, row2 + two),
+            up.blend(row2, row0 + two),
+            up.blend(row0 + two, row2),
+            up.blend(row1, row1 + two),
+            up.blend(row0 + one, row2 + one),
+            row1 + one,
         ];
-        Patch { nodes, weights, corners: [b0, b1, b2] }
+        let four = f32x4::splat(4.0);
+        let weights = [
+            b0 * (b0 + b0 - one),
+            b1 * (b1 + b1 - one),
+            b2 * (b2 + b2 - one),
+            four * b0 * b1,
+            four * b0 * b2,
+            four * b1 * b2,
+        ];
+        for (to, nodes) in to.nodes.iter_mut().zip(nodes) {
+            *to = nodes.fast_trunc_int().to_array();
+        }
+        for (to, weights) in to.weights.iter_mut().zip(weights) {
+            *to = weights.to_array();
+        }
+        for (to, corners) in to.corners.iter_mut().zip([b0, b1, b2]) {
+            *to = corners.to_array();
+        }
     }
 }
 
 /// The patch of a lattice with `n` patches along an edge of the octant, in which the direction with these absolute values
-/// lies: row, column, and whether it points up.
+/// lies: row, column, and whether it points up. A direction within rounding of a side may fall to either.
 #[inline]
-pub(super) fn patch_of(absolute: [f32; 3], n: u32) -> (u32, u32, bool) {
-    patch_and_place(absolute, n).0
+pub(super) fn patch_of([x, y, z]: [f32; 3], n: f32) -> (u32, u32, bool) {
+    let [gx, gy, gz] = [arc(x), arc(y), arc(z)];
+    let scale = n * WITHIN / (gx + gy + gz);
+    let (u, v) = (gx * scale, gy * scale);
+    let (i, j) = (u - 0.5 + ROUND, v - 0.5 + ROUND);
+    let (s, t) = (u - (i - ROUND), v - (j - ROUND));
+    (i.to_bits() - ROUND.to_bits(), j.to_bits() - ROUND.to_bits(), s + t <= 1.0)
 }
 
-/// The patch, and where in its row and column the direction lies, 0 … 1.
-#[inline]
-fn patch_and_place([x, y, z]: [f32; 3], n: u32) -> ((u32, u32, bool), [f32; 2]) {
-    let [gx, gy, gz] = [arc(x), arc(y), arc(z)];
-    let scale = n as f32 / (gx + gy + gz);
-    let (u, v) = (gx * scale, gy * scale);
-    // Rounding may carry a point over the far edge: the clamped patch holds it with a coordinate next to 0.
-    let i = (u as u32).min(n - 1);
-    let j = (v as u32).min(n - 1 - i);
-    let (s, t) = ((u - i as f32).clamp(0.0, 1.0), (v - j as f32).clamp(0.0, 1.0));
-    ((i, j, s + t <= 1.0 || i + j + 1 >= n), [s, t])
-}
+/// Keeps what rounding adds to barycentric coordinates from carrying a direction over the far edge of the octant.
+const WITHIN: f32 = 1.0 - 4e-7;
+/// Adding 1.5 · 2²³ rounds a small number to an integer, which is then in the low bits.
+const ROUND: f32 = 12_582_912.0;
 
 /// The corners of such a patch.
 pub(super) fn patch_corners((i, j, up): (u32, u32, bool), n: u32) -> [Vector; 3] {
@@ -137,6 +183,12 @@ pub(super) fn patch_corners((i, j, up): (u32, u32, bool), n: u32) -> [Vector; 3]
 fn arc(x: f32) -> f32 {
     let xx = x * x;
     x * (1.0 + xx * (0.15 + 0.42 * xx))
+}
+
+#[inline]
+fn arc_of_four(x: f32x4) -> f32x4 {
+    let xx = x * x;
+    x * (f32x4::ONE + xx * (f32x4::splat(0.15) + f32x4::splat(0.42) * xx))
 }
 
 /// The direction of the first octant with these barycentric coordinates.

@@ -3,15 +3,19 @@
 use super::lookup::{MeshLookup, elevation};
 use super::reconstruct::Cells;
 use crate::domain::Domain;
-use crate::domain::vector::{Vector, add, cross, dot, scale, unit};
+use crate::domain::vector::{Vector, add, cross, dot, scale, sub, unit};
 use std::sync::Arc;
+use wide::f32x4;
 
 /// No cell beyond an edge of the domain.
 const NONE: u32 = u32::MAX;
 
 /// The height above the horizon below which carried directions lose their worth, and what they keep of it.
-const LOW: f64 = 0.1;
+const LOW: f32 = 0.1;
 const WORTHLESS: f32 = 1e-3;
+/// The square of a half vector below which it has no direction, and the cosine of a turn that has no axis.
+const NO_HALF_VECTOR: f32 = 1e-12;
+const NEARLY_BACK: f32 = -0.999;
 
 /// How the function around one incoming direction is carried to another before two are mixed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -67,6 +71,7 @@ pub(super) struct Triangles {
     seen_from: Vec<Vector>,
     /// The cell beyond the edge opposite to corner k.
     beyond: Vec<[u32; 3]>,
+    fans: Vec<Fan>,
     /// For each vertex, the cells that make it; for each cell, those that would make it without itself, none at the rim.
     sources: Vec<Vec<(usize, f32)>>,
     others: Vec<Vec<(usize, f32)>>,
@@ -123,7 +128,8 @@ impl Nodes {
                 sources.push(quadratic(position, None));
             }
         }
-        Self::Triangles(Triangles { cells: mesh.len(), lookup, positions, seen_from, beyond, sources, others })
+        let fans = (0..mesh.len()).map(|cell| Fan::new(&lookup, &positions, &beyond[cell], cell)).collect();
+        Self::Triangles(Triangles { cells: mesh.len(), lookup, positions, seen_from, beyond, fans, sources, others })
     }
 
     /// How many nodes, and how many of them are entries of the axis.
@@ -182,6 +188,7 @@ impl Nodes {
     }
 
     /// The nodes around an incoming direction (of azimuth 0 for elevations); `None` outside the domain.
+    #[inline]
     pub(super) fn around(&self, wi: Vector) -> Option<Around> {
         match self {
             Self::One | Self::Same(_) => Some(Around::one(0)),
@@ -207,6 +214,7 @@ impl Nodes {
                 size_of_val(&*triangles.positions)
                     + size_of_val(&*triangles.seen_from)
                     + size_of_val(&*triangles.beyond)
+                    + size_of_val(&*triangles.fans)
             }
         }
     }
@@ -218,95 +226,252 @@ fn at_rim_of(beyond: &[[u32; 3]], i: usize) -> bool {
 }
 
 impl Triangles {
-    /// A cell's centroid and the neighbour's span, with each end of the edge between them, a triangle; at the rim the
-    /// centroid does so with both ends.
+    #[inline]
     fn around(&self, wi: Vector) -> Option<Around> {
-        let cell = self.lookup.locate_vector(wi)?;
-        let centre = self.positions[cell];
-        let corners = self.lookup.corners(cell).map(|vertex| self.cells + vertex as usize);
-        let sides = corners.map(|corner| dot(wi, cross(centre, self.positions[corner])));
-        let turn = dot(centre, cross(self.positions[corners[0]], self.positions[corners[1]])).signum();
-        // The sector between corners j and k: the direction is left of one and right of the other.
-        let which = (0..3).find(|&i| turn * sides[(i + 1) % 3] >= 0.0 && turn * sides[(i + 2) % 3] <= 0.0).unwrap_or(0);
-        let (j, k) = (corners[(which + 1) % 3], corners[(which + 2) % 3]);
-        let beyond = self.beyond[cell][which];
-        let nodes = if beyond == NONE {
-            [cell, j, k]
-        } else {
-            let line = cross(centre, self.positions[beyond as usize]);
-            let same_side = dot(wi, line) * dot(self.positions[j], line) >= 0.0;
-            [cell, beyond as usize, if same_side { j } else { k }]
+        let fan = &self.fans[self.lookup.locate_vector(wi)?];
+        let [x, y, z] = wi.map(|x| x as f32);
+        // On which side of the six rays.
+        let side = |k: usize| {
+            let at = |axis: usize| {
+                f32x4::new([fan.rays[axis][k], fan.rays[axis][k + 1], fan.rays[axis][k + 2], fan.rays[axis][k + 3]])
+            };
+            at(0) * f32x4::splat(x) + at(1) * f32x4::splat(y) + at(2) * f32x4::splat(z)
         };
-        let [a, b, c] = nodes.map(|node| self.positions[node]);
-        let orientation = dot(a, cross(b, c)).signum();
-        let parts = [cross(b, c), cross(c, a), cross(a, b)].map(|plane| (orientation * dot(wi, plane)).max(0.0));
-        let sum: f64 = parts.iter().sum();
-        let weights = if sum > 0.0 { parts.map(|part| (part / sum) as f32) } else { [1.0, 0.0, 0.0] };
-        Some(Around { nodes: nodes.map(|node| node as u32), weights, count: 3 })
+        let left = side(0).simd_ge(f32x4::ZERO).to_bitmask() | (side(4).simd_ge(f32x4::ZERO).to_bitmask() << 4);
+        // Left of a ray and right of the next: one of the six, but for the centroid itself.
+        let next = (left >> 1) | ((left & 1) << 5);
+        let sector = &fan.sectors[((left & !next & 63).trailing_zeros() as usize).min(5)];
+        let parts = sector.duals.map(|dual| (dual[0] * x + dual[1] * y + dual[2] * z).max(0.0));
+        let sum = parts[0] + parts[1] + parts[2];
+        let weights = if sum > 0.0 { parts.map(|part| part / sum) } else { [1.0, 0.0, 0.0] };
+        Some(Around { nodes: sector.nodes, weights, count: 3 })
+    }
+}
+
+/// A cell cut by rays from its centroid to its corners and its neighbours' centroids, in turn: a centroid, a neighbour's and
+/// an end of the edge between them span a triangle; at the rim the centroid does so with both ends.
+#[derive(Debug)]
+struct Fan {
+    /// Normals of the planes through the rays, positive on the side to which they follow one another: x, y, z.
+    rays: [[f32; 8]; 3],
+    /// Between a ray and the next.
+    sectors: [Sector; 6],
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Sector {
+    nodes: [u32; 3],
+    /// Their inner products with a direction are in proportion to its barycentric coordinates.
+    duals: [[f32; 3]; 3],
+}
+
+impl Fan {
+    fn new(lookup: &MeshLookup, positions: &[Vector], beyond: &[u32; 3], cell: usize) -> Self {
+        let cells = lookup.mesh().len();
+        let corners = lookup.corners(cell).map(|vertex| cells + vertex as usize);
+        let centre = positions[cell];
+        let turn = dot(centre, cross(positions[corners[0]], positions[corners[1]])).signum();
+        // The ray to corner k, then that over the edge to the next corner, which is opposite to the corner after it.
+        let ray = |k: usize| -> (Vector, u32) {
+            if k % 2 == 0 {
+                return (positions[corners[k / 2]], corners[k / 2] as u32);
+            }
+            let (from, to, other) = (corners[k / 2], corners[(k / 2 + 1) % 3], beyond[(k / 2 + 2) % 3]);
+            if other == NONE { (add(positions[from], positions[to]), NONE) } else { (positions[other as usize], other) }
+        };
+        let mut rays = [[0.0; 8]; 3];
+        for k in 0..6 {
+            let plane = cross(centre, ray(k).0);
+            for (axis, rays) in rays.iter_mut().enumerate() {
+                rays[k] = (turn * plane[axis]) as f32;
+            }
+        }
+        let sectors = std::array::from_fn(|k| {
+            // Where there is no neighbour, the sectors on both sides are one.
+            let nodes = match (ray(k).1, ray((k + 1) % 6).1) {
+                (NONE, end) => [cell as u32, ray((k + 5) % 6).1, end],
+                (start, NONE) => [cell as u32, start, ray((k + 2) % 6).1],
+                (start, end) => [cell as u32, start, end],
+            };
+            let [a, b, c] = nodes.map(|node| positions[node as usize]);
+            let orientation = dot(a, cross(b, c)).signum();
+            let duals = [cross(b, c), cross(c, a), cross(a, b)].map(|dual| dual.map(|x| (orientation * x) as f32));
+            Sector { nodes, duals }
+        });
+        Self { rays, sectors }
+    }
+}
+
+/// A node's direction as queries need it, with its azimuth's cosine and sine; that of the normal is 0.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Origin {
+    direction: [f32; 3],
+    azimuth: [f32; 2],
+}
+
+impl Origin {
+    pub(super) fn new(direction: Vector) -> Self {
+        Self { direction: direction.map(|x| x as f32), azimuth: azimuth(direction).map(|x| x as f32) }
     }
 }
 
 /// Where what is seen along `wo` under `wi` is seen under `to`, and how much that is worth: next to nothing where it would
 /// be below the horizon, and is therefore looked up at it.
-#[inline]
 pub(super) fn carried(alignment: Alignment, domain: Domain, wi: Vector, to: Vector, wo: Vector) -> (Vector, f32) {
+    let (there, worth) = carried_to_four(alignment, domain, Origin::new(wi), [Origin::new(to); 4], wo);
+    (there.map(|x| f64::from(x.to_array()[0])), worth.to_array()[0])
+}
+
+/// The same for four directions at once.
+#[inline]
+pub(super) fn carried_to_four(
+    alignment: Alignment,
+    domain: Domain,
+    wi: Origin,
+    to: [Origin; 4],
+    wo: Vector,
+) -> ([f32x4; 3], f32x4) {
+    let [x, y, z] = wo.map(|x| x as f32);
+    let stays = [x, y, z].map(f32x4::splat);
     if alignment == Alignment::None {
-        return (wo, 1.0);
+        return (stays, f32x4::ONE);
     }
-    let lower = domain != Domain::Hemisphere && wo[2] < 0.0 && domain != Domain::Lower;
+    let lower = domain == Domain::Sphere && z < 0.0;
     // What goes through a surface turns.
     let alignment = if lower { Alignment::Rotation } else { alignment };
-    let Some((moved, _)) = moved(alignment, wi, to, wo) else { return (wo, WORTHLESS) };
-    if domain == Domain::Sphere && alignment == Alignment::Rotation && !lower {
-        return (moved, 1.0);
-    }
-    let side = if wo[2] >= 0.0 { 1.0 } else { -1.0 };
-    let height = side * moved[2];
-    let worth = ((height / LOW) as f32).clamp(WORTHLESS, 1.0);
-    ([moved[0], moved[1], side * height.max(0.0)], worth)
-}
-
-/// `wo` carried from `wi` to `to`, wherever that is, and the solid angle of what is there in parts of that of what is here;
-/// `None` where there is no way.
-#[inline]
-pub(super) fn moved(alignment: Alignment, wi: Vector, to: Vector, wo: Vector) -> Option<(Vector, f64)> {
-    let (wi, wo) = if alignment == Alignment::TurnedHalfVector { turned_to(to, wi, wo) } else { (wi, wo) };
-    match alignment {
-        Alignment::None => Some((wo, 1.0)),
-        Alignment::HalfVector | Alignment::TurnedHalfVector => {
-            let h = [wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]];
-            let square = dot(h, h);
-            let (here, there) = (dot(wi, h), dot(to, h));
-            if square < 1e-12 || there <= 0.0 {
-                return None;
-            }
-            let along = 2.0 * there / square;
-            // Around one half vector a solid angle is 4 |w · h| of its own (Walter et al. 2007, section 4.2).
-            Some(([along * h[0] - to[0], along * h[1] - to[1], along * h[2] - to[2]], there / here))
+    let lanes = |of: fn(&Origin) -> f32| f32x4::new([of(&to[0]), of(&to[1]), of(&to[2]), of(&to[3])]);
+    let [tx, ty, tz] = [lanes(|o| o.direction[0]), lanes(|o| o.direction[1]), lanes(|o| o.direction[2])];
+    let [wx, wy, wz] = wi.direction;
+    let (moved, is_there) = if alignment == Alignment::Rotation {
+        let [ix, iy, iz] = wi.direction.map(f32x4::splat);
+        let axis = [iy * tz - iz * ty, iz * tx - ix * tz, ix * ty - iy * tx];
+        let cos = ix * tx + iy * ty + iz * tz;
+        let cross = |a: [f32x4; 3], b: [f32x4; 3]| {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        };
+        let once = cross(axis, stays);
+        let twice = cross(axis, once);
+        let share = f32x4::ONE / (f32x4::ONE + cos);
+        ([0, 1, 2].map(|k| stays[k] + once[k] + share * twice[k]), cos.simd_ge(f32x4::splat(NEARLY_BACK)))
+    } else {
+        let h = [wx + x, wy + y, wz + z];
+        let square = h[0] * h[0] + h[1] * h[1] + h[2] * h[2];
+        let [mut hx, mut hy, hz] = h.map(f32x4::splat);
+        if alignment == Alignment::TurnedHalfVector {
+            let [ca, sa] = [lanes(|o| o.azimuth[0]), lanes(|o| o.azimuth[1])];
+            let [cb, sb] = wi.azimuth.map(f32x4::splat);
+            let (cos, sin) = (ca * cb + sa * sb, sa * cb - ca * sb);
+            (hx, hy) = (cos * hx - sin * hy, sin * hx + cos * hy);
         }
-        Alignment::Rotation => {
-            let axis = cross(wi, to);
-            let cos = dot(wi, to);
-            if cos < -0.999 {
-                return None;
-            }
-            let once = cross(axis, wo);
-            let twice = cross(axis, once);
-            let share = 1.0 / (1.0 + cos);
-            Some(([0, 1, 2].map(|k| wo[k] + once[k] + share * twice[k]), 1.0))
-        }
-    }
-}
-
-/// `wi` and `wo` turned about the normal until `wi` has the azimuth of `to`; that of the normal is 0.
-#[inline]
-fn turned_to(to: Vector, wi: Vector, wo: Vector) -> (Vector, Vector) {
-    let azimuth = |d: Vector| {
-        let length = (d[0] * d[0] + d[1] * d[1]).sqrt();
-        if length > 1e-9 { [d[0] / length, d[1] / length] } else { [1.0, 0.0] }
+        let there = tx * hx + ty * hy + tz * hz;
+        let along = there * f32x4::splat(2.0 / square.max(NO_HALF_VECTOR));
+        let is_there = there.simd_gt(f32x4::splat(if square > NO_HALF_VECTOR { 0.0 } else { f32::INFINITY }));
+        ([along * hx - tx, along * hy - ty, along * hz - tz], is_there)
     };
-    let ([ca, sa], [cb, sb]) = (azimuth(to), azimuth(wi));
-    let (cos, sin) = (ca * cb + sa * sb, sa * cb - ca * sb);
-    let turn = |d: Vector| [cos * d[0] - sin * d[1], sin * d[0] + cos * d[1], d[2]];
-    (turn(wi), turn(wo))
+    let (one, worthless) = (f32x4::ONE, f32x4::splat(WORTHLESS));
+    let moved: [f32x4; 3] = std::array::from_fn(|k| is_there.blend(moved[k], stays[k]));
+    if domain == Domain::Sphere && alignment == Alignment::Rotation && !lower {
+        return (moved, is_there.blend(one, worthless));
+    }
+    let side = f32x4::splat(if z >= 0.0 { 1.0 } else { -1.0 });
+    let height = side * moved[2];
+    let worth = (height * f32x4::splat(1.0 / LOW)).fast_max(worthless).fast_min(one);
+    ([moved[0], moved[1], side * height.fast_max(f32x4::ZERO)], is_there.blend(worth, worthless))
+}
+
+/// The way of outgoing directions from one incoming direction to another, wherever it leads.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Carrier {
+    alignment: Alignment,
+    /// The one incoming direction, turned to the other's azimuth where that is first.
+    wi: Vector,
+    to: Vector,
+    /// Cosine and sine of that turn.
+    turn: [f64; 2],
+}
+
+impl Carrier {
+    #[inline]
+    pub(super) fn new(alignment: Alignment, wi: Vector, to: Vector) -> Self {
+        let mut carrier = Self { alignment, wi, to, turn: [1.0, 0.0] };
+        if alignment == Alignment::TurnedHalfVector {
+            let ([ca, sa], [cb, sb]) = (azimuth(to), azimuth(wi));
+            carrier.turn = [ca * cb + sa * sb, sa * cb - ca * sb];
+            carrier.wi = carrier.turned(wi);
+        }
+        carrier
+    }
+
+    #[inline]
+    fn turned(&self, d: Vector) -> Vector {
+        let [cos, sin] = self.turn;
+        [cos * d[0] - sin * d[1], sin * d[0] + cos * d[1], d[2]]
+    }
+
+    /// Twice the half vector, its square, and its inner product with the direction it is carried to.
+    #[inline]
+    fn half_vector(&self, wo: Vector) -> (Vector, f64, f64) {
+        let h = add(self.wi, self.turned(wo));
+        (h, dot(h, h), dot(self.to, h))
+    }
+
+    /// Whether `wo` is carried anywhere.
+    #[inline]
+    pub(super) fn carries(&self, wo: Vector) -> bool {
+        match self.alignment {
+            Alignment::None => true,
+            Alignment::HalfVector | Alignment::TurnedHalfVector => {
+                let (_, square, there) = self.half_vector(wo);
+                square > f64::from(NO_HALF_VECTOR) && there > 0.0
+            }
+            Alignment::Rotation => dot(self.wi, self.to) >= f64::from(NEARLY_BACK),
+        }
+    }
+
+    /// Whether `wo` is carried to the side of the horizon where z has this sign, or to the horizon; to any if that is 0.
+    #[inline]
+    pub(super) fn carries_to(&self, side: f64, wo: Vector) -> bool {
+        match self.alignment {
+            Alignment::HalfVector | Alignment::TurnedHalfVector => {
+                let (h, square, there) = self.half_vector(wo);
+                let is_beside = side * (2.0 * there * h[2] - self.to[2] * square) >= 0.0;
+                (square > f64::from(NO_HALF_VECTOR)) & (there > 0.0) & is_beside
+            }
+            _ => self.carry(wo).is_some_and(|(there, _)| side * there[2] >= 0.0),
+        }
+    }
+
+    /// Where `wo` is carried, and the solid angle of what is there in parts of that of what is here; `None` where there is
+    /// no way.
+    #[inline]
+    pub(super) fn carry(&self, wo: Vector) -> Option<(Vector, f64)> {
+        match self.alignment {
+            Alignment::None => Some((wo, 1.0)),
+            Alignment::HalfVector | Alignment::TurnedHalfVector => {
+                let (h, square, there) = self.half_vector(wo);
+                if square <= f64::from(NO_HALF_VECTOR) || there <= 0.0 {
+                    return None;
+                }
+                // Around one half vector a solid angle is 4 |w · h| of its own (Walter et al. 2007, section 4.2).
+                Some((sub(scale(h, 2.0 * there / square), self.to), there / dot(self.wi, h)))
+            }
+            Alignment::Rotation => {
+                let axis = cross(self.wi, self.to);
+                let cos = dot(self.wi, self.to);
+                if cos < f64::from(NEARLY_BACK) {
+                    return None;
+                }
+                let once = cross(axis, wo);
+                let twice = cross(axis, once);
+                Some((add(add(wo, once), scale(twice, 1.0 / (1.0 + cos))), 1.0))
+            }
+        }
+    }
+}
+
+/// Cosine and sine of the azimuth; of 0 for the normal.
+#[inline]
+fn azimuth(d: Vector) -> [f64; 2] {
+    let length = (d[0] * d[0] + d[1] * d[1]).sqrt();
+    if length > 1e-9 { [d[0] / length, d[1] / length] } else { [1.0, 0.0] }
 }

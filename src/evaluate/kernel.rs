@@ -1,9 +1,27 @@
 //! The inner loops: planes → spectrum, and the exponential in them, in forms that compilers turn into vector code.
 //!
-//! Additions and multiplications only, in a fixed order: the same values on any machine.
+//! Additions and multiplications only, in a fixed order: the same values on any machine, however wide its vectors are.
+
+use pulp::{Arch, NullaryFnOnce};
 
 /// Wavelengths that are worked on together.
 pub(super) const LANES: usize = 16;
+
+/// The vector instructions of the machine that the program runs on, found once.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Machine(Arch);
+
+impl Machine {
+    pub(super) fn found() -> Self {
+        Self(Arch::new())
+    }
+
+    /// `work`, compiled for these instructions: its `call` and what that calls must be inlined always.
+    #[inline]
+    pub(super) fn run<W: NullaryFnOnce>(self, work: W) -> W::Output {
+        self.0.dispatch(work)
+    }
+}
 
 /// eˣ to 2 units in the last place for −87 … 88; 0 below and the largest finite power above.
 #[inline(always)]
@@ -19,36 +37,20 @@ pub(super) fn exp(x: f32) -> f32 {
     let shifted = clamped * LOG2_E + ROUND;
     let n = shifted - ROUND;
     let r = clamped - n * LN2_HIGH - n * LN2_LOW;
-    // Minimax on ± ln 2 / 2 (Cephes' expf).
-    let p = 1.987_569_1e-4;
-    let p = p * r + 1.398_2e-3;
-    let p = p * r + 8.333_452e-3;
-    let p = p * r + 4.166_579_6e-2;
-    let p = p * r + 1.666_666_5e-1;
-    let p = p * r + 0.5;
-    let value = p * (r * r) + r + 1.0;
+    // Minimax on ± ln 2 / 2 (Cephes' expf), in pairs (Estrin 1960), so that steps need not wait for one another.
+    let rr = r * r;
+    let first = 0.5 + 1.666_666_5e-1 * r;
+    let second = 4.166_579_6e-2 + 8.333_452e-3 * r;
+    let third = 1.398_2e-3 + 1.987_569_1e-4 * r;
+    let value = (1.0 + r) + rr * (first + rr * (second + rr * third));
     let power = f32::from_bits((shifted.to_bits().wrapping_add(127)) << 23);
     if x < -87.0 { 0.0 } else { value * power }
-}
-
-/// Σ cₖ bₖ + mean for one block of wavelengths: `basis` is `[vector][lane]`, the mean first.
-#[inline(always)]
-#[allow(clippy::inline_always, reason = "the loops around it become vector code only together with it")]
-pub(super) fn combine(coefficients: &[f32], basis: &[f32]) -> [f32; LANES] {
-    let (mean, vectors) = basis.split_at(LANES);
-    let mut sum: [f32; LANES] = std::array::from_fn(|lane| mean[lane]);
-    for (c, vector) in coefficients.iter().zip(vectors.chunks_exact(LANES)) {
-        for lane in 0..LANES {
-            sum[lane] += c * vector[lane];
-        }
-    }
-    sum
 }
 
 /// The exponentials of all lanes.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "as for the exponential itself")]
-pub(super) fn exp_all(values: &mut [f32; LANES]) {
+pub(super) fn exp_all<const N: usize>(values: &mut [f32; N]) {
     for value in values {
         *value = exp(*value);
     }

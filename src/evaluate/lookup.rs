@@ -3,6 +3,7 @@
 use super::elements::{patch_corners, patch_of};
 use crate::domain::vector::{Vector, add, cross, dot, norm, sub, unit};
 use crate::domain::{Direction, Domain, TriangleMesh};
+use std::hint::select_unpredictable;
 
 /// A vertex has at most 6 triangles around it; three vertices have at most this many.
 const MOST: usize = 18;
@@ -45,8 +46,12 @@ impl Stencil {
 #[derive(Debug)]
 pub(super) struct MeshLookup {
     mesh: TriangleMesh,
-    /// For each inner node, level by level: the planes that cut off its corners, positive on the corner's side.
-    cuts: Vec<[Vector; 3]>,
+    /// 1 on the upper hemisphere, −1 on the lower, 0 on the sphere: the sign of z, if any.
+    up: f64,
+    /// The number of the first octant below the horizon where there are both sides, else 0.
+    below: usize,
+    /// For each inner node, level by level: the three planes that cut off its corners, positive on the corner's side.
+    cuts: Vec<Vector>,
     /// For each leaf: the inner product of entry k with a direction is in proportion to its k-th barycentric coordinate.
     opposite: Vec<[Vector; 3]>,
     /// The vertices of every triangle of the mesh.
@@ -58,22 +63,24 @@ pub(super) struct MeshLookup {
     finder: Finder,
 }
 
-/// What is known of the leaves in a patch of a fine lattice on the octant.
-#[derive(Clone, Copy, Debug)]
-enum Place {
-    /// There is one.
-    Leaf(u32),
-    /// There are two, on the sides of a plane of `cuts`.
-    Either { plane: u32, inside: u32, outside: u32 },
-    /// There may be more.
-    Anywhere,
+/// The leaves of the octant that a patch of a fine lattice meets: `inside` on the positive side of a plane of `cuts`,
+/// `outside` on the other. Where there is one leaf both are it, so that no branch is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Place {
+    plane: u16,
+    inside: u16,
+    outside: u16,
+}
+
+impl Place {
+    /// Where there may be more than two. No mesh has a plane of this number.
+    const ANYWHERE: Self = Self { plane: u16::MAX, inside: 0, outside: 0 };
 }
 
 /// A fine lattice on the octant that says which leaves there are: most directions need no descent.
 #[derive(Debug)]
 struct Finder {
     side: u32,
-    lower: bool,
     places: Vec<Place>,
 }
 
@@ -83,41 +90,40 @@ const COARSEST: u32 = 32;
 const FINEST: u32 = 256;
 
 impl Finder {
-    fn new(mesh: TriangleMesh, cuts: &[[Vector; 3]]) -> Self {
+    fn new(mesh: TriangleMesh, cuts: &[Vector]) -> Self {
         let side = (FINER << mesh.level()).clamp(COARSEST, FINEST);
-        let lower = mesh.domain() == Domain::Lower;
-        let mut places = vec![Place::Anywhere; 2 * (side * side) as usize];
+        let mut places = Vec::with_capacity((side * side) as usize);
         for i in 0..side {
             for j in 0..side - i {
                 for up in [true, false] {
                     if up || i + j + 1 < side {
+                        debug_assert_eq!(places.len(), slot(i, j, up, side));
                         let corners = patch_corners((i, j, up), side);
-                        places[slot(i, j, up, side)] = place(mesh.level(), cuts, corners, lower);
+                        places.push(place(mesh.level(), cuts, corners));
                     }
                 }
             }
         }
-        Self { side, lower, places }
+        Self { side, places }
     }
 
-    #[inline]
-    fn place(&self, [x, y, z]: Vector) -> Place {
-        let z = if self.lower { -z } else { z };
-        let (i, j, up) = patch_of([x as f32, y as f32, z as f32], self.side);
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "the first step of every query")]
+    fn place(&self, d: Vector) -> Place {
+        let (i, j, up) = patch_of(d.map(|x| x as f32), self.side as f32);
         self.places[slot(i, j, up, self.side)]
     }
 }
 
+/// Row after row, each with two fewer than the one before: patches that point up and those that point down in turn.
 #[inline]
 fn slot(i: u32, j: u32, up: bool, side: u32) -> usize {
-    (2 * (i * side + j) + u32::from(!up)) as usize
+    (i * (2 * side - i) + 2 * j + u32::from(!up)) as usize
 }
 
 /// The leaves that a patch with these corners may meet; sides of patches are curved, and directions rounded, by less than
 /// what is added.
-fn place(level: u8, cuts: &[[Vector; 3]], corners: [Vector; 3], lower: bool) -> Place {
-    let corners = corners.map(|[x, y, z]| [x, y, if lower { -z } else { z }]);
-    let [a, b, c] = corners;
+fn place(level: u8, cuts: &[Vector], [a, b, c]: [Vector; 3]) -> Place {
     let points = [a, b, c, unit(add(a, b)), unit(add(b, c)), unit(add(a, c))];
     let size = [sub(a, b), sub(b, c), sub(a, c)].into_iter().map(norm).fold(0.0, f64::max);
     let slack = 0.06 * size * size + 1e-6;
@@ -126,8 +132,8 @@ fn place(level: u8, cuts: &[[Vector; 3]], corners: [Vector; 3], lower: bool) -> 
     for _ in 0..level {
         let mut below = Vec::new();
         for node in nodes {
-            let planes = cuts[offset + node];
-            let sides = planes.map(|plane| {
+            let sides = [0, 1, 2].map(|k| {
+                let plane = cuts[3 * (offset + node) + k];
                 let values = points.map(|point| dot(plane, point));
                 let slack = slack * norm(plane);
                 (
@@ -145,22 +151,22 @@ fn place(level: u8, cuts: &[[Vector; 3]], corners: [Vector; 3], lower: bool) -> 
             if let (&[k], None) = (&*open, split) {
                 split = Some(3 * (offset + node) + k);
             } else if !open.is_empty() {
-                return Place::Anywhere;
+                return Place::ANYWHERE;
             }
         }
         if below.len() > 2 {
-            return Place::Anywhere;
+            return Place::ANYWHERE;
         }
         nodes = below;
         offset += width;
         width *= 4;
     }
     match (&*nodes, split) {
-        (&[leaf], _) => Place::Leaf(leaf as u32),
+        (&[leaf], _) => Place { plane: 0, inside: leaf as u16, outside: leaf as u16 },
         (&[inside, outside], Some(plane)) => {
-            Place::Either { plane: plane as u32, inside: inside as u32, outside: outside as u32 }
+            Place { plane: plane as u16, inside: inside as u16, outside: outside as u16 }
         }
-        _ => Place::Anywhere,
+        _ => Place::ANYWHERE,
     }
 }
 
@@ -169,17 +175,25 @@ impl MeshLookup {
         let mut cuts = Vec::new();
         for level in 0..mesh.level() {
             // The centre child of a node has the midpoints of its edges as vertices: (m12, m02, m01).
-            for node in octant(mesh.domain(), level).zip(octant(mesh.domain(), level + 1).skip(3).step_by(4)) {
+            for node in octant(level).zip(octant(level + 1).skip(3).step_by(4)) {
                 let ([v0, v1, v2], [m12, m02, m01]) = node;
-                cuts.push([cut(m01, m02, v0), cut(m12, m01, v1), cut(m02, m12, v2)]);
+                cuts.extend([cut(m01, m02, v0), cut(m12, m01, v1), cut(m02, m12, v2)]);
             }
         }
-        let opposite =
-            octant(mesh.domain(), mesh.level()).map(|[a, b, c]| [cut(b, c, a), cut(c, a, b), cut(a, b, c)]).collect();
+        if cuts.is_empty() {
+            // A place without a choice names a plane all the same.
+            cuts.push([0.0; 3]);
+        }
+        let opposite = octant(mesh.level()).map(|[a, b, c]| [cut(b, c, a), cut(c, a, b), cut(a, b, c)]).collect();
         let (corners, vertices) = corners(mesh);
         let (starts, around) = rings(&corners, vertices, &mesh.solid_angles());
         let finder = Finder::new(mesh, &cuts);
-        Self { mesh, cuts, opposite, corners, starts, around, finder }
+        let (up, below) = match mesh.domain() {
+            Domain::Hemisphere => (1.0, 0),
+            Domain::Lower => (-1.0, 0),
+            Domain::Sphere => (0.0, 4),
+        };
+        Self { mesh, up, below, cuts, opposite, corners, starts, around, finder }
     }
 
     pub(super) fn mesh(&self) -> TriangleMesh {
@@ -209,11 +223,7 @@ impl MeshLookup {
     /// Whether the unit vector `d` is in the domain.
     #[inline]
     pub(super) fn holds(&self, [_, _, z]: Vector) -> bool {
-        match self.mesh.domain() {
-            Domain::Hemisphere => z >= 0.0,
-            Domain::Lower => z <= 0.0,
-            Domain::Sphere => true,
-        }
+        z * self.up >= 0.0
     }
 
     /// How many vertices there are.
@@ -256,31 +266,26 @@ impl MeshLookup {
         Some(stencil)
     }
 
-    /// The triangle that holds a unit vector, and the vector in the first octant of the domain; `None` outside it.
+    /// The triangle that holds a unit vector, and the vector in the first octant; `None` outside the domain.
     #[inline]
     pub(super) fn descend(&self, [x, y, z]: Vector) -> Option<(usize, Vector)> {
         if !self.holds([x, y, z]) {
             return None;
         }
-        let (quadrant, a, b) = match (x, y) {
-            (x, y) if x <= 0.0 && y > 0.0 => (1, y, -x),
-            (x, y) if x < 0.0 && y <= 0.0 => (2, -x, -y),
-            (x, y) if x >= 0.0 && y < 0.0 => (3, -y, x),
-            _ => (0, x, y),
+        // From the signs alone: which octant it is cannot be predicted. On an edge between two it may be either.
+        let [left, back, down] = [x, y, z].map(|c| (c.to_bits() >> 63) as usize);
+        let is_odd = left ^ back;
+        let sides = [x.abs(), y.abs()];
+        let folded = [sides[is_odd], sides[is_odd ^ 1], z.abs()];
+        let base = is_odd + 2 * back + self.below * down;
+        let place = self.finder.place(folded);
+        let leaf = if place.plane == Place::ANYWHERE.plane {
+            self.leaf(folded)
+        } else {
+            let beyond = dot(self.cuts[usize::from(place.plane)], folded) > 0.0;
+            usize::from(select_unpredictable(beyond, place.inside, place.outside))
         };
-        // The stored octant is the mesh's own first: on the lower hemisphere its z is negative.
-        let lower = self.mesh.domain() == Domain::Lower;
-        let folded = [a, b, if lower { -z.abs() } else { z.abs() }];
-        let base = if self.mesh.domain() == Domain::Sphere && z < 0.0 { quadrant + 4 } else { quadrant };
-        let leaf = match self.finder.place(folded) {
-            Place::Leaf(leaf) => leaf as usize,
-            Place::Either { plane, inside, outside } => {
-                let beyond = dot(self.cuts[plane as usize / 3][plane as usize % 3], folded) > 0.0;
-                (if beyond { inside } else { outside }) as usize
-            }
-            Place::Anywhere => self.leaf(folded),
-        };
-        Some(((base << (2 * u32::from(self.mesh.level()))) + leaf, folded))
+        Some((base * self.opposite.len() + leaf, folded))
     }
 
     /// The leaf of the first octant that holds `folded`, from the top.
@@ -288,7 +293,8 @@ impl MeshLookup {
         let (mut node, mut offset, mut width) = (0, 0, 1);
         for _ in 0..self.mesh.level() {
             // All three planes and no branches: which corner it is cannot be predicted.
-            let [beyond0, beyond1, beyond2] = self.cuts[offset + node].map(|plane| dot(plane, folded) > 0.0);
+            let planes = &self.cuts[3 * (offset + node)..][..3];
+            let [beyond0, beyond1, beyond2] = [0, 1, 2].map(|k| dot(planes[k], folded) > 0.0);
             let mut child = if beyond2 { 2 } else { 3 };
             child = if beyond1 { 1 } else { child };
             child = if beyond0 { 0 } else { child };
@@ -325,9 +331,9 @@ pub(super) fn elevation(values: &[f64], theta: f64) -> (usize, f64) {
     (above - 1, (theta - values[above - 1]) / (values[above] - values[above - 1]))
 }
 
-/// The triangles of the first octant of a domain.
-pub(super) fn octant(domain: Domain, level: u8) -> impl Iterator<Item = [Vector; 3]> {
-    let mesh = TriangleMesh::new(domain, level);
+/// The triangles of the first octant; those below the horizon are their mirror images.
+pub(super) fn octant(level: u8) -> impl Iterator<Item = [Vector; 3]> {
+    let mesh = TriangleMesh::new(Domain::Hemisphere, level);
     mesh.into_iter().flat_map(move |mesh| (0..1_usize << (2 * u32::from(level))).map(move |i| mesh.vertices(i)))
 }
 
@@ -543,9 +549,9 @@ mod finder_tests {
                     for up in [true, false] {
                         if up || i + j + 1 < side {
                             match lookup.finder.places[slot(i, j, up, side)] {
-                                Place::Leaf(_) => counts[0] += 1,
-                                Place::Either { .. } => counts[1] += 1,
-                                Place::Anywhere => counts[2] += 1,
+                                Place::ANYWHERE => counts[2] += 1,
+                                place if place.inside == place.outside => counts[0] += 1,
+                                _ => counts[1] += 1,
                             }
                         }
                     }

@@ -389,6 +389,9 @@ impl Material {
             (None, Some(_)) => unfit(format!("wo was given, but this {quantity} has no outgoing axis")),
             (Some(_), None) => unfit(format!("no wo was given, but this {quantity} has an outgoing axis")),
             (Some(lookup), Some(wo)) => {
+                if !self.is_isotropic() {
+                    return Ok(Some((lookup, wo)));
+                }
                 let [cos, sin] = self.azimuth(wi);
                 Ok(Some((lookup, turned(wo, cos, -sin))))
             }

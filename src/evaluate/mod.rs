@@ -25,6 +25,7 @@
 
 mod albedo;
 mod batch;
+mod chosen;
 mod elements;
 mod incoming;
 mod kernel;
@@ -40,6 +41,7 @@ pub mod warp;
 
 pub use albedo::Side;
 pub use batch::{Directions, Pairs};
+pub use chosen::{Chosen, ChosenSample};
 pub use incoming::Alignment;
 pub use material::{Material, OpenedReport};
 pub use sampling::WavelengthSampler;

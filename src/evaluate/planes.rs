@@ -3,13 +3,17 @@
 //! Positive data stand as logarithms, so that what is interpolated and expanded stays positive; data with negative values
 //! stand as they are. The basis of logarithms begins with a constant: brightness is a plane of its own.
 
-use super::kernel::{LANES, combine, exp, exp_all};
-use super::smooth::Mixed;
+use super::kernel::{LANES, Machine, exp, exp_all};
+use super::smooth::{Mixed, Row};
 use crate::transform::Klt;
+use pulp::NullaryFnOnce;
 use rayon::prelude::*;
+use wide::f32x4;
 
 /// Planes at most; spectra that need more are kept whole.
 pub(super) const MOST_PLANES: usize = 16;
+/// Wavelengths that are expanded together where a few are wanted.
+pub(super) const FEW: usize = LANES / 2;
 /// Spectra up to this length are their own planes.
 const SHORT: usize = 4;
 /// Logarithms (samples: parts of the largest) may lie this far from what the planes give.
@@ -27,6 +31,15 @@ pub(super) enum Cell {
     Masked,
 }
 
+/// The basis at a few chosen wavelengths: those of the samples below, then of those above.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Columns {
+    mean: [f32; LANES],
+    /// Of as many planes as a row has.
+    vectors: [[f32; LANES]; MOST_PLANES],
+    shares: [f32; FEW],
+}
+
 /// Rows of coefficients, and the basis that makes spectra of them.
 #[derive(Debug)]
 pub(super) struct Planes {
@@ -35,9 +48,10 @@ pub(super) struct Planes {
     /// Planes that are used, and how many stand in a row: a multiple of 4.
     pub(super) count: usize,
     pub(super) width: usize,
-    /// `[block of wavelengths][mean, then planes][lane]`.
-    blocks: Vec<f32>,
-    /// `[wavelength][planes]`, and the mean.
+    machine: Machine,
+    /// `[block of wavelengths][mean, then width][lane]`.
+    blocks: Vec<[f32; LANES]>,
+    /// `[wavelength][width]`, and the mean; the last wavelength twice.
     columns: Vec<f32>,
     mean: Vec<f32>,
     /// `[cell][width]`.
@@ -46,6 +60,25 @@ pub(super) struct Planes {
     pub(super) cells: Vec<Cell>,
     /// The largest deviation from the samples, in logarithms or in parts of the largest sample.
     pub(super) deviation: f64,
+}
+
+/// Runs work that is compiled for each width of a row.
+macro_rules! by_width {
+    ($planes:ident, $work:ident $fields:tt) => {
+        match $planes.width {
+            4 => $planes.machine.run($work::<4> $fields),
+            8 => $planes.machine.run($work::<8> $fields),
+            12 => $planes.machine.run($work::<12> $fields),
+            _ => $planes.machine.run($work::<MOST_PLANES> $fields),
+        }
+    };
+}
+
+/// The numbers of a row of a known width.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
+fn wide<const WIDTH: usize>(row: &[f32]) -> &[f32; WIDTH] {
+    row.first_chunk().unwrap_or(&[0.0; WIDTH])
 }
 
 impl Planes {
@@ -75,25 +108,26 @@ impl Planes {
         let (mean, vectors) = basis(&values, lambdas, &dark, !signed)?;
         let planes = vectors.len();
         let width = planes.next_multiple_of(4);
+        let twice = || (0..lambdas).chain([lambdas - 1]);
+        let vector = |k: usize, l: usize| vectors.get(k).map_or(0.0, |vector| vector[l] as f32);
+        let mean = |l: usize| if dark[l] { DARK } else { mean[l] as f32 };
         let mut built = Self {
             logarithms: !signed,
             lambdas,
             count: planes,
             width,
+            machine: Machine::found(),
             blocks: Vec::new(),
-            columns: (0..lambdas).flat_map(|l| vectors.iter().map(move |v| v[l] as f32)).collect(),
-            mean: mean.iter().zip(&dark).map(|(&m, &dark)| if dark { DARK } else { m as f32 }).collect(),
+            columns: twice().flat_map(|l| (0..width).map(move |k| (k, l))).map(|(k, l)| vector(k, l)).collect(),
+            mean: twice().map(mean).collect(),
             rows: vec![0.0; cells.len() * width],
             cells,
             deviation: 0.0,
         };
         for start in (0..lambdas).step_by(LANES) {
-            let lane =
-                |of: &dyn Fn(usize) -> f32| (0..LANES).map(|i| of((start + i).min(lambdas - 1))).collect::<Vec<_>>();
-            built.blocks.extend(lane(&|l| built.mean[l]));
-            for k in 0..planes {
-                built.blocks.extend(lane(&|l| built.columns[l * planes + k]));
-            }
+            let lane = |i: usize| (start + i).min(lambdas - 1);
+            built.blocks.push(std::array::from_fn(|i| mean(lane(i))));
+            built.blocks.extend((0..width).map(|k| std::array::from_fn(|i| vector(k, lane(i)))));
         }
         let mut rows = std::mem::take(&mut built.rows);
         let mut spectra = values.chunks_exact(lambdas);
@@ -110,7 +144,7 @@ impl Planes {
     /// The coefficients of a spectrum of values (logarithms, or samples), as they stand in planes.
     fn project(&self, values: &[f32], row: &mut [f32]) {
         let mut sums = [0.0_f64; MOST_PLANES];
-        for ((value, mean), column) in values.iter().zip(&self.mean).zip(self.columns.chunks_exact(self.count)) {
+        for ((value, mean), column) in values.iter().zip(&self.mean).zip(self.columns.chunks_exact(self.width)) {
             if *mean > DARK {
                 for (sum, &b) in sums.iter_mut().zip(column) {
                     *sum += f64::from(value - mean) * f64::from(b);
@@ -124,7 +158,9 @@ impl Planes {
     pub(super) fn coupling(&self) -> Vec<f64> {
         let n = self.count;
         let mut coupling = vec![0.0; n * n * n];
-        for (column, _) in self.columns.chunks_exact(n).zip(&self.mean).filter(|(_, mean)| **mean > DARK) {
+        for (column, _) in
+            self.columns.chunks_exact(self.width).zip(&self.mean[..self.lambdas]).filter(|(_, mean)| **mean > DARK)
+        {
             for (place, sum) in coupling.iter_mut().enumerate() {
                 let [i, j, k] = [place / (n * n), place / n % n, place % n].map(|plane| f64::from(column[plane]));
                 *sum += i * j * k;
@@ -160,17 +196,33 @@ impl Planes {
         &self.rows[cell * self.width..][..self.width]
     }
 
-    /// A cell as it is found.
+    /// The share of light in a cell: 1 or 0, NaN where it is masked.
     #[inline]
-    pub(super) fn mixed(&self, cell: usize) -> Mixed {
-        let mut row = [0.0; MOST_PLANES];
-        row[..self.width].copy_from_slice(self.row(cell));
-        let presence = match self.cell(cell) {
+    pub(super) fn presence(&self, cell: usize) -> f32 {
+        match self.cell(cell) {
             Cell::Live => 1.0,
             Cell::Zero => 0.0,
             Cell::Masked => f32::NAN,
+        }
+    }
+
+    /// A cell as it is found.
+    #[inline]
+    pub(super) fn mixed(&self, cell: usize) -> Mixed {
+        let row = match self.width {
+            4 => self.padded::<4>(cell),
+            8 => self.padded::<8>(cell),
+            12 => self.padded::<12>(cell),
+            _ => self.padded::<MOST_PLANES>(cell),
         };
-        Mixed { row, presence }
+        Mixed { row, presence: self.presence(cell) }
+    }
+
+    #[inline]
+    fn padded<const WIDTH: usize>(&self, cell: usize) -> Row {
+        let mut row = [0.0; MOST_PLANES];
+        row[..WIDTH].copy_from_slice(&self.rows.as_chunks::<WIDTH>().0[cell]);
+        row
     }
 
     /// What is known of a cell.
@@ -182,7 +234,7 @@ impl Planes {
     /// Logarithm or sample of one wavelength.
     #[inline]
     pub(super) fn value(&self, row: &[f32], lambda: usize) -> f32 {
-        let column = &self.columns[lambda * self.count..][..self.count];
+        let column = &self.columns[lambda * self.width..][..self.count];
         self.mean[lambda] + row.iter().zip(column).map(|(c, b)| c * b).sum::<f32>()
     }
 
@@ -196,61 +248,86 @@ impl Planes {
     /// The whole spectrum of `row`, times `scale`.
     #[inline]
     pub(super) fn spectrum(&self, row: &[f32], scale: f32, out: &mut [f32]) {
-        let row = &row[..self.count];
-        let stride = (self.count + 1) * LANES;
-        for (block, out) in self.blocks.chunks_exact(stride).zip(out.chunks_mut(LANES)) {
-            let mut values = combine(row, block);
-            if self.logarithms {
-                exp_all(&mut values);
-            }
-            for value in &mut values {
-                *value *= scale;
-            }
-            out.copy_from_slice(&values[..out.len()]);
-        }
+        by_width!(self, Whole { planes: self, row, scale, out });
     }
 
-    /// The samples of up to [`LANES`] wavelengths of `row`, times `scale`.
+    /// Linear between the samples of `row` at up to [`FEW`] positions, 0 … last sample, times `scale`.
     #[inline]
-    pub(super) fn few(&self, row: &[f32], scale: f32, lambdas: &[usize]) -> [f32; LANES] {
-        let mut values = [0.0; LANES];
-        for (value, &lambda) in values.iter_mut().zip(lambdas) {
-            *value = self.value(row, lambda);
+    pub(super) fn few(&self, row: &[f32], scale: f32, positions: &[f64]) -> [f32; FEW] {
+        by_width!(self, Few { planes: self, row, scale, positions })
+    }
+
+    /// The columns of up to [`FEW`] positions, 0 … last sample, side by side, for [`Planes::picked`].
+    pub(super) fn columns(&self, positions: &[f64]) -> Columns {
+        let mut columns = Columns { mean: [0.0; LANES], vectors: [[0.0; LANES]; MOST_PLANES], shares: [0.0; FEW] };
+        for (i, &position) in positions.iter().take(FEW).enumerate() {
+            let below = (position as usize).min(self.lambdas - 1);
+            columns.shares[i] = (position - below as f64) as f32;
+            for (lane, lambda) in [(i, below), (FEW + i, below + 1)] {
+                columns.mean[lane] = self.mean[lambda];
+                for (vector, &value) in
+                    columns.vectors.iter_mut().zip(&self.columns[lambda * self.width..][..self.width])
+                {
+                    vector[lane] = value;
+                }
+            }
+        }
+        columns
+    }
+
+    /// As [`Planes::few`] at the positions of `columns`.
+    #[inline]
+    pub(super) fn picked(&self, row: &[f32], scale: f32, columns: &Columns) -> [f32; FEW] {
+        by_width!(self, Picked { planes: self, row, scale, columns })
+    }
+
+    /// One block of wavelengths.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
+    fn values<const WIDTH: usize>(
+        &self,
+        row: &[f32; WIDTH],
+        mean: &[f32; LANES],
+        vectors: &[[f32; LANES]],
+    ) -> [f32; LANES] {
+        let mut values = *mean;
+        for (coefficient, vector) in row.iter().zip(vectors) {
+            for (value, v) in values.iter_mut().zip(vector) {
+                *value += coefficient * v;
+            }
         }
         if self.logarithms {
             exp_all(&mut values);
         }
-        values.map(|v| v * scale)
+        values
     }
 
-    /// The spectrum of what was found.
+    /// The whole spectrum of a row with this presence.
     #[inline]
-    pub(super) fn expand(&self, mixed: &Mixed, out: &mut [f32]) {
-        match mixed.presence {
-            presence if presence.is_nan() => out.fill(f32::NAN),
-            presence if presence <= 0.0 => out.fill(0.0),
-            presence => self.spectrum(&mixed.row, presence, out),
+    pub(super) fn expand(&self, row: &[f32], presence: f32, out: &mut [f32]) {
+        if presence > 0.0 {
+            self.spectrum(row, presence, out);
+        } else {
+            out.fill(presence);
         }
     }
 
-    /// The inner product of the spectrum of what was found with weights.
-    pub(super) fn weighted_mixed(&self, mixed: &Mixed, weights: &[f32]) -> f32 {
-        if mixed.presence > 0.0 { self.weighted(&mixed.row, weights) * mixed.presence } else { mixed.presence }
+    /// The whole spectra of many rows, one after the other.
+    pub(super) fn expand_all(&self, rows: &[Mixed], out: &mut [f32]) {
+        by_width!(self, Spectra { planes: self, rows, out });
     }
 
-    /// The inner product of the whole spectrum with weights.
-    fn weighted(&self, row: &[f32], weights: &[f32]) -> f32 {
-        let row = &row[..self.count];
-        let stride = (self.count + 1) * LANES;
-        let mut sum = 0.0;
-        for (block, weights) in self.blocks.chunks_exact(stride).zip(weights.chunks(LANES)) {
-            let mut values = combine(row, block);
-            if self.logarithms {
-                exp_all(&mut values);
-            }
-            sum += values.iter().zip(weights).map(|(v, w)| v * w).sum::<f32>();
+    /// As [`Planes::picked`] for many rows.
+    pub(super) fn picked_all(&self, rows: &[Mixed], columns: &Columns, out: &mut [[f32; FEW]]) {
+        by_width!(self, PickedRows { planes: self, rows, columns, out });
+    }
+
+    /// The inner product of the spectrum of a row with this presence with weights.
+    pub(super) fn weighted(&self, row: &[f32], presence: f32, weights: &[f32]) -> f32 {
+        if presence.is_nan() || presence <= 0.0 {
+            return presence;
         }
-        sum
+        presence * by_width!(self, Weighted { planes: self, row, weights })
     }
 
     pub(super) fn memory(&self) -> usize {
@@ -259,6 +336,186 @@ impl Planes {
             + size_of_val(&*self.mean)
             + size_of_val(&*self.rows)
             + size_of_val(&*self.cells)
+    }
+}
+
+/// What [`Planes::spectrum`] does.
+struct Whole<'a, const WIDTH: usize> {
+    planes: &'a Planes,
+    row: &'a [f32],
+    scale: f32,
+    out: &'a mut [f32],
+}
+
+impl<const WIDTH: usize> NullaryFnOnce for Whole<'_, WIDTH> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { planes, row, scale, out } = self;
+        let row = wide::<WIDTH>(row);
+        let (whole, rest) = out.as_chunks_mut::<LANES>();
+        let mut blocks = planes.blocks.chunks_exact(WIDTH + 1);
+        for (out, block) in whole.iter_mut().zip(&mut blocks) {
+            *out = planes.values(row, &block[0], &block[1..]);
+            for value in out {
+                *value *= scale;
+            }
+        }
+        if let (false, Some(block)) = (rest.is_empty(), blocks.next()) {
+            let values = planes.values(row, &block[0], &block[1..]);
+            for (out, value) in rest.iter_mut().zip(values) {
+                *out = value * scale;
+            }
+        }
+    }
+}
+
+/// What [`Planes::few`] does.
+struct Few<'a, const WIDTH: usize> {
+    planes: &'a Planes,
+    row: &'a [f32],
+    scale: f32,
+    positions: &'a [f64],
+}
+
+impl<const WIDTH: usize> NullaryFnOnce for Few<'_, WIDTH> {
+    type Output = [f32; FEW];
+
+    #[inline(always)]
+    fn call(self) -> [f32; FEW] {
+        let Self { planes, row, scale, positions } = self;
+        let row = wide::<WIDTH>(row);
+        let columns = planes.columns.as_chunks::<WIDTH>().0;
+        // The samples below, then those above: as many as a block has, in the same loops.
+        let mut values = [0.0; LANES];
+        let mut shares = [0.0; FEW];
+        for (i, &position) in positions.iter().take(FEW).enumerate() {
+            let below = position as u32 as usize;
+            let (Some([low, high]), Some(&[mean_low, mean_high])) =
+                (columns.get(below..below + 2), planes.mean.get(below..below + 2))
+            else {
+                break;
+            };
+            shares[i] = (position - below as f64) as f32;
+            values[i] = mean_low + product(row, low);
+            values[FEW + i] = mean_high + product(row, high);
+        }
+        if planes.logarithms {
+            exp_all(&mut values);
+        }
+        let mut between = [0.0; FEW];
+        for i in 0..FEW {
+            between[i] = scale * (values[i] + shares[i] * (values[FEW + i] - values[i]));
+        }
+        between
+    }
+}
+
+/// Σ row · column, in four sums.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
+fn product<const WIDTH: usize>(row: &[f32; WIDTH], column: &[f32; WIDTH]) -> f32 {
+    let mut sums = f32x4::ZERO;
+    for (row, column) in row.as_chunks().0.iter().zip(column.as_chunks().0) {
+        sums += f32x4::new(*row) * f32x4::new(*column);
+    }
+    sums.reduce_add()
+}
+
+/// What [`Planes::picked`] does.
+struct Picked<'a, const WIDTH: usize> {
+    planes: &'a Planes,
+    row: &'a [f32],
+    scale: f32,
+    columns: &'a Columns,
+}
+
+impl<const WIDTH: usize> NullaryFnOnce for Picked<'_, WIDTH> {
+    type Output = [f32; FEW];
+
+    #[inline(always)]
+    fn call(self) -> [f32; FEW] {
+        let Self { planes, row, scale, columns } = self;
+        let row = wide::<WIDTH>(row);
+        let values = planes.values(row, &columns.mean, &columns.vectors);
+        let mut between = [0.0; FEW];
+        for i in 0..FEW {
+            between[i] = scale * (values[i] + columns.shares[i] * (values[FEW + i] - values[i]));
+        }
+        between
+    }
+}
+
+/// What [`Planes::expand_all`] does.
+struct Spectra<'a, const WIDTH: usize> {
+    planes: &'a Planes,
+    rows: &'a [Mixed],
+    out: &'a mut [f32],
+}
+
+impl<const WIDTH: usize> NullaryFnOnce for Spectra<'_, WIDTH> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { planes, rows, out } = self;
+        for (mixed, out) in rows.iter().zip(out.chunks_exact_mut(planes.lambdas)) {
+            if mixed.presence > 0.0 {
+                Whole::<WIDTH> { planes, row: &mixed.row, scale: mixed.presence, out }.call();
+            } else {
+                out.fill(mixed.presence);
+            }
+        }
+    }
+}
+
+/// What [`Planes::picked_all`] does.
+struct PickedRows<'a, const WIDTH: usize> {
+    planes: &'a Planes,
+    rows: &'a [Mixed],
+    columns: &'a Columns,
+    out: &'a mut [[f32; FEW]],
+}
+
+impl<const WIDTH: usize> NullaryFnOnce for PickedRows<'_, WIDTH> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { planes, rows, columns, out } = self;
+        for (mixed, out) in rows.iter().zip(out) {
+            *out = if mixed.presence > 0.0 {
+                Picked::<WIDTH> { planes, row: &mixed.row, scale: mixed.presence, columns }.call()
+            } else {
+                [mixed.presence; FEW]
+            };
+        }
+    }
+}
+
+/// What [`Planes::weighted`] does.
+struct Weighted<'a, const WIDTH: usize> {
+    planes: &'a Planes,
+    row: &'a [f32],
+    weights: &'a [f32],
+}
+
+impl<const WIDTH: usize> NullaryFnOnce for Weighted<'_, WIDTH> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn call(self) -> f32 {
+        let Self { planes, row, weights } = self;
+        let row = wide::<WIDTH>(row);
+        let mut sums = [0.0; LANES];
+        for (block, weights) in planes.blocks.chunks_exact(WIDTH + 1).zip(weights.chunks(LANES)) {
+            let values = planes.values(row, &block[0], &block[1..]);
+            for ((sum, value), weight) in sums.iter_mut().zip(values).zip(weights) {
+                *sum += value * weight;
+            }
+        }
+        sums.iter().sum()
     }
 }
 

@@ -4,10 +4,11 @@
 //! functions), the value being the mean over wavelengths or that at one wavelength: linear means, never those of logarithms.
 //! What [`super::warp`] does with it, and what is continuous, is told there.
 //!
-//! An incoming direction takes the warp of its cell; where lobes move ([`super::Alignment`]), the directions drawn are
-//! carried along, and their density with them.
+//! An incoming direction takes the warp of its cell. Where lobes move ([`super::Alignment`]), directions drawn with a linear
+//! density, which goes with the smooth form, are carried along, and their density with them; a uniform one goes with the
+//! piecewise constant form, which does not move within a cell.
 
-use super::incoming::{Alignment, moved};
+use super::incoming::{Alignment, Carrier};
 use super::lookup::MeshLookup;
 use super::material::{Form, turned};
 use super::warp::{BELOW_ONE, Density, Measure, SampleOptions, WarpMesh, Warps};
@@ -59,12 +60,10 @@ impl Trees {
     }
 }
 
-/// Where a cell's directions are seen under another incoming direction.
+/// Where a cell's directions are seen under another incoming direction, and back.
 struct Carried {
-    alignment: Alignment,
-    /// The cell's incoming direction, and the one asked for.
-    from: Vector,
-    to: Vector,
+    out: Carrier,
+    back: Carrier,
     /// The sign of z on the outgoing hemisphere; 0 on the sphere.
     side: f64,
 }
@@ -72,8 +71,9 @@ struct Carried {
 impl Carried {
     /// The direction of the cell's `wo` under the incoming direction asked for, and the part of its density that comes from
     /// there, for a density `pdf` at `wo`: what goes below the horizon comes up again, and what has no way stays.
+    #[inline]
     fn out(&self, wo: Vector, pdf: f64) -> (Vector, f64, Way) {
-        match moved(self.alignment, self.from, self.to, wo) {
+        match self.out.carry(wo) {
             None => (wo, pdf, Way::Stayed),
             Some((moved, solid_angle)) if self.side * moved[2] < 0.0 => {
                 ([moved[0], moved[1], -moved[2]], pdf / solid_angle, Way::Crossed)
@@ -82,23 +82,31 @@ impl Carried {
         }
     }
 
-    /// The cell's directions that are carried to `wo`, and the solid angle of each in parts of that at `wo`.
-    fn origins(&self, wo: Vector) -> [(Way, Option<(Vector, f64)>); 3] {
-        let back =
-            |wo: Vector| moved(self.alignment, self.to, self.from, wo).filter(|(there, _)| self.side * there[2] >= 0.0);
+    /// The cell's direction that is carried to `wo` that way, and its solid angle in parts of that at `wo`.
+    #[inline]
+    fn origin(&self, way: Way, wo: Vector) -> Option<(Vector, f64)> {
         let [x, y, z] = wo;
-        let stays = moved(self.alignment, self.from, self.to, wo).is_none();
-        [
-            (Way::Straight, back(wo)),
-            (Way::Crossed, if self.side == 0.0 { None } else { back([x, y, -z]) }),
-            (Way::Stayed, stays.then_some((wo, 1.0))),
-        ]
+        let back = |wo: Vector| if self.back.carries_to(self.side, wo) { self.back.carry(wo) } else { None };
+        match way {
+            Way::Straight => back(wo),
+            Way::Crossed if self.side == 0.0 => None,
+            Way::Crossed => back([x, y, -z]),
+            Way::Stayed => (!self.out.carries(wo)).then_some((wo, 1.0)),
+        }
     }
 
     /// The density at `wo` of directions of the cell's density `pdf` that came by any way but `known`.
+    #[inline]
     fn density(&self, wo: Vector, known: Option<Way>, pdf: impl Fn(Direction) -> f64) -> f64 {
-        let others = self.origins(wo).into_iter().filter(|(way, _)| known != Some(*way));
-        others.filter_map(|(_, origin)| origin).map(|(there, part)| pdf(Direction::from_unit(unit(there))) * part).sum()
+        let mut sum = 0.0;
+        for way in Way::ALL {
+            if known != Some(way)
+                && let Some((there, part)) = self.origin(way, wo)
+            {
+                sum += pdf(Direction::from_unit(unit(there))) * part;
+            }
+        }
+        sum
     }
 }
 
@@ -109,6 +117,10 @@ enum Way {
     /// Over the horizon and up again.
     Crossed,
     Stayed,
+}
+
+impl Way {
+    const ALL: [Self; 3] = [Self::Straight, Self::Crossed, Self::Stayed];
 }
 
 /// Draws from a material by its values at one wavelength; as [`Material::sample`] and its kin do by the mean.
@@ -246,6 +258,38 @@ impl Material {
         Ok(Some(DirectionSample { direction, pdf, weight: value * cosine / pdf }))
     }
 
+    /// A direction drawn by the mean over wavelengths, its density, and what `value` makes of where the function is taken: the
+    /// place, the form, and the cell where that is known.
+    #[inline]
+    pub(super) fn drawn_with<T>(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        u: [f64; 2],
+        options: SampleOptions,
+        value: impl FnOnce(Place<'_>, Interpolation, Option<usize>) -> Result<T, EvaluateError>,
+    ) -> Result<Option<((Direction, f64), T)>, EvaluateError> {
+        let trees = self.mean_trees()?;
+        if options.density == Density::Linear {
+            let Some((wo, pdf)) = self.draw_by(trees, index, wi, u, options)? else { return Ok(None) };
+            let value = value(Place { index, wi, wo: Some(wo) }, Interpolation::Smooth, None)?;
+            return Ok(Some(((wo, pdf), value)));
+        }
+        let cell = self.sampled_cell(index, wi, options)?;
+        check_point(u)?;
+        let Some(drawn) = trees.warps.sample(cell, u, &options).filter(|drawn| drawn.pdf > 0.0) else {
+            return Ok(None);
+        };
+        let mut wo = drawn.direction;
+        if self.is_isotropic() {
+            let [cos, sin] = self.azimuth(wi);
+            wo = turned(wo, cos, sin);
+        }
+        let cell = cell * self.shape[1] + drawn.leaf;
+        let value = value(Place { index, wi, wo: Some(wo) }, Interpolation::Constant, Some(cell))?;
+        Ok(Some(((wo, drawn.pdf), value)))
+    }
+
     /// A direction and its density.
     #[inline]
     fn draw_by(
@@ -257,13 +301,11 @@ impl Material {
         options: SampleOptions,
     ) -> Result<Option<(Direction, f64)>, EvaluateError> {
         let cell = self.sampled_cell(index, wi, options)?;
-        if !u.iter().all(|u| (0.0..=1.0).contains(u)) {
-            return unfit(format!("u = [{}, {}], expected a point of the unit square", u[0], u[1]));
-        }
+        check_point(u)?;
         let [cos, sin] = self.azimuth(wi);
-        let Some(carried) = self.carried_to(cell, wi) else {
+        let Some(carried) = self.carried_to(cell, wi, options.density) else {
             let drawn = trees.warps.sample(cell, u, &options);
-            return Ok(drawn.map(|drawn| (turned(drawn.direction, cos, sin), drawn.pdf)));
+            return Ok(drawn.map(|drawn| (turned(drawn.direction, cos, sin), drawn.pdf)).filter(is_drawn));
         };
         let (by_tree, own) = trees.without_defence(cell, options);
         if options.defensive > 0.0 && u[0] >= by_tree {
@@ -273,13 +315,15 @@ impl Material {
             return Ok((pdf > 0.0).then(|| (turned(direction, cos, sin), pdf)));
         }
         let drawn = trees.warps.sample(cell, [(u[0] / by_tree).min(1.0), u[1]], &own);
-        Ok(drawn.map(|drawn| {
-            let (wo, density, way) = carried.out(drawn.direction.xyz(), drawn.pdf);
-            let tree = density + carried.density(wo, Some(way), |there| trees.warps.pdf(cell, there, &own));
-            let direction = Direction::from_unit(unit(wo));
-            let background = if by_tree < 1.0 { trees.warps.background(direction) } else { 0.0 };
-            (turned(direction, cos, sin), by_tree * tree + (1.0 - by_tree) * background)
-        }))
+        Ok(drawn
+            .map(|drawn| {
+                let (wo, density, way) = carried.out(drawn.direction.xyz(), drawn.pdf);
+                let tree = density + carried.density(wo, Some(way), |there| trees.warps.pdf(cell, there, &own));
+                let direction = Direction::from_unit(unit(wo));
+                let background = if by_tree < 1.0 { trees.warps.background(direction) } else { 0.0 };
+                (turned(direction, cos, sin), by_tree * tree + (1.0 - by_tree) * background)
+            })
+            .filter(is_drawn))
     }
 
     /// The density at `wo` where directions are carried.
@@ -292,7 +336,11 @@ impl Material {
 
     /// How the directions of `cell` are carried to `wi`; `None` where they stay.
     #[inline]
-    fn carried_to(&self, cell: usize, wi: Option<Direction>) -> Option<Carried> {
+    fn carried_to(&self, cell: usize, wi: Option<Direction>, density: Density) -> Option<Carried> {
+        // The piecewise constant function is the same for the whole incoming cell.
+        if density == Density::Uniform {
+            return None;
+        }
         let Form::Planes { smooth, .. } = &self.form else { return None };
         let domain = self.outgoing.as_ref()?.mesh().domain();
         let both = domain == Domain::Sphere && smooth.alignment != Alignment::Rotation;
@@ -305,7 +353,9 @@ impl Material {
             Domain::Sphere => 0.0,
         };
         let from = self.incoming_directions[cell % self.shape[0]];
-        Some(Carried { alignment: smooth.alignment, from, to: self.wi_in_plane(wi), side })
+        let to = self.wi_in_plane(wi);
+        let (out, back) = (Carrier::new(smooth.alignment, from, to), Carrier::new(smooth.alignment, to, from));
+        Some(Carried { out, back, side })
     }
 
     #[inline]
@@ -319,7 +369,7 @@ impl Material {
     ) -> Result<f64, EvaluateError> {
         let cell = self.sampled_cell(index, wi, options)?;
         let Some((lookup, wo)) = self.outgoing(wi, Some(wo))? else { return Ok(0.0) };
-        Ok(match self.carried_to(cell, wi) {
+        Ok(match self.carried_to(cell, wi, options.density) {
             Some(carried) if lookup.holds(wo.xyz()) => Self::carried_pdf(trees, cell, &carried, wo, options),
             Some(_) => 0.0,
             None => trees.warps.pdf(cell, wo, &options),
@@ -338,10 +388,12 @@ impl Material {
         let Some((_, wo)) = self.outgoing(wi, Some(wo))?.filter(|(lookup, wo)| lookup.holds(wo.xyz())) else {
             return Ok(None);
         };
-        let Some(carried) = self.carried_to(cell, wi) else { return Ok(trees.warps.invert(cell, wo, &options)) };
+        let Some(carried) = self.carried_to(cell, wi, options.density) else {
+            return Ok(trees.warps.invert(cell, wo, &options));
+        };
         let (by_tree, own) = trees.without_defence(cell, options);
         // The first of the directions that are carried here and drawn at all.
-        let origins = carried.origins(wo.xyz()).into_iter().filter_map(|(_, origin)| origin);
+        let origins = Way::ALL.into_iter().filter_map(|way| carried.origin(way, wo.xyz()));
         let mut drawn =
             origins.filter_map(|(there, _)| trees.warps.invert(cell, Direction::from_unit(unit(there)), &own));
         if let Some([u, v]) = drawn.next() {
@@ -371,4 +423,16 @@ impl Material {
     fn nothing_to_sample<T>(&self) -> Result<T, EvaluateError> {
         unfit(format!("this {} has no outgoing axis to sample", self.quantity()))
     }
+}
+
+/// Whether a direction has a density: the last corner of a triangle, of no measure, may have none.
+fn is_drawn((_, pdf): &(Direction, f64)) -> bool {
+    *pdf > 0.0
+}
+
+fn check_point(u: [f64; 2]) -> Result<(), EvaluateError> {
+    if u.iter().all(|u| (0.0..=1.0).contains(u)) {
+        return Ok(());
+    }
+    unfit(format!("u = [{}, {}], expected a point of the unit square", u[0], u[1]))
 }

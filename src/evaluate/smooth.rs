@@ -8,14 +8,15 @@
 //!   one measured incoming direction to the next.
 //! * Cells that are zero or masked have no logarithm: the share of live cells around is interpolated, too.
 
-use super::elements::{Elements, NODES, Patch};
-use super::incoming::{Alignment, Around, Nodes, carried};
+use super::elements::{Elements, Patches};
+use super::incoming::{Alignment, Around, Nodes, Origin, carried, carried_to_four};
 use super::lookup::MeshLookup;
 use super::planes::{Cell, MOST_PLANES, Planes};
 use super::reconstruct::{Cells, Weights, node_weights};
 use crate::domain::Domain;
 use crate::domain::vector::Vector;
 use rayon::prelude::*;
+use wide::f32x4;
 
 /// Corrections for the average of an exponential.
 const CORRECTIONS: usize = 2;
@@ -51,6 +52,8 @@ pub(super) struct Smooth {
     pub(super) left_out: Option<f64>,
     width: usize,
     node_count: usize,
+    /// The nodes' directions.
+    origins: Vec<Origin>,
     /// `[index entry][incoming node][outgoing node][width]`.
     values: Vec<f32>,
     /// Where not all cells are live: `[index entry][incoming node][outgoing node]` of live among those not masked, and of
@@ -63,20 +66,13 @@ pub(super) struct Smooth {
 pub(super) struct Lookup {
     count: usize,
     tables: [usize; 3],
-    patches: [Patch; 3],
-    weights: [f32; 3],
+    patches: Patches,
+    weights: [f32; 4],
 }
 
 impl Lookup {
     /// In no table.
-    pub(super) const NOWHERE: Self = {
-        let none = Patch { nodes: [0; NODES], weights: [0.0; NODES], corners: [0.0; 3] };
-        Self { count: 0, tables: [0; 3], patches: [none; 3], weights: [0.0; 3] }
-    };
-
-    pub(super) fn is_nowhere(&self) -> bool {
-        self.count == 0
-    }
+    pub(super) const NOWHERE: Self = Self { count: 0, tables: [0; 3], patches: Patches::NOWHERE, weights: [0.0; 4] };
 }
 
 /// What is interpolated at a place.
@@ -135,6 +131,7 @@ impl Smooth {
             changes: Vec::new(),
             width: planes.width,
             node_count: 1,
+            origins: Vec::new(),
             values: Vec::new(),
             presence: Vec::new(),
             nodes: Nodes::One,
@@ -164,6 +161,7 @@ impl Smooth {
         }
         smooth.add_nodes_between(&nodes, entries, &directions);
         smooth.node_count = nodes.counts().0;
+        smooth.origins = (0..smooth.node_count).map(|node| Origin::new(nodes.direction(node))).collect();
         smooth.nodes = nodes;
         Some(smooth)
     }
@@ -414,12 +412,9 @@ impl Smooth {
 
     /// The row of one table at a direction, with its presence.
     fn looked_up(&self, table: usize, d: Vector) -> Mixed {
-        self.gather(&Lookup { count: 1, tables: [table; 3], patches: [self.patch(d); 3], weights: [1.0; 3] })
-    }
-
-    #[inline]
-    fn patch(&self, d: Vector) -> Patch {
-        self.elements.at(d.map(|x| x as f32))
+        let mut found = Lookup { count: 1, tables: [table; 3], patches: Patches::NOWHERE, weights: [1.0; 4] };
+        self.elements.write(d.map(|x| f32x4::splat(x as f32)), &mut found.patches);
+        self.gather(&found)
     }
 
     /// What stands in the table of one entry of the incoming axis, whose direction is `wi`.
@@ -437,76 +432,86 @@ impl Smooth {
         self.nodes.around(wi)
     }
 
-    /// Where the value at (wi, wo) stands, `around` the former, in index entry `entry`.
+    /// Writes where the value at (wi, wo) stands, `around` the former, in index entry `entry`.
     #[inline]
-    pub(super) fn lookup(&self, entry: usize, around: &Around, wi: Vector, wo: Vector) -> Lookup {
+    pub(super) fn look_up(&self, entry: usize, around: &Around, wi: Vector, wo: Vector, found: &mut Lookup) {
+        let [a, b, c] = around.nodes;
+        let (there, worth) = match self.nodes {
+            Nodes::One => (wo.map(|x| f32x4::splat(x as f32)), f32x4::ONE),
+            _ => {
+                let to = [a, b, c, c].map(|node| self.origins[node as usize]);
+                carried_to_four(self.alignment, self.domain, Origin::new(wi), to, wo)
+            }
+        };
         let table = entry * self.node_count;
-        let mut found = Lookup { count: around.count, ..Lookup::NOWHERE };
-        for k in 0..around.count {
-            let node = around.nodes[k] as usize;
-            let (there, worth) = match self.nodes {
-                Nodes::One => (wo, 1.0),
-                _ => carried(self.alignment, self.domain, wi, self.nodes.direction(node), wo),
-            };
-            found.tables[k] = table + node;
-            found.patches[k] = self.patch(there);
-            found.weights[k] = around.weights[k] * worth;
-        }
-        found
+        let [u, v, w] = around.weights;
+        found.count = around.count;
+        found.tables = [a, b, c].map(|node| table + node as usize);
+        self.elements.write(there, &mut found.patches);
+        found.weights = (worth * f32x4::new([u, v, w, 0.0])).to_array();
     }
 
     /// What stands there.
     #[inline]
     pub(super) fn gather(&self, found: &Lookup) -> Mixed {
-        match self.width {
-            4 => self.gather_in::<4>(found),
-            8 => self.gather_in::<8>(found),
-            12 => self.gather_in::<12>(found),
-            _ => self.gather_in::<MOST_PLANES>(found),
+        match (self.width, found.count) {
+            (4, 1) => self.gather_in::<4, 1>(found),
+            (4, _) => self.gather_in::<4, 3>(found),
+            (8, 1) => self.gather_in::<8, 1>(found),
+            (8, _) => self.gather_in::<8, 3>(found),
+            (12, _) => self.gather_in::<12, 3>(found),
+            _ => self.gather_in::<MOST_PLANES, 3>(found),
         }
     }
 
+    /// Tables beyond those that there are have no weight.
     #[inline]
-    fn gather_in<const WIDTH: usize>(&self, found: &Lookup) -> Mixed {
+    fn gather_in<const WIDTH: usize, const COUNT: usize>(&self, found: &Lookup) -> Mixed {
         let rows = self.values.as_chunks::<WIDTH>().0;
-        let (mut sum, mut live, mut known) = ([0.0; WIDTH], 0.0, 0.0);
-        for k in 0..found.count {
-            let (patch, base) = (&found.patches[k], found.tables[k] * self.elements.len());
-            let (mut weight, mut own_live) = (found.weights[k], 1.0);
-            if !self.presence.is_empty() {
-                let (share, known_share) = self.presence_in(base, patch);
-                weight = if known_share > 0.0 { weight } else { 0.0 };
-                own_live = share;
+        let bases: [usize; COUNT] = std::array::from_fn(|k| found.tables[k] * self.elements.len());
+        let (mut weights, mut known) = (found.weights, 0.0);
+        if !self.presence.is_empty() {
+            for k in 0..COUNT {
+                let (share, known_share) = self.presence_in(bases[k], found, k);
+                let weight = if known_share > 0.0 { weights[k] } else { 0.0 };
+                known += weight;
+                weights[k] = weight * share;
             }
-            known += weight;
-            weight *= own_live;
-            live += weight;
-            for n in 0..NODES {
-                let factor = weight * patch.weights[n];
-                for (sum, v) in sum.iter_mut().zip(&rows[base + patch.nodes[n] as usize]) {
-                    *sum += factor * v;
+        }
+        let live: f32 = weights[..COUNT].iter().sum();
+        if self.presence.is_empty() {
+            known = live;
+        }
+        let mut sums = [[0.0; WIDTH]; COUNT];
+        for (nodes, shares) in found.patches.nodes.iter().zip(&found.patches.weights) {
+            let factors = (f32x4::new(*shares) * f32x4::new(weights)).to_array();
+            for k in 0..COUNT {
+                let row = &rows[bases[k] + nodes[k] as usize];
+                for (sum, v) in sums[k].iter_mut().zip(row) {
+                    *sum += factors[k] * v;
                 }
             }
         }
         let mut row = [0.0; MOST_PLANES];
-        row[..WIDTH].copy_from_slice(&sum);
+        for sums in sums {
+            row.iter_mut().zip(sums).for_each(|(row, sum)| *row += sum);
+        }
         Mixed::settled(row, live, known)
     }
 
-    /// The share of light in a patch of a table, and the share that is known.
-    #[inline]
-    fn presence_in(&self, base: usize, patch: &Patch) -> (f32, f32) {
+    /// The share of light in a patch of the table at `base`, and the share that is known.
+    fn presence_in(&self, base: usize, found: &Lookup, lane: usize) -> (f32, f32) {
         let (mut live, mut known) = (0.0, 0.0);
-        for k in 0..3 {
-            let [share, known_share] = self.presence[base + patch.nodes[k] as usize];
-            live += patch.corners[k] * share * known_share;
-            known += patch.corners[k] * known_share;
+        for (nodes, corners) in found.patches.nodes.iter().zip(&found.patches.corners) {
+            let [share, known_share] = self.presence[base + nodes[lane] as usize];
+            live += corners[lane] * share * known_share;
+            known += corners[lane] * known_share;
         }
         (if known > 0.0 { live / known } else { 0.0 }, known)
     }
 
     pub(super) fn memory(&self) -> usize {
-        size_of_val(&*self.values) + size_of_val(&*self.presence) + self.nodes.memory()
+        size_of_val(&*self.values) + size_of_val(&*self.presence) + size_of_val(&*self.origins) + self.nodes.memory()
     }
 }
 

@@ -1,10 +1,9 @@
 //! Values at a place: whole spectra, chosen wavelengths, luminance; one at a time or in batches.
 
-use super::kernel::LANES;
 use super::lookup::Stencil;
 use super::material::Form;
-use super::planes::Planes;
-use super::smooth::{Lookup, Mixed, Smooth};
+use super::planes::{FEW, Planes};
+use super::smooth::{Lookup, Smooth};
 use super::{Beyond, EvaluateError, Interpolation, Material, Place, unfit};
 use crate::domain::{Measurement, Tensor, WavelengthGrid};
 
@@ -36,10 +35,9 @@ impl Material {
             return unfit(format!("room for {} samples, expected {}", out.len(), self.lambdas()));
         }
         match &self.form {
-            Form::Planes { planes, smooth } => match self.mixed_at(planes, smooth, place, how)? {
-                Some(mixed) => planes.expand(&mixed, out),
-                None => out.fill(0.0),
-            },
+            Form::Planes { planes, smooth } => {
+                self.with_row(planes, smooth, place, how, |row, presence| planes.expand(row, presence, out))?;
+            }
             Form::Samples { samples, .. } if self.cells() == 1 && self.layout().incoming.is_none() => {
                 self.cell_of(place)?;
                 out.copy_from_slice(samples);
@@ -72,16 +70,15 @@ impl Material {
             return unfit(format!("room for {} samples, expected {}: one a wavelength", out.len(), wavelengths.len()));
         }
         match &self.form {
-            Form::Planes { planes, smooth } => {
-                let mixed = self.mixed_at(planes, smooth, place, how)?.unwrap_or(Mixed::NOTHING);
-                if mixed.presence > 0.0 {
-                    for (lambdas, out) in wavelengths.chunks(LANES / 2).zip(out.chunks_mut(LANES / 2)) {
-                        few(planes, &mixed, (grid, beyond), lambdas, out);
+            Form::Planes { planes, smooth } => self.with_row(planes, smooth, place, how, |row, presence| {
+                if presence > 0.0 {
+                    for (lambdas, out) in wavelengths.chunks(FEW).zip(out.chunks_mut(FEW)) {
+                        few(planes, (row, presence), (grid, beyond), lambdas, out);
                     }
                 } else {
-                    between(grid, beyond, wavelengths, out, |_| mixed.presence);
+                    between(grid, beyond, wavelengths, out, |_| presence);
                 }
-            }
+            })?,
             Form::Samples { samples, .. } => match self.find(samples, place, how)? {
                 Found::Outside => between(grid, beyond, wavelengths, out, |_| 0.0),
                 Found::Cell(row) => between(grid, beyond, wavelengths, out, |lambda| row[lambda]),
@@ -123,7 +120,7 @@ impl Material {
     ) -> Result<f32, EvaluateError> {
         Ok(match &self.form {
             Form::Planes { planes, smooth } => {
-                planes.weighted_mixed(&self.mixed_at(planes, smooth, place, how)?.unwrap_or(Mixed::NOTHING), weights)
+                self.with_row(planes, smooth, place, how, |row, presence| planes.weighted(row, presence, weights))?
             }
             Form::Samples { samples, .. } => match self.find(samples, place, how)? {
                 Found::Outside => 0.0,
@@ -145,7 +142,7 @@ impl Material {
             Form::Planes { planes, .. } => {
                 let mut out = vec![0.0; length];
                 for (cell, out) in (slice * self.shape[1]..).zip(out.chunks_exact_mut(self.lambdas())) {
-                    planes.expand(&planes.mixed(cell), out);
+                    planes.expand(planes.row(cell), planes.presence(cell), out);
                 }
                 out
             }
@@ -170,7 +167,7 @@ impl Material {
     /// a cell of planes is masked.
     pub(super) fn cell_value(&self, cell: usize, weights: &[f32]) -> f32 {
         match &self.form {
-            Form::Planes { planes, .. } => planes.weighted_mixed(&planes.mixed(cell), weights),
+            Form::Planes { planes, .. } => planes.weighted(planes.row(cell), planes.presence(cell), weights),
             Form::Samples { samples, .. } => {
                 let row = &samples[cell * self.lambdas()..];
                 known_sum(weights, &|lambda| row[lambda])
@@ -185,7 +182,7 @@ impl Material {
         match (&self.form, &self.outgoing) {
             (Form::Planes { planes, smooth }, _) => {
                 let mixed = smooth.own(entry, incoming, self.incoming_directions[incoming], d);
-                planes.weighted_mixed(&mixed, weights)
+                planes.weighted(&mixed.row, mixed.presence, weights)
             }
             (Form::Samples { .. }, Some(lookup)) => {
                 lookup.ring(vertex).map(|(leaf, share)| share * self.cell_value(cell * n_out + leaf, weights)).sum()
@@ -194,22 +191,34 @@ impl Material {
         }
     }
 
-    /// The row of planes at a place; `None` if `wo` is outside the outgoing domain.
-    #[inline]
-    fn mixed_at(
+    /// What `work` makes of the row of planes at a place and of its presence: 0 if `wo` is outside the outgoing domain, NaN
+    /// where it is masked.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "rows are worked on where they stand")]
+    pub(super) fn with_row<R>(
         &self,
         planes: &Planes,
         smooth: &Smooth,
         place: Place<'_>,
         how: Interpolation,
-    ) -> Result<Option<Mixed>, EvaluateError> {
-        match how {
-            Interpolation::Constant => Ok(self.cell_of(place)?.map(|cell| planes.mixed(cell))),
+        work: impl FnOnce(&[f32], f32) -> R,
+    ) -> Result<R, EvaluateError> {
+        let entry = self.entry_of(place)?;
+        Ok(match how {
+            Interpolation::Constant => match self.cell_at(entry, place)? {
+                Some(cell) => work(planes.row(cell), planes.presence(cell)),
+                None => work(&[], 0.0),
+            },
             Interpolation::Smooth => {
-                let entry = self.entry_of(place)?;
-                Ok(self.lookup(smooth, entry, place)?.map(|found| smooth.gather(&found)))
+                let mut found = Lookup::NOWHERE;
+                if self.look_up_smooth(smooth, entry, place, &mut found)? {
+                    let mixed = smooth.gather(&found);
+                    work(&mixed.row, mixed.presence)
+                } else {
+                    work(&[], 0.0)
+                }
             }
-        }
+        })
     }
 
     #[inline]
@@ -246,7 +255,7 @@ impl Material {
 
     /// The cell that holds a place; `None` if `wo` is outside the outgoing domain.
     #[inline]
-    fn cell_at(&self, entry: usize, place: Place<'_>) -> Result<Option<usize>, EvaluateError> {
+    pub(super) fn cell_at(&self, entry: usize, place: Place<'_>) -> Result<Option<usize>, EvaluateError> {
         let incoming = self.incoming_entry(place.wi)?;
         let outgoing = match self.outgoing(place.wi, place.wo)? {
             None => Some(0),
@@ -256,14 +265,15 @@ impl Material {
         Ok(outgoing.map(|outgoing| (entry * n_in + incoming) * n_out + outgoing))
     }
 
-    /// Where the smooth row of a place stands; `None` if `wo` is outside the outgoing domain.
+    /// Writes where the smooth row of a place stands; whether it does, as nothing is outside the outgoing domain.
     #[inline]
-    pub(super) fn lookup(
+    pub(super) fn look_up_smooth(
         &self,
         smooth: &Smooth,
         entry: usize,
         place: Place<'_>,
-    ) -> Result<Option<Lookup>, EvaluateError> {
+        found: &mut Lookup,
+    ) -> Result<bool, EvaluateError> {
         if place.wi.is_some() != self.has_incoming() {
             return self.refuse_incoming(place.wi);
         }
@@ -271,9 +281,13 @@ impl Material {
         let Some(around) = smooth.around(wi).filter(|_| !(self.is_isotropic() && wi[2] < 0.0)) else {
             return self.refuse_incoming(place.wi);
         };
-        let Some((lookup, wo)) = self.outgoing(place.wi, place.wo)? else { return Ok(None) };
+        let Some((lookup, wo)) = self.outgoing(place.wi, place.wo)? else { return Ok(false) };
         let wo = wo.xyz();
-        Ok(lookup.holds(wo).then(|| smooth.lookup(entry, &around, wi, wo)))
+        let holds = lookup.holds(wo);
+        if holds {
+            smooth.look_up(entry, &around, wi, wo, found);
+        }
+        Ok(holds)
     }
 
     /// One sample of the sum of rows; NaN if all its cells are masked.
@@ -355,32 +369,34 @@ fn known_sum(weights: &[f32], value: &dyn Fn(usize) -> f32) -> f32 {
     if weight > 0.0 { sum * all / weight } else { 0.0 }
 }
 
-/// Up to half of [`LANES`] wavelengths of a row of planes: the samples below and above each are expanded together.
+/// Up to [`FEW`] wavelengths of a row of planes.
 #[inline]
 fn few(
     planes: &Planes,
-    mixed: &Mixed,
+    (row, presence): (&[f32], f32),
     (grid, beyond): (&WavelengthGrid, Beyond),
     wavelengths: &[f64],
     out: &mut [f32],
 ) {
-    let mut around = [0; LANES];
-    let (mut shares, mut within) = ([0.0; LANES / 2], [false; LANES / 2]);
-    let last = grid.len() - 1;
-    for (i, &lambda) in wavelengths.iter().enumerate() {
-        let found = grid.locate(lambda);
-        within[i] = found.is_some();
-        let (below, t) = found.unwrap_or((if lambda < grid.at(0) { 0 } else { last }, 0.0));
-        (around[2 * i], around[2 * i + 1], shares[i]) = (below, (below + 1).min(last), t as f32);
+    let (first, last) = grid.range();
+    let mut positions = [0.0; FEW];
+    let mut within = true;
+    for (position, &lambda) in positions.iter_mut().zip(wavelengths) {
+        *position = grid.position(lambda);
+        within &= (lambda >= first) & (lambda <= last);
     }
-    let samples = planes.few(&mixed.row[..planes.count], mixed.presence, &around[..2 * wavelengths.len()]);
-    for (i, (value, &lambda)) in out.iter_mut().zip(wavelengths).enumerate() {
-        *value = match beyond {
-            _ if within[i] => samples[2 * i] + shares[i] * (samples[2 * i + 1] - samples[2 * i]),
-            Beyond::Nearest if !lambda.is_nan() => samples[2 * i],
-            Beyond::Zero => 0.0,
-            _ => f32::NAN,
-        };
+    let samples = planes.few(row, presence, &positions[..wavelengths.len().min(FEW)]);
+    for (value, sample) in out.iter_mut().zip(samples) {
+        *value = sample;
+    }
+    if !within {
+        for (value, &lambda) in out.iter_mut().zip(wavelengths).filter(|(_, l)| !(**l >= first && **l <= last)) {
+            *value = match beyond {
+                Beyond::Nearest if !lambda.is_nan() => *value,
+                Beyond::Zero => 0.0,
+                _ => f32::NAN,
+            };
+        }
     }
 }
 

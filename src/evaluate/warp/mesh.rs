@@ -18,6 +18,7 @@
 //! ```
 
 use super::Measure;
+use crate::domain::limits::MAX_LEVEL;
 use crate::domain::vector::{Vector, cross, dot};
 use crate::domain::{Direction, Domain, TriangleMesh};
 use crate::evaluate::lookup::{MeshLookup, octant};
@@ -47,6 +48,9 @@ pub(super) const FLIPS: [[[f64; 2]; 2]; 4] = [[ALONG, AGAINST], [ALONG, ALONG], 
 const ALONG: [f64; 2] = [0.0, 1.0];
 const AGAINST: [f64; 2] = [1.0 - f64::EPSILON / 2.0, -1.0];
 
+/// The most levels.
+const LEVELS: usize = MAX_LEVEL as usize + 1;
+
 /// The cosine and sine that turn octant 0 into octant q (of 4) about z.
 const TURNS: [[f64; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]];
 
@@ -69,6 +73,9 @@ pub struct WarpMesh {
     leaves: Vec<Leaf>,
     /// For each triangle, level by level: 2 · its square + 1 if it is the upper half.
     places: Vec<u32>,
+    /// Where each level starts in `places`, and in a tree, counted in single numbers.
+    firsts: [usize; LEVELS],
+    starts: [usize; LEVELS],
     /// For each place of the last level: the leaf · 8 + the number of its frame.
     framed: Vec<u32>,
     /// The vertex numbers of the squares of leaves: (0,0), (0,1), (1,0), (1,1).
@@ -92,7 +99,7 @@ impl WarpMesh {
     pub(in crate::evaluate) fn over(lookup: Arc<MeshLookup>, measure: Measure) -> Self {
         let mesh = lookup.mesh();
         let count = 1_usize << (2 * u32::from(mesh.level()));
-        let leaves: Vec<Leaf> = octant(Domain::Hemisphere, mesh.level()).map(Leaf::new).collect();
+        let leaves: Vec<Leaf> = octant(mesh.level()).map(Leaf::new).collect();
         let (places, framed) = places(mesh);
         let vertex = |place: usize, corner: usize| {
             let (leaf, frame) = unframed(framed[place]);
@@ -119,8 +126,22 @@ impl WarpMesh {
         let cosine =
             |point: &Direction| if measure == Measure::Projected { point.cos_theta().abs() as f32 } else { 1.0 };
         let cosines = points.iter().map(cosine).collect();
-        let mut this =
-            Self { mesh, measure, lookup, leaves, places, framed, quads, points, measures: vec![], cosines, exact };
+        let mut this = Self {
+            mesh,
+            measure,
+            lookup,
+            leaves,
+            places,
+            firsts: std::array::from_fn(|level| mesh.bases() * first(level as u8)),
+            starts: [0; LEVELS],
+            framed,
+            quads,
+            points,
+            measures: vec![],
+            cosines,
+            exact,
+        };
+        this.starts = std::array::from_fn(|level| 8 * this.group_of(level as u8, 0));
         let mut measures = vec![Group::default(); this.groups()];
         this.fill(&mut this.exact.clone(), &mut measures);
         this.measures = measures;
@@ -200,9 +221,10 @@ impl WarpMesh {
     }
 
     /// The entry of triangle `node` of `level` in a tree, counted in single numbers.
+    #[inline]
     pub(super) fn slot(&self, level: u8, node: usize) -> usize {
-        let place = self.place(level, node);
-        8 * self.group_of(level, place / 2) + place % 8
+        // Groups of a level stand together, in the order of their squares.
+        self.starts[usize::from(level)] + self.place(level, node)
     }
 
     /// The group that holds a square of `level` among its parent's quadrants.
@@ -211,8 +233,9 @@ impl WarpMesh {
     }
 
     /// 2 · the square of triangle `node` of `level`, + 1 for the upper half.
+    #[inline]
     pub(super) fn place(&self, level: u8, node: usize) -> usize {
-        self.places[self.mesh.bases() * first(level) + node] as usize
+        self.places[self.firsts[usize::from(level)] + node] as usize
     }
 
     /// The leaf at a place of the last level, and its frame.
@@ -253,10 +276,9 @@ impl WarpMesh {
 
     /// The leaf that holds `direction`, the barycentric coordinates of the planar point on its ray and the factor of
     /// [`WarpMesh::point`]; `None` outside the domain.
+    #[inline]
     pub(super) fn locate(&self, direction: Direction) -> Option<(usize, [f64; 3], f64)> {
-        let (leaf, [x, y, z]) = self.lookup.descend(direction.xyz())?;
-        // Leaves are stored for the upper octant.
-        let folded = [x, y, z.abs()];
+        let (leaf, folded) = self.lookup.descend(direction.xyz())?;
         let geometry = &self.leaves[leaf & (self.leaves.len() - 1)];
         let [d0, d1, d2] = geometry.duals;
         let (a, b, c) = (dot(d0, folded).max(0.0), dot(d1, folded).max(0.0), dot(d2, folded).max(0.0));

@@ -65,7 +65,7 @@ pub enum Measure {
 /// The density inside the last triangle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Density {
-    /// Constant on the planar triangle.
+    /// Constant on the planar triangle; goes with piecewise constant evaluation.
     Uniform,
     /// Linear on the planar triangle between the vertex values (f·cos; cos below a coarser end level); constant where the
     /// vertex values are all 0.
@@ -294,15 +294,19 @@ impl Warps {
     }
 
     /// The tree's warp.
-    fn draw(&self, cell: usize, mut u: [f64; 2], options: &SampleOptions) -> Drawn {
+    fn draw(&self, cell: usize, u: [f64; 2], options: &SampleOptions) -> Drawn {
         let end = self.end(options);
+        let mut left = u.map(Fraction::new);
         let (square, masses) = self.descend(cell, end, |level, weights| {
-            let quadrant = choose(weights, &mut u);
+            let quadrant = choose(weights, &mut left);
             if level == 0 {
-                u = flipped(quadrant, u);
+                left = flipped(quadrant, left);
+            } else if level % UNREDUCED == 0 {
+                left = left.map(Fraction::reduced);
             }
             quadrant
         });
+        let u = left.map(Fraction::value);
         let (point, linear) = match options.density {
             Density::Uniform => (Constant(masses).draw(u), None),
             Density::Linear => {
@@ -367,8 +371,8 @@ impl Warps {
                 start += width;
                 width *= 4;
             }
-            let [a, b, c, d, e, f, g, h] = group.map(f64::from);
-            quadrant = decide(level, [a + b, c + d, e + f, g + h]);
+            let [a, b, c, d, e, f, g, h] = *group;
+            quadrant = decide(level, [a + b, c + d, e + f, g + h].map(f64::from));
             square = 4 * square + quadrant;
         }
         let of =
@@ -446,26 +450,52 @@ impl Warps {
     }
 }
 
+/// Levels after which a fraction is reduced: its terms shrink with the masses of triangles, which are no less than 1e-45.
+const UNREDUCED: u8 = 3;
+
+/// A coordinate of the unit square as a fraction, so that a choice need not wait for a division.
+#[derive(Clone, Copy, Debug)]
+struct Fraction {
+    over: f64,
+    under: f64,
+}
+
+impl Fraction {
+    #[inline]
+    fn new(u: f64) -> Self {
+        Self { over: u, under: 1.0 }
+    }
+
+    #[inline]
+    fn value(self) -> f64 {
+        let value = self.over / self.under;
+        if value < BELOW_ONE { value } else { BELOW_ONE }
+    }
+
+    #[inline]
+    fn reduced(self) -> Self {
+        Self::new(self.value())
+    }
+
+    /// Whether it is beyond the `first` of two masses, never so if there is no second one; and what is left of it, stretched
+    /// over the mass in which it is.
+    #[inline]
+    fn split(self, first: f64, second: f64) -> (bool, Self) {
+        let (over, start) = (self.over * (first + second), first * self.under);
+        let beyond = (over >= start) & (second > 0.0);
+        let rest = select_unpredictable(beyond, over - start, over);
+        (beyond, Self { over: rest, under: select_unpredictable(beyond, second, first) * self.under })
+    }
+}
+
 /// Chooses a quadrant, the half a by the first coordinate and the half b by the second, and stretches both over the choice.
 /// Never chooses one without weight.
 #[inline]
-fn choose([w0, w1, w2, w3]: [f64; 4], u: &mut [f64; 2]) -> usize {
-    let (left, right) = (w0 + w1, w2 + w3);
-    let x = u[0] * (left + right);
-    // Both answers to b at once: neither choice can be predicted, and a branch or a wait costs more.
-    let (y0, y1) = (u[1] * left, u[1] * right);
-    let a = x >= left && right > 0.0;
-    let b = select_unpredictable(a, y1 >= w2 && w3 > 0.0, y0 >= w0 && w1 > 0.0);
-    let (low, high) = (select_unpredictable(a, w2, w0), select_unpredictable(a, w3, w1));
-    *u = [stretched(a, x, left, right), stretched(b, select_unpredictable(a, y1, y0), low, high)];
+fn choose([w0, w1, w2, w3]: [f64; 4], u: &mut [Fraction; 2]) -> usize {
+    let (a, first) = u[0].split(w0 + w1, w2 + w3);
+    let (b, second) = u[1].split(select_unpredictable(a, w2, w0), select_unpredictable(a, w3, w1));
+    *u = [first, second];
     2 * usize::from(a) + usize::from(b)
-}
-
-/// What is left of a choice: the part of the `second` mass if it fell `beyond` the `first`, else of the first.
-#[inline]
-fn stretched(beyond: bool, x: f64, first: f64, second: f64) -> f64 {
-    let rest = select_unpredictable(beyond, x - first, x) / select_unpredictable(beyond, second, first);
-    if rest < BELOW_ONE { rest } else { BELOW_ONE }
 }
 
 /// Where [`choose`] takes a quadrant from: start and length in both coordinates.
@@ -482,14 +512,19 @@ fn interval([w0, w1, w2, w3]: [f64; 4], quadrant: usize) -> ([f64; 2], [f64; 2])
 
 /// `u` in the square of level 0, which may run the other way.
 #[inline]
-fn flipped(square: usize, u: [f64; 2]) -> [f64; 2] {
-    let [[a, da], [b, db]] = FLIPS[square];
-    [a + da * u[0], b + db * u[1]]
+fn flipped(square: usize, u: [Fraction; 2]) -> [Fraction; 2] {
+    [0, 1].map(|k| {
+        let [start, direction] = FLIPS[square][k];
+        Fraction { over: start * u[k].under + direction * u[k].over, ..u[k] }
+    })
 }
 
 /// Coordinates at least [`MARGIN`] from the edges.
 #[inline]
 fn inward([a, b, c]: [f64; 3]) -> [f64; 3] {
+    if a.min(b).min(c) >= MARGIN {
+        return [a, b, c];
+    }
     let (a, b, c) = (a.max(MARGIN), b.max(MARGIN), c.max(MARGIN));
     let scale = 1.0 / (a + b + c);
     [a * scale, b * scale, c * scale]
