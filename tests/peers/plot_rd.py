@@ -29,7 +29,8 @@ TITLES = {
 }
 OURS = "#0b62a8"
 PAPER = {"conventional": "#d9a441", "generic": "#b07a10", "adaptive": "#7a5200"}
-PEERS = ["#c2410c", "#0f8a5f", "#7c3aed", "#be185d", "#4d7c0f", "#0891b2", "#64748b", "#a16207"]
+PEERS = ["#c2410c", "#0f8a5f", "#7c3aed", "#be185d", "#84a816", "#0891b2", "#64748b", "#1e293b", "#f08080", "#38bdf8", "#a78bfa"]
+ARRAYS = ["brdf_gloss", "brdf_aniso", "brushed_copper_1pct", "aerolamp_floor", "carpaint_red_floor", "carpaint_blue_floor"]
 LOW, HIGH = 0.3, 40.0
 WIDTH, HEIGHT, GAP, LEFT, TOP = 400, 270, 44, 70, 50
 
@@ -66,7 +67,9 @@ def close(points, others):
 
 
 def inside(points):
-    return sorted((b, e) for b, e in points if LOW <= e <= HIGH)
+    """Points on the plot, without those that another one beats in bytes and error."""
+    points = {(b, e) for b, e in points if LOW <= e <= HIGH}
+    return sorted(one for one in points if not any(b <= one[0] and e <= one[1] and (b, e) != one for b, e in points))
 
 
 def panel(draw, x0, y0, title, lines):
@@ -94,17 +97,12 @@ def panel(draw, x0, y0, title, lines):
     draw.text(x0 + 8, y0 - 7, title, 13, bold=True)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("csv", nargs="+")
-    parser.add_argument("-o", required=True, dest="out")
-    parser.add_argument("--arrays", default="brdf_gloss,brdf_aniso,aerolamp,carpaint_blue_floor")
-    parser.add_argument("--each", type=int, default=2)
-    options = parser.parse_args()
-    found, panels, colours, apart = read(options.csv), [], {"wavelume": OURS, **PAPER}, []
-    for array in options.arrays.split(","):
+def draw(paths, out, arrays=None, each=2):
+    """The plot of these CSVs, one panel an array, into an SVG."""
+    found, panels, colours, apart = read(paths), [], {"wavelume": OURS, **PAPER}, []
+    for array in arrays or ARRAYS:
         peers = found.get(array, {})
-        names = [*best(peers, "packaged", options.each), *best(peers, "recipe", options.each)]
+        names = [*best(peers, "packaged", each), *best(peers, "recipe", each)]
         names += [name for name in (*PAPER, "wavelume") if name in peers]
         if "generic" in names and not close(peers["conventional"][1], peers["generic"][1]):
             apart.append(array)
@@ -115,7 +113,7 @@ def main():
         if lines:
             panels.append((array, [(name, colours[name], name in PAPER, points) for name, points in lines]))
         else:
-            print(f"{array}: nothing in {', '.join(options.csv)}", file=sys.stderr)
+            print(f"{array}: nothing in {', '.join(paths)}", file=sys.stderr)
     if not panels:
         sys.exit("nothing to draw")
     columns = min(2, len(panels))
@@ -128,20 +126,30 @@ def main():
         words["generic"] = "paper, conventional and generic"
     legend = -(-len(shown) // (2 * columns))
     bottom = TOP + rows * (HEIGHT + 56)
-    draw = Drawing(wide, bottom + 26 + 20 * legend)
-    draw.text(LEFT, 22, "Error of the decoded file against its size", 15, bold=True)
+    page = Drawing(wide, bottom + 26 + 20 * legend)
+    page.text(LEFT, 22, "Error of the decoded file against its size", 15, bold=True)
     for i, (array, lines) in enumerate(panels):
         x0, y0 = LEFT + (i % columns) * (WIDTH + GAP), TOP + 12 + (i // columns) * (HEIGHT + 56)
-        panel(draw, x0, y0, TITLES.get(array, array), lines)
-    draw.text(LEFT + (wide - LEFT) / 2, bottom + 4, "bytes of the file, logarithmic", anchor="middle", colour=GREY)
-    draw.text(20, TOP + (bottom - TOP) / 2, "er(L2), %, logarithmic", anchor="middle", colour=GREY, turned=True)
+        panel(page, x0, y0, TITLES.get(array, array), lines)
+    page.text(LEFT + (wide - LEFT) / 2, bottom + 4, "bytes of the file, logarithmic", anchor="middle", colour=GREY)
+    page.text(20, TOP + (bottom - TOP) / 2, "er(L2), %, logarithmic", anchor="middle", colour=GREY, turned=True)
     for i, name in enumerate(shown):
         x0, y0 = LEFT + (i % (2 * columns)) * 215, bottom + 26 + 20 * (i // (2 * columns))
-        draw.path([(x0, y0), (x0 + 36, y0)], colours[name], name in PAPER)
-        draw.dot(x0 + 18, y0, colours[name], hollow=name != "wavelume")
-        draw.text(x0 + 44, y0 + 4, words.get(name, name))
-    with open(options.out, "w") as file:
-        file.write("\n".join([*draw.parts, "</svg>", ""]))
+        page.path([(x0, y0), (x0 + 36, y0)], colours[name], name in PAPER)
+        page.dot(x0 + 18, y0, colours[name], hollow=name != "wavelume")
+        page.text(x0 + 44, y0 + 4, words.get(name, name))
+    with open(out, "w") as file:
+        file.write("\n".join([*page.parts, "</svg>", ""]))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("csv", nargs="+")
+    parser.add_argument("-o", required=True, dest="out")
+    parser.add_argument("--arrays", default=",".join(ARRAYS))
+    parser.add_argument("--each", type=int, default=2)
+    options = parser.parse_args()
+    draw(options.csv, options.out, options.arrays.split(","), options.each)
 
 
 if __name__ == "__main__":

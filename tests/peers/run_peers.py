@@ -3,6 +3,7 @@
 
 Usage: run_peers.py --binary target/release/wavelume --out DIR [--arrays NAME,...] [--targets 1,2,5]
        run_peers.py --binary … --out DIR --stored       # the peers from results/, wavelume measured now
+       run_peers.py --binary … --out DIR --policies --publish [--stored]  # README's table, docs/peers.md and the plot too
        run_peers.py --binary … --out DIR --figures      # wavelume against the goals alone
        run_peers.py --list                              # the arrays
 
@@ -15,7 +16,8 @@ Each peer runs on the array as it is and on the triangles' rhombic grids (`grid`
 knob is searched for the smallest file with an error within the target, from the loosest target on; the best of these is its
 entry, and what is 1.5 times larger is not followed further. The search is bounded by a number of encodings, so the same
 arrays give the same results; arrays above 10 MB get the grid, the logarithm, fewer encodings, and no slow peers. Whatever
-did not run is listed with its reason.
+did not run is listed with its reason. The noise of each array, and the least bytes that any coder spends on it, are as
+rate_bound.py says.
 """
 
 import argparse
@@ -38,23 +40,18 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, HERE)
 import gen  # noqa: E402
 import others  # noqa: E402
+import plot_rd  # noqa: E402
+import rate_bound  # noqa: E402
+import tables  # noqa: E402
+from tables import smallest  # noqa: E402
 
 ROOT = gen.ROOT
 LARGE = 10e6
 HOPELESS = 1.5
 FIELDS = """array samples digest target group peer setting bytes er_l1 er_l2 max_relative encode_mb_s decode_mb_s
-seconds note""".split()
+seconds note noise bound_bytes over_bound""".split()
 FLOOR = 1e-3
-PLOTTED = [
-    "brdf_gloss",
-    "brdf_aniso",
-    "aerolamp",
-    "aerolamp_floor",
-    "carpaint_red",
-    "carpaint_red_floor",
-    "carpaint_blue_floor",
-]
-RATIOS = [4, 8, 16, 32, 64, 128, 256, 512]
+RATIOS = [4, 8, 16, 32, 64, 128, 256, 512]  # of the paper's policies; 32 times as much for arrays above 10 MB
 
 # ---- the arrays: name -> (files to project) ; the synthetic ones are gen.ARRAYS
 MEASURED = {
@@ -83,9 +80,9 @@ GOALS = {
     "phase_murky": {0.1: 128},
 }
 POINTWISE_GOALS = {"brdf_gloss": {2: 1664}}
-# Measurements have no goal in bytes: 1.5 times below the best peer where the target lies above the noise, never above it.
-AGAINST_PEERS = {"aerolamp": 0.0, "carpaint_red": 6.0}  # the estimated noise, %
-MARGIN = 1.5
+# Measurements have no goal in bytes, but one against the best peer: so many times smaller, above and below the noise.
+AGAINST_PEERS = [*(name + end for name in MEASURED for end in ("", "_floor")), *NOISY_VIRTUAL]
+MARGIN, MARGIN_BELOW = tables.MARGIN, tables.MARGIN_BELOW
 SECONDS_GOAL = 1.5
 
 
@@ -161,6 +158,11 @@ class Truth:
         clean = np.where(self.values > 0, self.values, np.float32(0))  # what peers get; NaN becomes 0
         self.for_peers = {"linear": clean, "log": np.log(np.maximum(clean, np.float32(self.wanted.min())))}
         self.rms = float(np.sqrt((clean.astype(np.float64) ** 2).mean()))
+        self.noise = None  # as wavelume estimates it; nothing without the program
+
+    def listen(self, binary):
+        floor = FLOOR if self.name.endswith("_floor") else 0.0
+        self.noise = rate_bound.estimate(binary, self.path, self.values, floor)
 
     def errors(self, found):
         """er(L1), er(L2) and the largest relative error, as fractions."""
@@ -326,7 +328,8 @@ def run_wavelume(truth, options, target, promise, setting, extra=()):
     done = subprocess.run(command, capture_output=True, text=True)
     seconds, encode = time.perf_counter() - start, processor() - busy
     if done.returncode != 0:
-        return truth.row(target, "wavelume", "wavelume", setting, note=f"failed: {done.stderr.strip()}")
+        why = done.stderr.strip().replace(truth.path, os.path.basename(truth.path))
+        return truth.row(target, "wavelume", "wavelume", setting, note=f"failed: {why}")
     busy = processor()
     done = subprocess.run([options.binary, "decode", material, "-o", decoded], capture_output=True, text=True)
     decode = processor() - busy
@@ -338,12 +341,16 @@ def run_wavelume(truth, options, target, promise, setting, extra=()):
         note = f"missed: er(L2) {100 * er_l2:.4g} %"
     if promise[0] == "--max-relative-error" and largest > float(promise[1]) * (1 + 1e-6):
         note = f"missed: largest relative error {100 * largest:.4g} %"
-    size = os.path.getsize(material)
+    size, bound = os.path.getsize(material), {}
+    if truth.noise and promise[0] == "--er-l2":
+        least = truth.noise.bound(target / 100)
+        bound = {"noise": truth.noise.relative, "bound_bytes": math.ceil(least), "over_bound": size / least if least else ""}
     for made in (material, decoded, decoded[:-4] + ".axes.json"):
         os.remove(made)
     return truth.row(
         target, "wavelume", "wavelume", setting, bytes=size, er_l1=er_l1, er_l2=er_l2, max_relative=largest, note=note,
         encode_mb_s=truth.megabytes / encode, decode_mb_s=truth.megabytes / decode, seconds=seconds,
+        **bound,
     )  # fmt: skip
 
 
@@ -351,6 +358,7 @@ def run_policies(truth, options):
     """The paper's policies at fixed ratios, for the plot."""
     for policy in ("conventional", "generic", "adaptive"):
         for ratio in RATIOS:
+            ratio *= 32 if truth.large else 1
             extra = ["--policy", policy, "--basis", "bior4.4"]
             row = run_wavelume(truth, options, 0, ["--ratio", str(ratio)], f"ratio {ratio}", extra)
             yield {**row, "peer": policy, "group": "paper"}
@@ -392,80 +400,24 @@ def stored_rows():
     return [row for path in dated[-1:] + elsewhere[-1:] for row in read_csv(path)]
 
 
-def smallest(rows, name, target, group=None):
-    """(bytes, peer) of the smallest entry of an array at a target, without wavelume's own; or nothing."""
-    groups = (group,) if group else ("packaged", "recipe")
-    fits = [row for row in rows if row["array"] == name and float(row["target"]) == target and row["group"] in groups]
-    return min(((int(row["bytes"]), row["peer"]) for row in fits if row["bytes"] != ""), default=None)
-
-
-def sorted_by(rows, groups):
-    return [row for group in groups for row in rows if row["group"] == group]
-
-
-def markdown(rows, targets):
-    """Wavelume beside the best peer of each group; then every peer; then what did not run."""
-    out = ["| array | er(L2) | best packaged peer | best recipe | wavelume | best peer / wavelume | seconds |"]
-    out.append("|---|--:|--:|--:|--:|--:|--:|")
-    names = list(dict.fromkeys(row["array"] for row in rows))
-    at = lambda name, target: [row for row in rows if row["array"] == name and float(row["target"]) == target]
-    for name in names:
-        for target in targets:
-            cells, every = [], []
-            for group in ("packaged", "recipe"):
-                best = smallest(rows, name, target, group)
-                every += [best[0]] if best else []
-                cells.append(f"{best[0]:,} {best[1]}" if best else "–")
-            ours = [row for row in at(name, target) if row["group"] == "wavelume"]
-            if not every and not ours:
-                continue
-            if not ours:
-                cells += ["–", "–", "–"]
-            elif ours[0]["bytes"] == "" or ours[0]["note"]:
-                cells += [f"**{ours[0]['note']}**", "–", "–"]
-            else:
-                size = int(ours[0]["bytes"])
-                cells += [f"{size:,}", f"{min(every) / size:.2f}" if every else "–", f"{float(ours[0]['seconds']):.2f}"]
-            out.append(f"| {name} | {target:g} % | " + " | ".join(cells) + " |")
-    columns = ("packaged", "recipe", "wavelume")
-    peers = list(dict.fromkeys(row["peer"] for row in sorted_by(rows, columns) if row["bytes"] != ""))
-    for target in targets:
-        out += ["", f"Bytes at er(L2) {target:g} %:", ""]
-        out += ["| array | " + " | ".join(peers) + " |", "|---|" + "--:|" * len(peers)]
-        for name in names:
-            found = {row["peer"]: row for row in at(name, target) if row["bytes"] != ""}
-            if found:
-                cells = [f"{int(found[peer]['bytes']):,}" if peer in found else "–" for peer in peers]
-                out.append(f"| {name} | " + " | ".join(cells) + " |")
-    silent = {}
-    for row in rows:
-        if row["note"] and row["bytes"] == "":
-            where = row["array"] + (f" at {row['target']} %" if row["target"] != "0" else "")
-            silent.setdefault((row["peer"], row["note"]), []).append(where)
-    if silent:
-        out += ["", "Not run, or not reached:", ""]
-        out += [f"* {peer}, {note}: {', '.join(dict.fromkeys(where))}" for (peer, note), where in silent.items()]
-    return "\n".join(out) + "\n"
-
-
 # ---- the goals
 
 
-def goals_of(name, stored):
+def goals_of(name, stored, noise):
     """(promise, target in %, goal in bytes or nothing, where it is from) of an array."""
     for target, goal in GOALS.get(name, {}).items():
         yield "--er-l2", target, goal, "goal"
     for target, goal in POINTWISE_GOALS.get(name, {}).items():
         yield "--max-relative-error", target, goal, "goal"
     if name in AGAINST_PEERS:
-        for target in (0.5, 1.0, 2.0, 5.0):
+        for target in (1.0, 2.0, 5.0):
             best = smallest(stored, name, target)
+            margin = MARGIN_BELOW if target < noise else MARGIN
             if best is None:
                 yield "--er-l2", target, None, "no peer stored"
-            elif target > AGAINST_PEERS[name]:
-                yield "--er-l2", target, math.floor(best[0] / MARGIN), f"{best[1]} {best[0]:,} / {MARGIN:g}"
             else:
-                yield "--er-l2", target, best[0], f"{best[1]}, below the noise"
+                where = f", below the noise of {noise:.2g} %" if target < noise else ""
+                yield "--er-l2", target, math.floor(best[0] / margin), f"{best[1]} {best[0]:,} / {margin:g}{where}"
 
 
 def figures(options, names, rows):
@@ -474,15 +426,16 @@ def figures(options, names, rows):
     print("| array | bound | goal, bytes | from | ours, bytes | ours / goal | error, % | seconds | |")
     print("|---|--:|--:|---|--:|--:|--:|--:|---|")
     for name in names:
-        goals = list(goals_of(name, stored))
-        if not goals:
+        if name not in (*GOALS, *POINTWISE_GOALS, *AGAINST_PEERS):
             continue
         try:
             truth = Truth(name, make(name, options))
         except Refused as why:
             print(f"| {name} | | | | | | | | {why} |")
-            cells += len(goals)
+            cells += len(list(goals_of(name, stored, 0.0)))
             continue
+        truth.listen(options.binary)
+        goals = list(goals_of(name, stored, 100 * truth.noise.relative))
         for option, target, goal, origin in goals:
             row = run_wavelume(truth, options, target, [option, repr(target / 100)], "", options.extra)
             rows.append({**row, "setting": option})
@@ -524,6 +477,7 @@ def arguments():
     parser.add_argument("--measurements", help="one more directory with measured files")
     parser.add_argument("--stored", action="store_true", help="take the peers' results from results/")
     parser.add_argument("--policies", action="store_true", help="also the paper's policies, on the arrays that are plotted")
+    parser.add_argument("--publish", action="store_true", help="write README's table, docs/peers.md and the plot")
     parser.add_argument("--figures", action="store_true", help="wavelume against the goals; exit code 1 if one is missed")
     parser.add_argument("--extra", default="", help="more options for `wavelume compress`, in one string")
     parser.add_argument("--list", action="store_true", help="the names of the arrays")
@@ -575,22 +529,26 @@ def main():
             print("  the stored results are of an array with other bits", file=sys.stderr)
         rows += run_peers(truth, targets, peers, missing, sys.stderr)
         if options.binary:
+            truth.listen(options.binary)
             for target in targets:
                 promise, setting = ["--er-l2", repr(target / 100)], " ".join(options.extra)
                 rows.append(run_wavelume(truth, options, target, promise, setting, options.extra))
                 missed |= bool(rows[-1]["note"])
             write_csv(os.path.join(options.out, "peers.csv"), rows)
-            if options.policies and name in PLOTTED:
+            if options.policies and name in plot_rd.ARRAYS:
                 rows += run_policies(truth, options)
         print(f"  {time.perf_counter() - start:.1f} s", file=sys.stderr)
         write_csv(os.path.join(options.out, "peers.csv"), rows)
     write_csv(os.path.join(options.out, "peers.csv"), rows)
-    table = markdown(rows, sorted(every))
+    table = tables.markdown(rows, sorted(every))
     if peers:
         table += f"\nPackages: {', '.join(versions())}.\n"
     with open(os.path.join(options.out, "peers.md"), "w") as file:
         file.write(table)
     print(table)
+    if options.publish:
+        tables.publish(ROOT, rows, table, AGAINST_PEERS)
+        plot_rd.draw([os.path.join(options.out, "peers.csv")], os.path.join(ROOT, "docs", "rate-distortion.svg"))
     sys.exit(1 if missed else 0)
 
 
