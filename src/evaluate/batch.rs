@@ -3,6 +3,7 @@
 //! A block of places is first located, then gathered, then expanded: the gathers of different places do not wait for one
 //! another, which hides most of the memory's latency where a material is larger than the caches.
 
+use super::located::OUTSIDE;
 use super::material::Form;
 use super::planes::Planes;
 use super::smooth::{Lookup, Mixed, Smooth};
@@ -34,7 +35,7 @@ impl<'a> Directions<'a> {
     }
 
     #[inline]
-    fn at(&self, i: usize) -> Result<Direction, EvaluateError> {
+    pub(super) fn at(&self, i: usize) -> Result<Direction, EvaluateError> {
         let [x, y, z] = [self.x[i], self.y[i], self.z[i]];
         Direction::new(f64::from(x), f64::from(y), f64::from(z)).map_or_else(
             || unfit(format!("direction {i} is ({x}, {y}, {z}), expected finite coordinates that are not all 0")),
@@ -46,7 +47,7 @@ impl<'a> Directions<'a> {
         Directions { x: &self.x[from..to], y: &self.y[from..to], z: &self.z[from..to] }
     }
 
-    fn check(&self, name: &str, count: usize) -> Result<(), EvaluateError> {
+    pub(super) fn check(&self, name: &str, count: usize) -> Result<(), EvaluateError> {
         if [self.x.len(), self.y.len(), self.z.len()] != [count; 3] {
             return unfit(format!(
                 "{name} has {}, {} and {} coordinates, expected {count} of each",
@@ -77,7 +78,11 @@ impl<'a> Pairs<'a> {
         Ok(Place { index: self.index, wi: at(self.wi)?, wo: at(self.wo)? })
     }
 
-    fn part(&self, from: usize, to: usize) -> Self {
+    pub(super) fn wi_at(&self, i: usize) -> Result<Option<Direction>, EvaluateError> {
+        self.wi.map(|directions| directions.at(i)).transpose()
+    }
+
+    pub(super) fn part(&self, from: usize, to: usize) -> Self {
         let part = |directions: Option<Directions<'a>>| directions.map(|directions| directions.part(from, to));
         Self { index: self.index, wi: part(self.wi), wo: part(self.wo) }
     }
@@ -109,23 +114,27 @@ impl Material {
         mut work: impl FnMut(usize, &[Mixed]),
     ) -> Result<(), EvaluateError> {
         let entry = self.entry(pairs.index)?;
-        let mut cells = [None; BLOCK];
+        let [n_in, n_out, _] = self.shape;
+        let (mut incoming, mut outgoing) = ([0; BLOCK], [0; BLOCK]);
         let (mut found, mut is_there) = ([Lookup::NOWHERE; BLOCK], [false; BLOCK]);
         let mut mixed = [Mixed::NOTHING; BLOCK];
         for start in (0..count).step_by(BLOCK) {
             let length = BLOCK.min(count - start);
+            let part = pairs.part(start, start + length);
+            let (incoming, outgoing) = (&mut incoming[..length], &mut outgoing[..length]);
+            self.incoming_entries(part, incoming)?;
             match how {
                 Interpolation::Constant => {
-                    for (i, cell) in cells[..length].iter_mut().enumerate() {
-                        *cell = self.cell_at(entry, pairs.place(start + i)?)?;
-                    }
-                    for (mixed, cell) in mixed[..length].iter_mut().zip(cells) {
-                        *mixed = cell.map_or(Mixed::NOTHING, |cell| planes.mixed(cell));
+                    self.outgoing_entries(part, outgoing)?;
+                    for (mixed, (wi, wo)) in mixed.iter_mut().zip(incoming.iter().zip(&*outgoing)) {
+                        let cell = (entry * n_in + *wi as usize) * n_out + *wo as usize;
+                        *mixed = if *wo == OUTSIDE { Mixed::NOTHING } else { planes.mixed(cell) };
                     }
                 }
                 Interpolation::Smooth => {
                     for (i, (found, is_there)) in found[..length].iter_mut().zip(&mut is_there).enumerate() {
-                        *is_there = self.look_up_smooth(smooth, entry, pairs.place(start + i)?, found)?;
+                        let place = part.place(i)?;
+                        *is_there = self.look_up_smooth(smooth, (entry, Some(incoming[i] as usize)), place, found)?;
                     }
                     for (mixed, (found, is_there)) in mixed[..length].iter_mut().zip(found.iter().zip(is_there)) {
                         *mixed = if is_there { smooth.gather(found) } else { Mixed::NOTHING };

@@ -1,9 +1,10 @@
 //! A few wavelengths chosen once, as a renderer does for a path, and used for many places.
 
-use super::batch::BLOCK;
+use super::batch::{BLOCK, Directions};
 use super::material::Form;
 use super::planes::{Columns, FEW};
-use super::{Beyond, EvaluateError, Interpolation, Material, Pairs, Place, SampleOptions, unfit};
+use super::smooth::Mixed;
+use super::{Beyond, Density, EvaluateError, Interpolation, Material, Pairs, Place, SampleOptions, unfit};
 use crate::domain::Direction;
 
 /// Up to [`Chosen::MOST`] wavelengths of a material; made by [`Material::choose`].
@@ -27,6 +28,30 @@ pub struct ChosenSample {
     pub pdf: f64,
     /// f · |cos θo| / pdf at the chosen wavelengths, in their order.
     pub weights: [f32; Chosen::MOST],
+}
+
+/// Where drawn directions, their densities and weights go: one of each for every point, `weights` as
+/// `[point][wavelength]`. Where nothing is drawn all are 0.
+#[derive(Debug)]
+pub struct Drawings<'a> {
+    /// Towards the reference direction.
+    pub x: &'a mut [f32],
+    /// At a right angle to both.
+    pub y: &'a mut [f32],
+    /// Along the normal.
+    pub z: &'a mut [f32],
+    /// In sr⁻¹.
+    pub pdf: &'a mut [f32],
+    /// f · |cos θo| / pdf.
+    pub weights: &'a mut [f32],
+}
+
+impl Drawings<'_> {
+    #[inline]
+    fn write(&mut self, i: usize, drawn: Option<(Direction, f64)>) {
+        let ([x, y, z], pdf) = drawn.map_or(([0.0; 3], 0.0), |(wo, pdf)| (wo.xyz(), pdf));
+        (self.x[i], self.y[i], self.z[i], self.pdf[i]) = (x as f32, y as f32, z as f32, pdf as f32);
+    }
 }
 
 impl Material {
@@ -139,6 +164,79 @@ impl Chosen<'_> {
         let cosine = if self.material.quantity().has_cosine() { direction.cos_theta().abs() } else { 1.0 };
         let share = (cosine / pdf) as f32;
         Ok(Some(ChosenSample { direction, pdf, weights: values.map(|value| value * share) }))
+    }
+
+    /// [`Chosen::sample`] for each incoming direction `wi` (as many as there are points; `None` for quantities without) and
+    /// point u of the unit square, on the calling thread; no allocation. What is refused first ends it.
+    pub fn samples(
+        &self,
+        index: &[usize],
+        wi: Option<Directions<'_>>,
+        u: [&[f32]; 2],
+        options: impl Into<SampleOptions>,
+        mut out: Drawings<'_>,
+    ) -> Result<(), EvaluateError> {
+        let options = options.into();
+        let count = u[0].len();
+        let lengths = [u[1].len(), out.x.len(), out.y.len(), out.z.len(), out.pdf.len()];
+        if lengths != [count; 5] || out.weights.len() != count * self.count {
+            return unfit(format!(
+                "{count} and {} coordinates of points, room for {} directions and {} weights, expected as many of each and {} weights",
+                u[1].len(),
+                out.pdf.len(),
+                out.weights.len(),
+                count * self.count
+            ));
+        }
+        let pairs = Pairs { index, wi, wo: None };
+        wi.map_or(Ok(()), |wi| wi.check("wi", count))?;
+        let material = self.material;
+        let (Form::Planes { planes, .. }, Some(columns)) = (&material.form, &self.columns) else {
+            return self.sample_each(pairs, u, options, out);
+        };
+        if options.density == Density::Linear || material.is_isotropic() {
+            return self.sample_each(pairs, u, options, out);
+        }
+        let entry = material.sampled_entry(index, options)?;
+        let cosine = |wo: Direction| if material.quantity().has_cosine() { wo.cos_theta().abs() } else { 1.0 };
+        let (mut incoming, mut rows) = ([0; BLOCK], [Mixed::NOTHING; BLOCK]);
+        let (mut values, mut shares) = ([[0.0; FEW]; BLOCK], [0.0; BLOCK]);
+        for start in (0..count).step_by(BLOCK) {
+            let length = BLOCK.min(count - start);
+            material.incoming_entries(pairs.part(start, start + length), &mut incoming[..length])?;
+            for i in 0..length {
+                let u = [f64::from(u[0][start + i]), f64::from(u[1][start + i])];
+                let drawn = material.draw_in(entry, incoming[i] as usize, u, options)?;
+                (rows[i], shares[i]) = drawn
+                    .map_or((Mixed::NOTHING, 0.0), |(wo, pdf, cell)| (planes.mixed(cell), (cosine(wo) / pdf) as f32));
+                out.write(start + i, drawn.map(|(wo, pdf, _)| (wo, pdf)));
+            }
+            planes.picked_all(&rows[..length], columns, &mut values);
+            for i in 0..length {
+                let values = self.held(values[i]);
+                for (weight, value) in out.weights[(start + i) * self.count..][..self.count].iter_mut().zip(values) {
+                    *weight = value * shares[i];
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn sample_each(
+        &self,
+        pairs: Pairs<'_>,
+        u: [&[f32]; 2],
+        options: SampleOptions,
+        mut out: Drawings<'_>,
+    ) -> Result<(), EvaluateError> {
+        for i in 0..u[0].len() {
+            let u = [f64::from(u[0][i]), f64::from(u[1][i])];
+            let drawn = self.sample(pairs.index, pairs.wi_at(i)?, u, options)?;
+            out.write(i, drawn.map(|drawn| (drawn.direction, drawn.pdf)));
+            let weights = drawn.map_or([0.0; FEW], |drawn| drawn.weights);
+            out.weights[i * self.count..][..self.count].copy_from_slice(&weights[..self.count]);
+        }
+        Ok(())
     }
 
     /// Values with what is outside the measured range as it was asked for.

@@ -74,13 +74,7 @@ impl Elements {
 
     /// The direction of every node.
     pub(super) fn directions(self) -> Vec<Vector> {
-        let side = 2 * self.patches;
-        let mut octant = Vec::with_capacity(self.octant as usize);
-        for p in 0..=side {
-            for q in 0..=side - p {
-                octant.push(direction([p, q, side - p - q].map(|k| f64::from(k) / f64::from(side))));
-            }
-        }
+        let octant = Lattice::new(2 * self.patches).points;
         (0..self.octants())
             .flat_map(|which| {
                 let down = self.domain == Domain::Lower || which >= 4;
@@ -168,15 +162,42 @@ pub(super) fn patch_of([x, y, z]: [f32; 3], n: f32) -> (u32, u32, bool) {
     (i.to_bits() - ROUND.to_bits(), j.to_bits() - ROUND.to_bits(), s + t <= 1.0)
 }
 
+/// As `patch_of` for four of them, and the number of the patch: row after row, each with two fewer than the one before,
+/// patches that point up and those that point down in turn. Numbers are exact in f32.
+#[inline]
+pub(super) fn slots_of_four([x, y, z]: [f32x4; 3], n: f32) -> [i32; 4] {
+    let (gx, gy, gz) = (arc_of_four(x), arc_of_four(y), arc_of_four(z));
+    let scale = f32x4::splat(n * WITHIN) / (gx + gy + gz);
+    let (u, v) = (gx * scale, gy * scale);
+    let (round, half) = (f32x4::splat(ROUND), f32x4::splat(0.5));
+    let (i, j) = ((u - half + round) - round, (v - half + round) - round);
+    let down = ((u - i) + (v - j)).simd_gt(f32x4::ONE).blend(f32x4::ONE, f32x4::ZERO);
+    (i * (f32x4::splat(2.0 * n) - i) + (j + j) + down).fast_trunc_int().to_array()
+}
+
 /// Keeps what rounding adds to barycentric coordinates from carrying a direction over the far edge of the octant.
 const WITHIN: f32 = 1.0 - 4e-7;
 /// Adding 1.5 · 2²³ rounds a small number to an integer, which is then in the low bits.
 const ROUND: f32 = 12_582_912.0;
 
-/// The corners of such a patch.
-pub(super) fn patch_corners((i, j, up): (u32, u32, bool), n: u32) -> [Vector; 3] {
-    let corners = if up { [(i, j), (i + 1, j), (i, j + 1)] } else { [(i + 1, j + 1), (i, j + 1), (i + 1, j)] };
-    corners.map(|(p, q)| direction([p, q, n - p - q].map(|k| f64::from(k) / f64::from(n))))
+/// The points of such a lattice.
+pub(super) struct Lattice {
+    n: u32,
+    points: Vec<Vector>,
+}
+
+impl Lattice {
+    pub(super) fn new(n: u32) -> Self {
+        let part = |k: u32| f64::from(k) / f64::from(n);
+        let points = (0..=n).flat_map(|p| (0..=n - p).map(move |q| [p, q, n - p - q])).map(|k| direction(k.map(part)));
+        Self { n, points: points.collect() }
+    }
+
+    /// The corners of a patch.
+    pub(super) fn corners(&self, (i, j, up): (u32, u32, bool)) -> [Vector; 3] {
+        let corners = if up { [(i, j), (i + 1, j), (i, j + 1)] } else { [(i + 1, j + 1), (i, j + 1), (i + 1, j)] };
+        corners.map(|(p, q)| self.points[(p * (2 * self.n + 3 - p) / 2 + q) as usize])
+    }
 }
 
 #[inline]
@@ -193,18 +214,15 @@ fn arc_of_four(x: f32x4) -> f32x4 {
 
 /// The direction of the first octant with these barycentric coordinates.
 fn direction(coordinates: Vector) -> Vector {
-    // The sum of squares grows with the sum of arcs, which is 1.57 on an edge and 1.90 in the centre.
-    let (mut below, mut above) = (1.5, 2.0);
-    let at = |sum: f64| coordinates.map(|a| inverse_arc(a * sum));
-    for _ in 0..50 {
-        let middle = f64::midpoint(below, above);
-        if at(middle).iter().map(|x| x * x).sum::<f64>() < 1.0 {
-            below = middle;
-        } else {
-            above = middle;
-        }
+    // The sum of squares is convex in the sum of arcs, which is 1.57 on an edge and 1.90 in the centre: Newton's steps from
+    // above fall to the root.
+    let mut sum = 2.0;
+    for _ in 0..8 {
+        let d = coordinates.map(|a| inverse_arc(a * sum));
+        let slope: f64 = d.iter().zip(coordinates).map(|(&x, a)| 2.0 * x * a / arc_slope(x)).sum();
+        sum -= (d.iter().map(|x| x * x).sum::<f64>() - 1.0) / slope;
     }
-    unit(at(f64::midpoint(below, above)))
+    unit(coordinates.map(|a| inverse_arc(a * sum)))
 }
 
 /// g is convex and at least x: Newton's steps from the right fall to the root.
@@ -212,9 +230,14 @@ fn inverse_arc(value: f64) -> f64 {
     let mut x = value;
     for _ in 0..7 {
         let xx = x * x;
-        x -= (x * (1.0 + xx * (0.15 + 0.42 * xx)) - value) / (1.0 + xx * (0.45 + 2.1 * xx));
+        x -= (x * (1.0 + xx * (0.15 + 0.42 * xx)) - value) / arc_slope(x);
     }
     x
+}
+
+fn arc_slope(x: f64) -> f64 {
+    let xx = x * x;
+    1.0 + xx * (0.45 + 2.1 * xx)
 }
 
 #[cfg(test)]

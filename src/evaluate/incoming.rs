@@ -206,6 +206,15 @@ impl Nodes {
         }
     }
 
+    /// The same where the entry of the axis that holds it is known already.
+    #[inline]
+    pub(super) fn around_in(&self, entry: usize, wi: Vector) -> Option<Around> {
+        match self {
+            Self::Triangles(triangles) => Some(triangles.around_in(entry, wi)),
+            _ => self.around(wi),
+        }
+    }
+
     pub(super) fn memory(&self) -> usize {
         match self {
             Self::One | Self::Same(_) => 0,
@@ -228,7 +237,13 @@ fn at_rim_of(beyond: &[[u32; 3]], i: usize) -> bool {
 impl Triangles {
     #[inline]
     fn around(&self, wi: Vector) -> Option<Around> {
-        let fan = &self.fans[self.lookup.locate_vector(wi)?];
+        Some(self.around_in(self.lookup.locate_vector(wi)?, wi))
+    }
+
+    /// The nodes around an incoming direction of any length in `cell`.
+    #[inline]
+    fn around_in(&self, cell: usize, wi: Vector) -> Around {
+        let fan = &self.fans[cell];
         let [x, y, z] = wi.map(|x| x as f32);
         // On which side of the six rays.
         let side = |k: usize| {
@@ -244,7 +259,7 @@ impl Triangles {
         let parts = sector.duals.map(|dual| (dual[0] * x + dual[1] * y + dual[2] * z).max(0.0));
         let sum = parts[0] + parts[1] + parts[2];
         let weights = if sum > 0.0 { parts.map(|part| part / sum) } else { [1.0, 0.0, 0.0] };
-        Some(Around { nodes: sector.nodes, weights, count: 3 })
+        Around { nodes: sector.nodes, weights, count: 3 }
     }
 }
 

@@ -1,6 +1,6 @@
 //! From a direction to the entries of an axis and their weights: tables of a mesh, without search or allocation.
 
-use super::elements::{patch_corners, patch_of};
+use super::elements::{Lattice, patch_of};
 use crate::domain::vector::{Vector, add, cross, dot, norm, sub, unit};
 use crate::domain::{Direction, Domain, TriangleMesh};
 use std::hint::select_unpredictable;
@@ -92,14 +92,14 @@ const FINEST: u32 = 256;
 impl Finder {
     fn new(mesh: TriangleMesh, cuts: &[Vector]) -> Self {
         let side = (FINER << mesh.level()).clamp(COARSEST, FINEST);
+        let lattice = Lattice::new(side);
         let mut places = Vec::with_capacity((side * side) as usize);
         for i in 0..side {
             for j in 0..side - i {
                 for up in [true, false] {
                     if up || i + j + 1 < side {
                         debug_assert_eq!(places.len(), slot(i, j, up, side));
-                        let corners = patch_corners((i, j, up), side);
-                        places.push(place(mesh.level(), cuts, corners));
+                        places.push(place(mesh.level(), cuts, lattice.corners((i, j, up))));
                     }
                 }
             }
@@ -109,9 +109,9 @@ impl Finder {
 
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "the first step of every query")]
-    fn place(&self, d: Vector) -> Place {
+    fn slot(&self, d: Vector) -> usize {
         let (i, j, up) = patch_of(d.map(|x| x as f32), self.side as f32);
-        self.places[slot(i, j, up, self.side)]
+        slot(i, j, up, self.side)
     }
 }
 
@@ -277,15 +277,30 @@ impl MeshLookup {
         let is_odd = left ^ back;
         let sides = [x.abs(), y.abs()];
         let folded = [sides[is_odd], sides[is_odd ^ 1], z.abs()];
-        let base = is_odd + 2 * back + self.below * down;
-        let place = self.finder.place(folded);
-        let leaf = if place.plane == Place::ANYWHERE.plane {
-            self.leaf(folded)
-        } else {
-            let beyond = dot(self.cuts[usize::from(place.plane)], folded) > 0.0;
-            usize::from(select_unpredictable(beyond, place.inside, place.outside))
-        };
-        Some((base * self.opposite.len() + leaf, folded))
+        let leaf = self.leaf_at(self.finder.slot(folded), folded);
+        Some((self.triangle(is_odd + 2 * back, down, leaf), folded))
+    }
+
+    /// The patches of the finder along a side of the octant.
+    pub(super) fn side(&self) -> u32 {
+        self.finder.side
+    }
+
+    /// The number of a leaf of the octant in one of the quadrants, above or below the horizon.
+    #[inline]
+    pub(super) fn triangle(&self, quadrant: usize, down: usize, leaf: usize) -> usize {
+        (quadrant + self.below * down) * self.opposite.len() + leaf
+    }
+
+    /// The leaf of the first octant that holds `folded`, of any length, which lies in a patch of the finder.
+    #[inline]
+    pub(super) fn leaf_at(&self, slot: usize, folded: Vector) -> usize {
+        let place = self.finder.places[slot];
+        if place.plane == Place::ANYWHERE.plane {
+            return self.leaf(folded);
+        }
+        let beyond = dot(self.cuts[usize::from(place.plane)], folded) > 0.0;
+        usize::from(select_unpredictable(beyond, place.inside, place.outside))
     }
 
     /// The leaf of the first octant that holds `folded`, from the top.

@@ -287,6 +287,11 @@ impl Material {
         index
     }
 
+    /// The triangles of the incoming axis, if it is of triangles.
+    pub(super) fn incoming_mesh(&self) -> Option<&MeshLookup> {
+        if let Incoming::Triangles(lookup) = &self.incoming { Some(lookup) } else { None }
+    }
+
     /// The entry of the incoming axis for `wi` in the piecewise constant sense; 0 where there is no such axis.
     #[inline]
     pub(super) fn incoming_entry(&self, wi: Option<Direction>) -> Result<usize, EvaluateError> {

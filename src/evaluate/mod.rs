@@ -29,6 +29,7 @@ mod chosen;
 mod elements;
 mod incoming;
 mod kernel;
+mod located;
 mod lookup;
 mod material;
 pub mod physics;
@@ -41,7 +42,7 @@ pub mod warp;
 
 pub use albedo::Side;
 pub use batch::{Directions, Pairs};
-pub use chosen::{Chosen, ChosenSample};
+pub use chosen::{Chosen, ChosenSample, Drawings};
 pub use incoming::Alignment;
 pub use material::{Material, OpenedReport};
 pub use sampling::WavelengthSampler;

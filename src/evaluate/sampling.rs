@@ -8,7 +8,9 @@
 //! density, which goes with the smooth form, are carried along, and their density with them; a uniform one goes with the
 //! piecewise constant form, which does not move within a cell.
 
+use super::batch::{BLOCK, Pairs};
 use super::incoming::{Alignment, Carrier};
+use super::located::OUTSIDE;
 use super::lookup::MeshLookup;
 use super::material::{Form, turned};
 use super::warp::{BELOW_ONE, Density, Measure, SampleOptions, WarpMesh, Warps};
@@ -207,6 +209,45 @@ impl Material {
         options: impl Into<SampleOptions>,
     ) -> Result<Option<(Direction, f64)>, EvaluateError> {
         self.draw_by(self.mean_trees()?, index, wi, u, options.into())
+    }
+
+    /// [`Material::pdf`] at `pairs` into `out`, on the calling thread; no allocation. The first pair that is refused ends it.
+    pub fn pdfs(
+        &self,
+        pairs: Pairs<'_>,
+        options: impl Into<SampleOptions>,
+        out: &mut [f32],
+    ) -> Result<(), EvaluateError> {
+        let options = options.into();
+        let count = pairs.check(out.len(), 1)?;
+        let trees = self.mean_trees()?;
+        let entry = self.sampled_entry(pairs.index, options)?;
+        if !(options == SampleOptions { density: Density::Uniform, ..SampleOptions::default() }) || self.is_isotropic()
+        {
+            return out.iter_mut().enumerate().try_for_each(|(i, out)| {
+                let Place { index, wi, wo } = pairs.place(i)?;
+                let Some(wo) = wo else { return self.outgoing(wi, wo).map(|_| ()) };
+                *out = self.pdf_by(trees, index, wi, wo, options)? as f32;
+                Ok(())
+            });
+        }
+        let (mut incoming, mut outgoing) = ([0; BLOCK], [0; BLOCK]);
+        for (start, out) in (0..count).step_by(BLOCK).zip(out.chunks_mut(BLOCK)) {
+            let part = pairs.part(start, start + out.len());
+            let (incoming, outgoing) = (&mut incoming[..out.len()], &mut outgoing[..out.len()]);
+            self.incoming_entries(part, incoming)?;
+            self.outgoing_entries(part, outgoing)?;
+            for (i, ((out, &wi), &wo)) in out.iter_mut().zip(&*incoming).zip(&*outgoing).enumerate() {
+                let cell = entry * self.shape[0] + wi as usize;
+                *out = match part.wo {
+                    Some(directions) if wo != OUTSIDE => {
+                        trees.warps.uniform_density(cell, wo as usize, directions.at(i)?.xyz()) as f32
+                    }
+                    _ => 0.0,
+                };
+            }
+        }
+        Ok(())
     }
 
     /// The point of the unit square that [`Material::sample`] with the same options takes to `wo`; `None` where its density
@@ -410,10 +451,31 @@ impl Material {
         wi: Option<Direction>,
         options: SampleOptions,
     ) -> Result<usize, EvaluateError> {
+        Ok(self.sampled_entry(index, options)? * self.shape[0] + self.incoming_entry(wi)?)
+    }
+
+    /// The entry of the opaque axes, after a look at the options.
+    pub(super) fn sampled_entry(&self, index: &[usize], options: SampleOptions) -> Result<usize, EvaluateError> {
         if !(0.0..1.0).contains(&options.defensive) {
             return unfit(format!("a defensive part of {}, expected 0 or more and less than 1", options.defensive));
         }
-        Ok(self.entry(index)? * self.shape[0] + self.incoming_entry(wi)?)
+        self.entry(index)
+    }
+
+    /// The directions that cells draw, with their density and cell, where nothing is carried or turned and the incoming
+    /// entries are known; `None` where nothing is drawn.
+    #[inline]
+    pub(super) fn draw_in(
+        &self,
+        entry: usize,
+        incoming: usize,
+        u: [f64; 2],
+        options: SampleOptions,
+    ) -> Result<Option<(Direction, f64, usize)>, EvaluateError> {
+        check_point(u)?;
+        let cell = entry * self.shape[0] + incoming;
+        let drawn = self.mean_trees()?.warps.sample(cell, u, &options).filter(|drawn| drawn.pdf > 0.0);
+        Ok(drawn.map(|drawn| (drawn.direction, drawn.pdf, cell * self.shape[1] + drawn.leaf)))
     }
 
     fn mean_trees(&self) -> Result<&Trees, EvaluateError> {

@@ -426,12 +426,6 @@ impl Smooth {
         self.looked_up(entry * self.node_count + node, there)
     }
 
-    /// The nodes around an incoming direction.
-    #[inline]
-    pub(super) fn around(&self, wi: Vector) -> Option<Around> {
-        self.nodes.around(wi)
-    }
-
     /// Writes where the value at (wi, wo) stands, `around` the former, in index entry `entry`.
     #[inline]
     pub(super) fn look_up(&self, entry: usize, around: &Around, wi: Vector, wo: Vector, found: &mut Lookup) {

@@ -211,7 +211,7 @@ impl Material {
             },
             Interpolation::Smooth => {
                 let mut found = Lookup::NOWHERE;
-                if self.look_up_smooth(smooth, entry, place, &mut found)? {
+                if self.look_up_smooth(smooth, (entry, None), place, &mut found)? {
                     let mixed = smooth.gather(&found);
                     work(&mixed.row, mixed.presence)
                 } else {
@@ -265,12 +265,13 @@ impl Material {
         Ok(outgoing.map(|outgoing| (entry * n_in + incoming) * n_out + outgoing))
     }
 
-    /// Writes where the smooth row of a place stands; whether it does, as nothing is outside the outgoing domain.
+    /// Writes where the smooth row of a place stands, in an entry of the opaque axes and, if it is known, of the incoming axis;
+    /// whether it does, as nothing is outside the outgoing domain.
     #[inline]
     pub(super) fn look_up_smooth(
         &self,
         smooth: &Smooth,
-        entry: usize,
+        (entry, incoming): (usize, Option<usize>),
         place: Place<'_>,
         found: &mut Lookup,
     ) -> Result<bool, EvaluateError> {
@@ -278,7 +279,8 @@ impl Material {
             return self.refuse_incoming(place.wi);
         }
         let wi = self.wi_in_plane(place.wi);
-        let Some(around) = smooth.around(wi).filter(|_| !(self.is_isotropic() && wi[2] < 0.0)) else {
+        let around = incoming.map_or_else(|| smooth.nodes.around(wi), |incoming| smooth.nodes.around_in(incoming, wi));
+        let Some(around) = around.filter(|_| !(self.is_isotropic() && wi[2] < 0.0)) else {
             return self.refuse_incoming(place.wi);
         };
         let Some((lookup, wo)) = self.outgoing(place.wi, place.wo)? else { return Ok(false) };

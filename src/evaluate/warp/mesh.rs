@@ -279,11 +279,26 @@ impl WarpMesh {
     #[inline]
     pub(super) fn locate(&self, direction: Direction) -> Option<(usize, [f64; 3], f64)> {
         let (leaf, folded) = self.lookup.descend(direction.xyz())?;
+        let (coordinates, factor) = self.coordinates(leaf, folded);
+        Some((leaf, coordinates, factor))
+    }
+
+    /// The coordinates and the factor of a direction in `leaf`, folded into the first octant.
+    #[inline]
+    fn coordinates(&self, leaf: usize, folded: Vector) -> ([f64; 3], f64) {
         let geometry = &self.leaves[leaf & (self.leaves.len() - 1)];
         let [d0, d1, d2] = geometry.duals;
         let (a, b, c) = (dot(d0, folded).max(0.0), dot(d1, folded).max(0.0), dot(d2, folded).max(0.0));
         let length = 1.0 / (a + b + c);
-        Some((leaf, [a * length, b * length, c * length], length * length * length * geometry.density))
+        ([a * length, b * length, c * length], length * length * length * geometry.density)
+    }
+
+    /// The factor of [`WarpMesh::point`] at a unit vector in `leaf`.
+    #[inline]
+    pub(super) fn factor(&self, leaf: usize, [x, y, z]: Vector) -> f64 {
+        let is_odd = (leaf >> (2 * u32::from(self.mesh.level()))) & 1;
+        let sides = [x.abs(), y.abs()];
+        self.coordinates(leaf, [sides[is_odd], sides[is_odd ^ 1], z.abs()]).1
     }
 }
 

@@ -244,6 +244,7 @@ impl Warps {
     }
 
     /// The share of triangle `node` of `level`.
+    #[inline]
     fn probability_at(&self, cell: usize, level: u8, node: usize) -> f32 {
         let slot = self.mesh.slot(level, node);
         self.tree(cell)[slot / 8].0[slot % 8]
@@ -269,6 +270,12 @@ impl Warps {
         } else {
             self.mesh.cosines()
         }
+    }
+
+    /// The tree's density at a unit vector in `leaf`, uniform in leaves of the last level.
+    #[inline]
+    pub(in crate::evaluate) fn uniform_density(&self, cell: usize, leaf: usize, direction: [f64; 3]) -> f64 {
+        f64::from(self.probability_at(cell, self.mesh.mesh().level(), leaf)) * self.mesh.factor(leaf, direction)
     }
 
     /// The leaf that holds a direction, its coordinates there, and the tree's density.

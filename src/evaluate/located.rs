@@ -1,0 +1,76 @@
+//! Many directions at once: the cells that hold them, four lanes at a time.
+
+use super::batch::{Directions, Pairs};
+use super::elements::slots_of_four;
+use super::lookup::MeshLookup;
+use super::{EvaluateError, Material};
+use std::hint::select_unpredictable;
+use wide::f32x4;
+
+/// The triangle of a direction outside the domain.
+pub(super) const OUTSIDE: u32 = u32::MAX;
+
+impl MeshLookup {
+    /// Writes the triangles that hold directions of any length, or [`OUTSIDE`]; whether all of them are directions, of
+    /// lengths whose squares these numbers hold.
+    fn locate_all(&self, d: Directions<'_>, to: &mut [u32]) -> bool {
+        let last = to.len().wrapping_sub(1);
+        for start in (0..to.len()).step_by(4) {
+            // The last one again where there are fewer than four.
+            let lanes: [usize; 4] = std::array::from_fn(|k| (start + k).min(last));
+            let [x, y, z] = [d.x, d.y, d.z].map(|coordinates| f32x4::new(lanes.map(|lane| coordinates[lane])));
+            let square = x * x + y * y + z * z;
+            let is_good = square.simd_gt(f32x4::splat(f32::MIN_POSITIVE)) & square.simd_lt(f32x4::splat(f32::INFINITY));
+            if !is_good.all() {
+                return false;
+            }
+            let share = f32x4::ONE / square.sqrt();
+            let is_odd = x.sign_bit() ^ y.sign_bit();
+            let folded = [is_odd.blend(y.abs(), x.abs()), is_odd.blend(x.abs(), y.abs()), z.abs()];
+            let slots = slots_of_four(folded.map(|c| c * share), self.side() as f32);
+            let folded = folded.map(f32x4::to_array);
+            let [left, back, down] = [x, y, z].map(|c| c.sign_bit().to_bitmask());
+            for (k, to) in to[start..].iter_mut().take(4).enumerate() {
+                let [left, back, down] = [left, back, down].map(|mask| (mask >> k) as usize & 1);
+                let leaf = self.leaf_at(slots[k] as usize, folded.map(|c| f64::from(c[k])));
+                let held = self.triangle((left ^ back) + 2 * back, down, leaf) as u32;
+                *to = select_unpredictable(self.holds([0.0, 0.0, f64::from(d.z[lanes[k]])]), held, OUTSIDE);
+            }
+        }
+        true
+    }
+}
+
+impl Material {
+    /// Writes the entries of the incoming axis for the incoming directions of `pairs`, in the piecewise constant sense.
+    pub(super) fn incoming_entries(&self, pairs: Pairs<'_>, to: &mut [u32]) -> Result<(), EvaluateError> {
+        if let (Some(lookup), Some(wi)) = (self.incoming_mesh(), pairs.wi)
+            && lookup.locate_all(wi, to)
+            && !to.contains(&OUTSIDE)
+        {
+            return Ok(());
+        }
+        // One by one, which tells what is wrong.
+        for (i, to) in to.iter_mut().enumerate() {
+            *to = self.incoming_entry(pairs.wi_at(i)?)? as u32;
+        }
+        Ok(())
+    }
+
+    /// Writes the entries of the outgoing axis for `pairs`, or [`OUTSIDE`].
+    pub(super) fn outgoing_entries(&self, pairs: Pairs<'_>, to: &mut [u32]) -> Result<(), EvaluateError> {
+        if let (Some(lookup), Some(wo), false) = (&self.outgoing, pairs.wo, self.is_isotropic())
+            && lookup.locate_all(wo, to)
+        {
+            return Ok(());
+        }
+        for (i, to) in to.iter_mut().enumerate() {
+            let place = pairs.place(i)?;
+            *to = match self.outgoing(place.wi, place.wo)? {
+                None => 0,
+                Some((lookup, wo)) => lookup.locate(wo).map_or(OUTSIDE, |triangle| triangle as u32),
+            };
+        }
+        Ok(())
+    }
+}
