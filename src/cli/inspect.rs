@@ -162,7 +162,7 @@ fn angle_axes(name: &str, angles: &Angles) -> Vec<String> {
     axes
 }
 
-/// A material, from its header.
+/// A material, from its header; opened for its warnings alone.
 #[derive(Serialize)]
 struct Material {
     kind: &'static str,
@@ -184,6 +184,8 @@ struct Material {
     errors: ErrorReport,
     /// Coarse first, the last one the whole material.
     levels: Vec<LevelInfo>,
+    /// Where incoming directions are too sparse for the lobe.
+    warnings: Vec<String>,
     /// The metadata chunk; `null` if the file has none.
     provenance: Option<serde_json::Value>,
 }
@@ -211,6 +213,7 @@ impl Material {
             floor: summary.floor,
             errors: summary.errors,
             levels: compress::levels(bytes)?,
+            warnings: pipeline::sparse(bytes)?.into_iter().collect(),
             // A metadata chunk that is no JSON is still text worth showing.
             provenance: summary
                 .metadata
@@ -234,6 +237,9 @@ impl Material {
         }
         error_lines(&mut sheet, "error", &self.errors);
         level_lines(&mut sheet, &self.levels);
+        for warning in &self.warnings {
+            sheet.line("warning", warning);
+        }
         self.source_lines(&mut sheet);
         sheet.line("digest", &self.digest);
         sheet.line("payload digest", &self.payload_digest);
