@@ -10,7 +10,7 @@ use super::request::AxesArgs;
 use crate::codec;
 use crate::compress::{self, LevelInfo, Summary};
 use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
-use crate::formats::{Angles, AzimuthExtent, Note, Samples};
+use crate::formats::{Angles, AzimuthExtent, Note, NoteKind, Samples};
 use crate::pipeline::{self, Request};
 use crate::projection::Coverage;
 use serde::Serialize;
@@ -73,7 +73,7 @@ impl Measured {
         let projected = pipeline::project(&acquisition, request)?;
         let tensor = &projected.measurement.tensor;
         let number = |wanted: fn(&f32) -> bool| tensor.samples().iter().filter(|s| wanted(s)).count() as u64;
-        Ok(Self {
+        let mut measured = Self {
             kind: "measurement",
             content_digest: source.content_digest,
             bytes: loaded.bytes().len() as u64,
@@ -93,7 +93,11 @@ impl Measured {
             dialect: acquisition.dialect,
             notes: acquisition.report.notes,
             metadata: acquisition.report.metadata,
-        })
+        };
+        // The tensor is not needed any more. What does not open is not warned of: it can be described all the same.
+        let warning = pipeline::sparse_measurement(projected.measurement).ok().flatten();
+        measured.notes.extend(warning.map(|message| Note { kind: NoteKind::Warning, message }));
+        Ok(measured)
     }
 
     fn sheet(&self) -> Sheet {

@@ -2,7 +2,7 @@
 
 use crate::compress::{self, CompressError, LevelInfo, LightReport, Noise, Policy, Ranked, Settings, Target};
 use crate::domain::colour::ColourReport;
-use crate::domain::{Axis, ErrorReport, Progress, Quantity, Unit, WavelengthError, WavelengthGrid};
+use crate::domain::{Axis, ErrorReport, Measurement, Progress, Quantity, Unit, WavelengthError, WavelengthGrid};
 use crate::evaluate::{EvaluateError, Material};
 use crate::formats::{self, Acquisition, FormatError, Interpretation, Note, NoteKind};
 use crate::projection::{self, AxesRequest, Coverage, Projected, ProjectionError};
@@ -239,19 +239,26 @@ fn provenance(source: &Source, request: &Request) -> String {
     .to_string()
 }
 
-/// Pairs of directions of a material that [`sparse`] opens at most; opening this many takes a second or two.
+/// Pairs of incoming and outgoing cells that are opened for a warning at most: opening this many takes a second or two.
 const MOST_CELLS: usize = 1 << 17;
 
 /// A warning where a material's incoming directions are too sparse to say what the lobe does between them. The material is
 /// opened for it; one of more than 131,072 pairs of incoming and outgoing cells is not, and never warned of.
 pub fn sparse(bytes: &[u8]) -> Result<Option<String>, EvaluateError> {
     let axes = compress::inspect(bytes)?.axes;
-    let directional = axes.iter().filter(|axis| axis.is_directional());
+    if has_lobes(&axes) { Ok(Material::open(bytes)?.report().warning()) } else { Ok(None) }
+}
+
+/// As [`sparse`], for what is not compressed yet.
+pub fn sparse_measurement(measurement: Measurement) -> Result<Option<String>, EvaluateError> {
+    let opens = has_lobes(measurement.tensor.axes());
+    if opens { Ok(Material::of(measurement)?.report().warning()) } else { Ok(None) }
+}
+
+/// Whether there are outgoing directions for several incoming ones, and few enough to open.
+fn has_lobes(axes: &[Axis]) -> bool {
     let cells = axes.iter().filter(|axis| !axis.is_spectral()).try_fold(1_usize, |n, axis| n.checked_mul(axis.len()));
-    if directional.count() < 2 || cells.is_none_or(|cells| cells > MOST_CELLS) {
-        return Ok(None);
-    }
-    Ok(Material::open(bytes)?.report().warning())
+    axes.iter().filter(|axis| axis.is_directional()).count() > 1 && cells.is_some_and(|cells| cells <= MOST_CELLS)
 }
 
 /// `b3-` and the BLAKE3 digest in hex.
