@@ -12,19 +12,18 @@
 //! It fails (exit code 1) if an estimate is more than four standard errors from what is stored, for the smooth function
 //! plus what interpolation changes; or if the energy report says that a material breaks conservation.
 
+mod common;
+
 use rand::RngExt;
 use rand_pcg::Pcg32;
 use std::error::Error;
 use std::f64::consts::{PI, TAU};
 use std::io::Write;
 use std::process::ExitCode;
-use wavelume::compress::Target;
 use wavelume::domain::limits::MAX_LEVEL;
-use wavelume::domain::{Axis, Direction, Domain, Silent, TriangleMesh};
+use wavelume::domain::{Axis, Direction, Domain, TriangleMesh};
 use wavelume::evaluate::physics::Verdict;
 use wavelume::evaluate::{Interpolation, Material, Place, Side};
-use wavelume::formats::Interpretation;
-use wavelume::pipeline::{self, Input, Request};
 
 /// Independent estimates, whose spread is the standard error, and strata along a side of the square in each of them.
 const ESTIMATES: usize = 24;
@@ -41,23 +40,12 @@ const WHITE: &str = r#"{"wavelume": "virtual", "quantity": "brdf",
     "axes": ["hemi:2", "hemi:4", "lambda:400:50:7"]}"#;
 
 fn main() -> ExitCode {
-    let path = std::env::args().nth(1);
-    match run(path.as_deref(), &mut std::io::stdout().lock()) {
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::FAILURE,
-        Err(error) => {
-            let _ = writeln!(std::io::stderr(), "furnace: {error}");
-            ExitCode::from(2)
-        }
-    }
+    common::main("furnace", run)
 }
 
 /// Prints the table for the material in `path`, or for one of its own; whether all of it agrees.
 pub(crate) fn run(path: Option<&str>, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
-    let bytes = match path {
-        Some(path) => std::fs::read(path)?,
-        None => made(WHITE)?,
-    };
+    let bytes = common::material(path, WHITE)?;
     let material = Material::open(&bytes)?;
     if !material.quantity().has_cosine() {
         return Err(format!("a {} has no albedo, expected a brdf, btdf or bsdf", material.quantity()).into());
@@ -81,14 +69,6 @@ pub(crate) fn run(path: Option<&str>, out: &mut impl Write) -> Result<bool, Box<
     )?;
     writeln!(out, "  {}", if agrees { "estimates agree" } else { "ESTIMATES DISAGREE" })?;
     Ok(agrees && conserves)
-}
-
-/// A virtual measurement, compressed to er(L2) 1 %.
-fn made(document: &str) -> Result<Vec<u8>, Box<dyn Error>> {
-    let interpretation = Interpretation::default();
-    let input = Input { bytes: document.as_bytes(), spectrum: None, interpretation: &interpretation };
-    let source = pipeline::read(&input)?;
-    Ok(pipeline::compress(&source, &Request::to(Target::ErL2(0.01)), &Silent)?.bytes)
 }
 
 /// Some incoming directions of the material's own, spread over its axis.

@@ -4,16 +4,15 @@
 //! own. The estimate is the mean of I / pdf over stratified directions ± one standard error, for every wavelength; it fails
 //! (exit code 1) if one is more than four of them from the stored flux.
 
+mod common;
+
 use rand::RngExt;
 use rand_pcg::Pcg32;
 use std::error::Error;
 use std::io::Write;
 use std::process::ExitCode;
-use wavelume::compress::Target;
-use wavelume::domain::{Quantity, Silent};
+use wavelume::domain::Quantity;
 use wavelume::evaluate::{Interpolation, Material, Place};
-use wavelume::formats::Interpretation;
-use wavelume::pipeline::{self, Input, Request};
 
 /// Independent estimates, and strata along a side of the square in each of them.
 const ESTIMATES: usize = 24;
@@ -29,26 +28,12 @@ const SPOTLIGHT: &str = r#"{"wavelume": "virtual", "quantity": "edf", "unit": "m
     "axes": ["sphere:4", "lambda:400:20:17"]}"#;
 
 fn main() -> ExitCode {
-    let path = std::env::args().nth(1);
-    match run(path.as_deref(), &mut std::io::stdout().lock()) {
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::FAILURE,
-        Err(error) => {
-            let _ = writeln!(std::io::stderr(), "luminaire: {error}");
-            ExitCode::from(2)
-        }
-    }
+    common::main("luminaire", run)
 }
 
 /// Prints the flux of the luminaire in `path`, or of one of its own; whether the estimates agree.
 pub(crate) fn run(path: Option<&str>, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
-    let bytes = if let Some(path) = path {
-        std::fs::read(path)?
-    } else {
-        let interpretation = Interpretation::default();
-        let input = Input { bytes: SPOTLIGHT.as_bytes(), spectrum: None, interpretation: &interpretation };
-        pipeline::compress(&pipeline::read(&input)?, &Request::to(Target::ErL2(0.01)), &Silent)?.bytes
-    };
+    let bytes = common::material(path, SPOTLIGHT)?;
     let material = Material::open(&bytes)?;
     if material.quantity() != Quantity::Edf {
         return Err(format!("a {} has no flux, expected an edf", material.quantity()).into());

@@ -127,3 +127,32 @@ fn pictures_are_written_whole_and_the_same() {
     }
     assert!(!Path::new(&out).exists());
 }
+
+#[test]
+fn incoming_directions_too_sparse_for_the_lobe_are_warned_of() {
+    let dir = tempfile::tempdir().unwrap();
+    let (input, out) = (at(&dir, "virtual.json"), at(&dir, "m.wlm"));
+    let gloss = r#"{"ggx": {"alpha": {"isotropic": 0.16}, "fresnel": "mirror"}}"#;
+    for (model, warned) in [(gloss, true), (r#"{"lambert": {"reflectance": 0.5}}"#, false)] {
+        let document = format!(
+            r#"{{"wavelume": "virtual", "quantity": "brdf", "model": {model}, "axes": ["hemi:1", "hemi:4", "lambda:500:50:3"]}}"#
+        );
+        std::fs::write(&input, document).unwrap();
+        let says = |text: &str| text.contains("incoming directions are too sparse for the lobe");
+        let report = json(&["compress", &input, "-o", &out, "--json"]);
+        let warnings = |report: &Value| -> Vec<Value> {
+            let notes = report["notes"].as_array().unwrap();
+            notes.iter().filter(|note| note["kind"] == "warning").cloned().collect()
+        };
+        assert_eq!(says(&format!("{:?}", warnings(&report))), warned, "{report}");
+        assert_eq!(says(&done(&["compress", &input, "-o", &out])), warned);
+        let report = json(&["inspect", &out, "--json"]);
+        assert_eq!(
+            (report["warnings"].as_array().unwrap().len(), says(&report.to_string())),
+            (usize::from(warned), warned)
+        );
+        assert_eq!(says(&done(&["inspect", &out])), warned);
+        let report = json(&["inspect", &input, "--json"]);
+        assert_eq!(says(&format!("{:?}", warnings(&report))), warned, "{report}");
+    }
+}

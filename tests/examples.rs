@@ -1,13 +1,20 @@
 //! The example programs do what they say, on materials of their own and on files.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![allow(clippy::duplicate_mod, reason = "each program brings what the programs share")]
 
 #[allow(dead_code, reason = "a program's main is not called by its test")]
 #[path = "../examples/furnace.rs"]
 mod furnace;
 #[allow(dead_code, reason = "a program's main is not called by its test")]
+#[path = "../examples/lobes.rs"]
+mod lobes;
+#[allow(dead_code, reason = "a program's main is not called by its test")]
 #[path = "../examples/luminaire.rs"]
 mod luminaire;
+#[allow(dead_code, reason = "a program's main is not called by its test")]
+#[path = "../examples/table9.rs"]
+mod table9;
 
 use wavelume::compress::Target;
 use wavelume::domain::Silent;
@@ -84,4 +91,27 @@ fn what_is_no_such_material_is_refused() {
     let refused = luminaire::run(Some(&path), &mut Vec::new()).unwrap_err().to_string();
     assert_eq!(refused, "a phase has no flux, expected an edf");
     assert!(furnace::run(Some("none.wlm"), &mut Vec::new()).is_err());
+}
+
+#[test]
+fn lobes_that_move_are_nearer_to_the_truth_than_lobes_that_fade() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("lobes.svg");
+    let mut out = Vec::new();
+    let better = lobes::run(path.to_str(), &mut out).unwrap();
+    let text = String::from_utf8(out).unwrap();
+    assert!(better && text.lines().filter(|line| line.starts_with("| ")).count() == 6, "{text}");
+    // The picture of the documentation is the one that the program draws, but for the last digits of other machines.
+    let drawn = std::fs::read_to_string(path).unwrap();
+    let kept = include_str!("../docs/lobes.svg");
+    assert_eq!(drawn.lines().count(), kept.lines().count());
+    assert!(drawn.len().abs_diff(kept.len()) < 200);
+}
+
+#[test]
+fn table_9_has_its_rows() {
+    let mut out = Vec::new();
+    let holds = table9::run(4, 40, &mut out).unwrap();
+    let text = String::from_utf8(out).unwrap();
+    assert!(holds && text.contains("−87") && text.lines().count() == 7, "{text}");
 }

@@ -121,7 +121,8 @@ struct Manifest {
     /// What the cells of the projection stand on.
     #[schema(value_type = Object)]
     coverage: Value,
-    /// Everything the parser assumed, filled or skipped, and a warning where the target lies below the noise.
+    /// Everything the parser assumed, filled or skipped, and warnings where the target lies below the noise, and where incoming
+    /// directions are too sparse for the lobe.
     #[schema(value_type = Vec<Object>)]
     notes: Vec<Value>,
     /// What the first bytes of the file hold, coarse first, the whole last: a coarser material is one range request away.

@@ -10,7 +10,7 @@ use super::request::AxesArgs;
 use crate::codec;
 use crate::compress::{self, LevelInfo, Summary};
 use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
-use crate::formats::{Angles, AzimuthExtent, Note, Samples};
+use crate::formats::{Angles, AzimuthExtent, Note, NoteKind, Samples};
 use crate::pipeline::{self, Request};
 use crate::projection::Coverage;
 use serde::Serialize;
@@ -73,7 +73,7 @@ impl Measured {
         let projected = pipeline::project(&acquisition, request)?;
         let tensor = &projected.measurement.tensor;
         let number = |wanted: fn(&f32) -> bool| tensor.samples().iter().filter(|s| wanted(s)).count() as u64;
-        Ok(Self {
+        let mut measured = Self {
             kind: "measurement",
             content_digest: source.content_digest,
             bytes: loaded.bytes().len() as u64,
@@ -93,7 +93,11 @@ impl Measured {
             dialect: acquisition.dialect,
             notes: acquisition.report.notes,
             metadata: acquisition.report.metadata,
-        })
+        };
+        // The tensor is not needed any more. What does not open is not warned of: it can be described all the same.
+        let warning = pipeline::sparse_measurement(projected.measurement).ok().flatten();
+        measured.notes.extend(warning.map(|message| Note { kind: NoteKind::Warning, message }));
+        Ok(measured)
     }
 
     fn sheet(&self) -> Sheet {
@@ -162,7 +166,7 @@ fn angle_axes(name: &str, angles: &Angles) -> Vec<String> {
     axes
 }
 
-/// A material, from its header.
+/// A material, from its header; opened for its warnings alone.
 #[derive(Serialize)]
 struct Material {
     kind: &'static str,
@@ -184,6 +188,8 @@ struct Material {
     errors: ErrorReport,
     /// Coarse first, the last one the whole material.
     levels: Vec<LevelInfo>,
+    /// Where incoming directions are too sparse for the lobe.
+    warnings: Vec<String>,
     /// The metadata chunk; `null` if the file has none.
     provenance: Option<serde_json::Value>,
 }
@@ -211,6 +217,7 @@ impl Material {
             floor: summary.floor,
             errors: summary.errors,
             levels: compress::levels(bytes)?,
+            warnings: pipeline::sparse(bytes)?.into_iter().collect(),
             // A metadata chunk that is no JSON is still text worth showing.
             provenance: summary
                 .metadata
@@ -234,6 +241,9 @@ impl Material {
         }
         error_lines(&mut sheet, "error", &self.errors);
         level_lines(&mut sheet, &self.levels);
+        for warning in &self.warnings {
+            sheet.line("warning", warning);
+        }
         self.source_lines(&mut sheet);
         sheet.line("digest", &self.digest);
         sheet.line("payload digest", &self.payload_digest);

@@ -2,7 +2,8 @@
 
 use crate::compress::{self, CompressError, LevelInfo, LightReport, Noise, Policy, Ranked, Settings, Target};
 use crate::domain::colour::ColourReport;
-use crate::domain::{Axis, ErrorReport, Progress, Quantity, Unit, WavelengthError, WavelengthGrid};
+use crate::domain::{Axis, ErrorReport, Measurement, Progress, Quantity, Unit, WavelengthError, WavelengthGrid};
+use crate::evaluate::{EvaluateError, Material};
 use crate::formats::{self, Acquisition, FormatError, Interpretation, Note, NoteKind};
 use crate::projection::{self, AxesRequest, Coverage, Projected, ProjectionError};
 use serde::{Deserialize, Serialize};
@@ -166,7 +167,8 @@ pub struct Report {
     pub noise: Option<Noise>,
     /// What the cells stand on.
     pub coverage: Coverage,
-    /// Everything a parser assumed, filled or skipped, and a warning where the target lies below the noise.
+    /// Everything a parser assumed, filled or skipped, and warnings where the target lies below the noise and where incoming
+    /// directions are too sparse for the lobe.
     pub notes: Vec<Note>,
     /// The levels of the last triangle axis that the first bytes of the file hold, coarse first; at least the finest.
     pub levels: Vec<LevelInfo>,
@@ -237,6 +239,28 @@ fn provenance(source: &Source, request: &Request) -> String {
     .to_string()
 }
 
+/// Pairs of incoming and outgoing cells that are opened for a warning at most: opening this many takes a second or two.
+const MOST_CELLS: usize = 1 << 17;
+
+/// A warning where a material's incoming directions are too sparse to say what the lobe does between them. The material is
+/// opened for it; one of more than 131,072 pairs of incoming and outgoing cells is not, and never warned of.
+pub fn sparse(bytes: &[u8]) -> Result<Option<String>, EvaluateError> {
+    let axes = compress::inspect(bytes)?.axes;
+    if has_lobes(&axes) { Ok(Material::open(bytes)?.report().warning()) } else { Ok(None) }
+}
+
+/// As [`sparse`], for what is not compressed yet.
+pub fn sparse_measurement(measurement: Measurement) -> Result<Option<String>, EvaluateError> {
+    let opens = has_lobes(measurement.tensor.axes());
+    if opens { Ok(Material::of(measurement)?.report().warning()) } else { Ok(None) }
+}
+
+/// Whether there are outgoing directions for several incoming ones, and few enough to open.
+fn has_lobes(axes: &[Axis]) -> bool {
+    let cells = axes.iter().filter(|axis| !axis.is_spectral()).try_fold(1_usize, |n, axis| n.checked_mul(axis.len()));
+    axes.iter().filter(|axis| axis.is_directional()).count() > 1 && cells.is_some_and(|cells| cells <= MOST_CELLS)
+}
+
 /// `b3-` and the BLAKE3 digest in hex.
 pub fn digest(bytes: &[u8]) -> String {
     format!("b3-{}", blake3::hash(bytes).to_hex())
@@ -253,8 +277,8 @@ fn report(
     let samples = samples as f64;
     // Samples on their final axes are the tensor's own: there is nothing more to measure.
     let projected = matches!(acquisition.samples, formats::Samples::Grid(_));
-    let warning = compressed.noise.and_then(|noise| noise.warning(target));
-    let warning = warning.map(|message| Note { kind: NoteKind::Warning, message });
+    let warnings = [compressed.noise.and_then(|noise| noise.warning(target)), sparse(&compressed.bytes).ok().flatten()];
+    let warnings = warnings.into_iter().flatten().map(|message| Note { kind: NoteKind::Warning, message });
     let decoded = projected.then(|| compress::decode(&compressed.bytes).ok()).flatten();
     Report {
         digest: digest(&compressed.bytes),
@@ -278,7 +302,7 @@ fn report(
         errors_at_samples: decoded.and_then(|d| projection::error_at_samples(acquisition, &d.measurement)),
         noise: compressed.noise,
         coverage,
-        notes: acquisition.report.notes.iter().cloned().chain(warning).collect(),
+        notes: acquisition.report.notes.iter().cloned().chain(warnings).collect(),
         levels: compress::levels(&compressed.bytes).unwrap_or_default(),
     }
 }

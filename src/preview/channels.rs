@@ -22,6 +22,8 @@ pub(super) struct Channels {
 const MOST_OF_THE_VISIBLE: (f64, f64) = (480.0, 620.0);
 /// Their fewest.
 const FEWEST: usize = 3;
+/// Wavelengths that are summed side by side.
+const LANES: usize = 8;
 
 impl Channels {
     pub(super) fn of(material: &Material, viewing: &Viewing) -> Result<Self, PreviewError> {
@@ -51,12 +53,23 @@ impl Channels {
     /// Linear sRGB, out of gamut where the colour is. Masked samples are passed over, the others weigh more; NaN where all
     /// are masked.
     pub(super) fn linear(&self, spectrum: &[f32]) -> [f32; 3] {
-        let mut sum = [0.0_f32; 3];
-        for (weights, &sample) in self.weights.iter().zip(spectrum) {
+        // Sums side by side, which do not wait for one another.
+        let mut sums = [[0.0_f32; 3]; LANES];
+        let mut weights = self.weights.chunks_exact(LANES);
+        let mut samples = spectrum.chunks_exact(LANES);
+        for (weights, samples) in weights.by_ref().zip(samples.by_ref()) {
+            for lane in 0..LANES {
+                for k in 0..3 {
+                    sums[lane][k] += weights[lane][k] * samples[lane];
+                }
+            }
+        }
+        for ((sum, weights), &sample) in sums.iter_mut().zip(weights.remainder()).zip(samples.remainder()) {
             for (sum, weight) in sum.iter_mut().zip(weights) {
                 *sum += weight * sample;
             }
         }
+        let sum = [0, 1, 2].map(|k| sums.iter().map(|sum| sum[k]).sum::<f32>());
         if sum.iter().all(|c| !c.is_nan()) { sum } else { self.masked(spectrum) }
     }
 

@@ -59,39 +59,30 @@ impl Lattice {
         }
     }
 
-    /// The value between the nodes of a table.
-    pub(super) fn at(self, table: &[Rgb], direction: Vector) -> Rgb {
-        let mut sum = [0.0; 3];
-        for (place, weight) in self.corners(direction) {
-            for (sum, value) in sum.iter_mut().zip(table[place]) {
-                *sum += weight * value;
-            }
-        }
-        sum
-    }
-
     /// Gives nodes without a value (NaN) the mean of their neighbours, again and again from the border inward; what has no
     /// neighbour anywhere becomes 0.
-    pub(super) fn fill(self, table: &mut [Rgb]) {
+    pub(super) fn fill<const N: usize>(self, table: &mut [[Rgb; N]]) {
         let nodes: Vec<(i32, i32)> = (-self.n..=self.n)
             .flat_map(|y| (-self.n..=self.n).map(move |x| (x, y)))
             .filter(|(x, y)| x.abs() + y.abs() <= self.n)
             .collect();
-        let empty = |rgb: &Rgb| rgb.iter().any(|c| c.is_nan());
+        let empty = |value: &[Rgb; N]| value.as_flattened().iter().any(|c| c.is_nan());
         for _ in 0..2 * self.n {
             let mut found = Vec::new();
             for &(x, y) in nodes.iter().filter(|&&(x, y)| empty(&table[self.place(x, y)])) {
                 let around = [(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)];
-                let (mut sum, mut count) = ([0.0; 3], 0.0);
+                let (mut sum, mut count) = ([[0.0; 3]; N], 0.0);
                 for (x, y) in around.into_iter().filter(|(x, y)| x.abs() + y.abs() <= self.n) {
                     let value = table[self.place(x, y)];
                     if !empty(&value) {
-                        sum = [0, 1, 2].map(|k| sum[k] + value[k]);
+                        for (sum, c) in sum.as_flattened_mut().iter_mut().zip(value.as_flattened()) {
+                            *sum += c;
+                        }
                         count += 1.0;
                     }
                 }
                 if count > 0.0 {
-                    found.push((self.place(x, y), sum.map(|c: f32| c / count)));
+                    found.push((self.place(x, y), sum.map(|rgb| rgb.map(|c: f32| c / count))));
                 }
             }
             if found.is_empty() {
@@ -101,7 +92,7 @@ impl Lattice {
                 table[place] = value;
             }
         }
-        table.iter_mut().filter(|rgb| empty(rgb)).for_each(|rgb| *rgb = [0.0; 3]);
+        table.iter_mut().filter(|value| empty(value)).for_each(|value| *value = [[0.0; 3]; N]);
     }
 
     fn place(self, x: i32, y: i32) -> usize {
@@ -112,6 +103,11 @@ impl Lattice {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn at(lattice: Lattice, table: &[Rgb], direction: Vector) -> Rgb {
+        let corners = lattice.corners(direction);
+        [0, 1, 2].map(|k| corners.iter().map(|&(place, weight)| weight * table[place][k]).sum())
+    }
 
     #[test]
     fn nodes_have_their_own_value_and_between_them_it_is_continuous() {
@@ -124,7 +120,7 @@ mod tests {
                 table[place] = [x as f32, y as f32, z as f32];
             }
             for &(place, d) in &nodes {
-                let found = lattice.at(&table, d);
+                let found = at(lattice, &table, d);
                 assert!(found.iter().zip(table[place]).all(|(a, b)| (a - b).abs() < 1e-5), "{d:?}: {found:?}");
                 let corners = lattice.corners([d[0] + 0.013, d[1] - 0.011, d[2]]);
                 let total: f32 = corners.iter().map(|c| c.1).sum();
@@ -134,7 +130,7 @@ mod tests {
                 let angle = f64::from(i) * 0.02;
                 let d = [0.9 * angle.cos(), 0.9 * angle.sin(), 0.2];
                 let e = [0.9 * (angle + 1e-6).cos(), 0.9 * (angle + 1e-6).sin(), 0.2];
-                let (a, b) = (lattice.at(&table, d), lattice.at(&table, e));
+                let (a, b) = (at(lattice, &table, d), at(lattice, &table, e));
                 assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-4), "{d:?}: {a:?} {b:?}");
             }
         }
@@ -143,14 +139,14 @@ mod tests {
     #[test]
     fn holes_are_filled_from_around() {
         let lattice = Lattice::new(4);
-        let mut table = vec![[2.0; 3]; lattice.len()];
+        let mut table = vec![[[2.0; 3]]; lattice.len()];
         for (place, _) in lattice.nodes().into_iter().skip(7) {
-            table[place] = [f32::NAN; 3];
+            table[place] = [[f32::NAN; 3]];
         }
         lattice.fill(&mut table);
-        assert!(lattice.nodes().iter().all(|&(place, _)| table[place] == [2.0; 3]));
-        let mut nothing = vec![[f32::NAN; 3]; lattice.len()];
+        assert!(lattice.nodes().iter().all(|&(place, _)| table[place] == [[2.0; 3]]));
+        let mut nothing = vec![[[f32::NAN; 3]]; lattice.len()];
         lattice.fill(&mut nothing);
-        assert!(nothing.iter().all(|rgb| *rgb == [0.0; 3]));
+        assert!(nothing.iter().all(|value| *value == [[0.0; 3]]));
     }
 }

@@ -5,8 +5,9 @@
 //! much darker or brighter than that, bent towards white above 0.8 at constant hue, and mapped into the gamut.
 
 mod lattice;
-mod lobes;
 mod scene;
+mod shade;
+mod surface;
 
 use super::PreviewError;
 use super::channels::Channels;
@@ -14,9 +15,9 @@ use super::encode::{Transfer, png};
 use crate::domain::colour::map_to_gamut;
 use crate::evaluate::Material;
 use lattice::Rgb;
-use lobes::Lobes;
 use rayon::prelude::*;
 use scene::Scene;
+use surface::Surface;
 
 /// Nine tenths of the ball are darker than this: as bright, and as dark, as they may be without exposure.
 const BRIGHT: f32 = 0.9;
@@ -31,14 +32,9 @@ pub(super) fn picture(
     channels: &Channels,
     size: usize,
 ) -> Result<Vec<u8>, PreviewError> {
-    let lobes = Lobes::of(material, index, channels)?;
-    let scene = Scene::of(&lobes, size);
-    let mut pixels = vec![scene::Pixel::default(); size * size];
-    pixels.par_chunks_mut(size).enumerate().for_each(|(y, row)| {
-        for (x, pixel) in row.iter_mut().enumerate() {
-            *pixel = scene.pixel(x, y);
-        }
-    });
+    let surface = Surface::of(material, index, channels)?;
+    let scene = Scene::of(&surface, size)?;
+    let pixels = scene.pixels()?;
     let exposure = exposure(&pixels);
     let transfer = Transfer::new();
     let mut bytes = vec![0; size * size * 3];

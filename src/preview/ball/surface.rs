@@ -1,0 +1,211 @@
+//! A surface as a picture needs it: the material's own smooth function in linear sRGB, and what soft surroundings send by it.
+
+use super::super::PreviewError;
+use super::super::channels::Channels;
+use super::lattice::{Lattice, Rgb, Vector};
+use crate::domain::{Axis, Direction, Domain, Quantity, TriangleMesh};
+use crate::evaluate::{Interpolation, Material, Place};
+use rayon::prelude::*;
+use std::f64::consts::FRAC_1_PI;
+
+/// f(wi, wo) of one entry, with wi.z ≥ 0 on the side of the light.
+pub(super) struct Surface<'a> {
+    material: &'a Material,
+    index: &'a [usize],
+    channels: &'a Channels,
+    /// The z of the material in parts of ours: −1 where its light comes from below.
+    side: f64,
+    /// Whether anything is known on the side of the light, and on the other one.
+    sides: [bool; 2],
+    has_outgoing: bool,
+    /// What a value is multiplied by: the share of a reflectance that each steradian has.
+    share: f32,
+    nodes: Nodes,
+    /// For each node, by reciprocity: what a uniform surrounding sends that way, and one that is as bright as the z of its
+    /// direction is high, for z along x, y and z of the surface.
+    surroundings: Vec<[Rgb; 4]>,
+}
+
+/// On which side of the surface light leaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Side {
+    /// Where it came from.
+    Reflected = 0,
+    /// The other one.
+    Transmitted = 1,
+}
+
+/// Directions in which the light of surroundings is known.
+enum Nodes {
+    Lattice(Lattice),
+    /// Of isotropic data: elevations at equal steps from 0 to 90 degrees, at azimuth 0.
+    Elevations,
+}
+
+/// Far beyond what is lit, and finite.
+const LARGEST: f32 = 1e30;
+/// Subdivisions of the lattice, the number of elevations, and the level of the triangles that surroundings are summed over.
+const NODES: usize = 6;
+const ELEVATIONS: usize = 19;
+const PARTS: u8 = 4;
+
+impl<'a> Surface<'a> {
+    /// Of entry `index` of a BRDF, BTDF or BSDF; of a reflectance by incoming direction as a diffuser.
+    pub(super) fn of(material: &'a Material, index: &'a [usize], channels: &'a Channels) -> Result<Self, PreviewError> {
+        let (layout, axes) = (material.layout(), material.axes());
+        let Some(incoming) = layout.incoming.map(|axis| &axes[axis]) else {
+            return super::super::unfit("no incoming axis, expected one to light a ball");
+        };
+        let outgoing = layout.outgoing.map(|axis| &axes[axis]);
+        let flip = matches!(incoming, Axis::Triangles(mesh) if mesh.domain() == Domain::Lower);
+        let sides = match outgoing {
+            Some(Axis::Triangles(mesh)) => match mesh.domain() {
+                Domain::Sphere => [true, true],
+                Domain::Hemisphere => [!flip, flip],
+                Domain::Lower => [flip, !flip],
+            },
+            _ => [true, false],
+        };
+        let nodes = match incoming {
+            // Nothing is finer than what was measured.
+            Axis::Triangles(mesh) => Nodes::Lattice(Lattice::new((2 << mesh.level()).min(NODES))),
+            _ => Nodes::Elevations,
+        };
+        let parts = if let Some(Axis::Triangles(mesh)) = outgoing { mesh.level().min(PARTS) } else { 0 };
+        let mut surface = Self {
+            material,
+            index,
+            channels,
+            side: if flip { -1.0 } else { 1.0 },
+            sides,
+            has_outgoing: outgoing.is_some(),
+            share: if material.quantity() == Quantity::Reflectance { FRAC_1_PI as f32 } else { 1.0 },
+            nodes,
+            surroundings: Vec::new(),
+        };
+        surface.surroundings = surface.surroundings(parts)?;
+        Ok(surface)
+    }
+
+    pub(super) fn has(&self, side: Side) -> bool {
+        self.sides[side as usize]
+    }
+
+    /// Room for a spectrum.
+    pub(super) fn spectrum(&self) -> Vec<f32> {
+        vec![0.0; self.material.lambdas()]
+    }
+
+    /// f in sr⁻¹ of unit vectors; `wo` on the other side is given mirrored, with z ≥ 0. NaN where all is masked.
+    pub(super) fn at(&self, side: Side, wi: Vector, wo: Vector, spectrum: &mut [f32]) -> Result<Rgb, PreviewError> {
+        let below = if side == Side::Transmitted { -self.side } else { self.side };
+        let wo = Direction::from_unit([wo[0], wo[1], below * wo[2].max(0.0)]);
+        let wi = Direction::from_unit([wi[0], wi[1], self.side * wi[2].max(0.0)]);
+        let place = Place { index: self.index, wi: Some(wi), wo: self.has_outgoing.then_some(wo) };
+        self.material.spectrum(place, Interpolation::Smooth, spectrum)?;
+        // A NaN stays one.
+        Ok(self.channels.linear(spectrum).map(|c| (self.share * c).clamp(-LARGEST, LARGEST)))
+    }
+
+    /// What surroundings of radiance `uniform + gradient · z` of the world's z reflect towards `wo`; `up` is the world's z in
+    /// the surface's frame. The function is taken to be reciprocal.
+    pub(super) fn surrounded(&self, wo: Vector, up: Vector, uniform: f32, gradient: f32) -> Rgb {
+        let (around, [cos, sin]) = self.nodes.around(wo);
+        let up = [cos * up[0] + sin * up[1], cos * up[1] - sin * up[0], up[2]].map(|c| c as f32);
+        let mut sum = [0.0; 3];
+        for (node, weight) in around {
+            let [all, x, y, z] = &self.surroundings[node];
+            for k in 0..3 {
+                sum[k] += weight * (uniform * all[k] + gradient * (up[0] * x[k] + up[1] * y[k] + up[2] * z[k]));
+            }
+        }
+        sum
+    }
+
+    fn surroundings(&self, level: u8) -> Result<Vec<[Rgb; 4]>, PreviewError> {
+        let mut tables = vec![[[0.0; 3]; 4]; self.nodes.len()];
+        let mesh = TriangleMesh::new(Domain::Hemisphere, level).filter(|_| self.has(Side::Reflected));
+        let Some(mesh) = mesh else { return Ok(tables) };
+        let parts: Vec<(Vector, f64)> =
+            (0..mesh.len()).map(|i| (mesh.centroid(i).xyz(), mesh.projected_solid_angle(i))).collect();
+        let of = |spectrum: &mut Vec<f32>, &(place, wi): &(usize, Vector)| {
+            let (mut sums, mut known, mut all) = ([[0.0_f64; 3]; 4], 0.0, 0.0);
+            for &(wo, measure) in &parts {
+                all += measure;
+                let value = self.at(Side::Reflected, wi, wo, spectrum)?;
+                if value.iter().any(|c| c.is_nan()) {
+                    continue;
+                }
+                known += measure;
+                for (sum, factor) in sums.iter_mut().zip([1.0, wo[0], wo[1], wo[2]]) {
+                    for (sum, value) in sum.iter_mut().zip(value) {
+                        *sum += measure * factor * f64::from(value);
+                    }
+                }
+            }
+            // What is masked is taken to be like the rest.
+            let scale = if known > 0.0 { all / known } else { f64::NAN };
+            Ok((place, sums.map(|rgb| rgb.map(|c| (scale * c) as f32))))
+        };
+        let found: Vec<(usize, [Rgb; 4])> =
+            self.nodes.directions().par_iter().map_init(|| self.spectrum(), of).collect::<Result<_, PreviewError>>()?;
+        for (place, sums) in found {
+            tables[place] = sums;
+        }
+        match &self.nodes {
+            Nodes::Lattice(lattice) => lattice.fill(&mut tables),
+            Nodes::Elevations => fill(&mut tables),
+        }
+        Ok(tables)
+    }
+}
+
+impl Nodes {
+    fn len(&self) -> usize {
+        match self {
+            Self::Lattice(lattice) => lattice.len(),
+            Self::Elevations => ELEVATIONS,
+        }
+    }
+
+    /// Their places in a table and their directions.
+    fn directions(&self) -> Vec<(usize, Vector)> {
+        match self {
+            Self::Lattice(lattice) => lattice.nodes(),
+            Self::Elevations => {
+                let theta = |i: usize| 90.0 * i as f64 / (ELEVATIONS - 1) as f64;
+                (0..ELEVATIONS).map(|i| (i, Direction::from_degrees(theta(i), 0.0).xyz())).collect()
+            }
+        }
+    }
+
+    /// The nodes around a direction with their weights, and the cosine and sine of its azimuth beyond theirs.
+    fn around(&self, direction: Vector) -> ([(usize, f32); 3], [f64; 2]) {
+        match self {
+            Self::Lattice(lattice) => (lattice.corners(direction), [1.0, 0.0]),
+            Self::Elevations => {
+                let [x, y, z] = direction;
+                let place = libm::acos(z.clamp(0.0, 1.0)) * (2.0 * FRAC_1_PI) * (ELEVATIONS - 1) as f64;
+                let below = (place as usize).min(ELEVATIONS - 2);
+                let t = (place - below as f64) as f32;
+                let length = (x * x + y * y).sqrt();
+                let azimuth = if length > 0.0 { [x / length, y / length] } else { [1.0, 0.0] };
+                ([(below, 1.0 - t), (below + 1, t), (below, 0.0)], azimuth)
+            }
+        }
+    }
+}
+
+/// Gives elevations without a value (NaN) the one next to them, the lower one first; 0 where none has one.
+fn fill(table: &mut [[Rgb; 4]]) {
+    let is_empty = |value: &[Rgb; 4]| value.as_flattened().iter().any(|c| c.is_nan());
+    for _ in 0..2 {
+        for i in 1..table.len() {
+            if is_empty(&table[i]) {
+                table[i] = table[i - 1];
+            }
+        }
+        table.reverse();
+    }
+    table.iter_mut().filter(|value| is_empty(value)).for_each(|value| *value = [[0.0; 3]; 4]);
+}
