@@ -99,9 +99,9 @@ impl Elements {
     pub(super) fn write(self, [x, y, z]: [f32x4; 3], to: &mut Patches) {
         let (zero, one) = (f32x4::ZERO, f32x4::ONE);
         let size = f32x4::splat(self.octant as f32);
-        let mut base = x.simd_lt(zero).blend(size, zero) + y.simd_lt(zero).blend(size + size, zero);
+        let mut base = x.simd_lt(zero).bitselect(size, zero) + y.simd_lt(zero).bitselect(size + size, zero);
         if self.domain == Domain::Sphere {
-            base += z.simd_lt(zero).blend(f32x4::splat(4.0) * size, zero);
+            base += z.simd_lt(zero).bitselect(f32x4::splat(4.0) * size, zero);
         }
         let n = self.patches as f32;
         let (gx, gy, gz) = (arc_of_four(x.abs()), arc_of_four(y.abs()), arc_of_four(z.abs()));
@@ -112,8 +112,8 @@ impl Elements {
         let (i, j) = ((u - half + round) - round, (v - half + round) - round);
         let (s, t) = (u - i, v - j);
         let up = (s + t).simd_le(one);
-        let b0 = up.blend((one - s - t).fast_max(zero), s + t - one);
-        let (b1, b2) = (up.blend(s, one - s), up.blend(t, one - t));
+        let b0 = up.bitselect((one - s - t).fast_max(zero), s + t - one);
+        let (b1, b2) = (up.bitselect(s, one - s), up.bitselect(t, one - t));
         // Numbers of nodes are exact in f32: there are fewer than 2²⁴.
         let (p, q) = (i + i, j + j);
         let rows = f32x4::splat(2.0 * n);
@@ -122,11 +122,11 @@ impl Elements {
         let row2 = row1 + rows - p;
         let two = f32x4::splat(2.0);
         let nodes = [
-            up.blend(row0, row2 + two),
-            up.blend(row2, row0 + two),
-            up.blend(row0 + two, row2),
-            up.blend(row1, row1 + two),
-            up.blend(row0 + one, row2 + one),
+            up.bitselect(row0, row2 + two),
+            up.bitselect(row2, row0 + two),
+            up.bitselect(row0 + two, row2),
+            up.bitselect(row1, row1 + two),
+            up.bitselect(row0 + one, row2 + one),
             row1 + one,
         ];
         let four = f32x4::splat(4.0);
@@ -171,7 +171,7 @@ pub(super) fn slots_of_four([x, y, z]: [f32x4; 3], n: f32) -> [i32; 4] {
     let (u, v) = (gx * scale, gy * scale);
     let (round, half) = (f32x4::splat(ROUND), f32x4::splat(0.5));
     let (i, j) = ((u - half + round) - round, (v - half + round) - round);
-    let down = ((u - i) + (v - j)).simd_gt(f32x4::ONE).blend(f32x4::ONE, f32x4::ZERO);
+    let down = ((u - i) + (v - j)).simd_gt(f32x4::ONE).bitselect(f32x4::ONE, f32x4::ZERO);
     (i * (f32x4::splat(2.0 * n) - i) + (j + j) + down).fast_trunc_int().to_array()
 }
 

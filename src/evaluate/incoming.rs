@@ -384,14 +384,14 @@ pub(super) fn carried_to_four(
         ([along * hx - tx, along * hy - ty, along * hz - tz], is_there)
     };
     let (one, worthless) = (f32x4::ONE, f32x4::splat(WORTHLESS));
-    let moved: [f32x4; 3] = std::array::from_fn(|k| is_there.blend(moved[k], stays[k]));
+    let moved: [f32x4; 3] = std::array::from_fn(|k| is_there.bitselect(moved[k], stays[k]));
     if domain == Domain::Sphere && alignment == Alignment::Rotation && !lower {
-        return (moved, is_there.blend(one, worthless));
+        return (moved, is_there.bitselect(one, worthless));
     }
     let side = f32x4::splat(if z >= 0.0 { 1.0 } else { -1.0 });
     let height = side * moved[2];
     let worth = (height * f32x4::splat(1.0 / LOW)).fast_max(worthless).fast_min(one);
-    ([moved[0], moved[1], side * height.fast_max(f32x4::ZERO)], is_there.blend(worth, worthless))
+    ([moved[0], moved[1], side * height.fast_max(f32x4::ZERO)], is_there.bitselect(worth, worthless))
 }
 
 /// The way of outgoing directions from one incoming direction to another, wherever it leads.

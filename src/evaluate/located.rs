@@ -25,11 +25,11 @@ impl MeshLookup {
                 return false;
             }
             let share = f32x4::ONE / square.sqrt();
-            let is_odd = x.sign_bit() ^ y.sign_bit();
-            let folded = [is_odd.blend(y.abs(), x.abs()), is_odd.blend(x.abs(), y.abs()), z.abs()];
+            let is_odd = x.is_sign_negative() ^ y.is_sign_negative();
+            let folded = [is_odd.bitselect(y.abs(), x.abs()), is_odd.bitselect(x.abs(), y.abs()), z.abs()];
             let slots = slots_of_four(folded.map(|c| c * share), self.side() as f32);
             let folded = folded.map(f32x4::to_array);
-            let [left, back, down] = [x, y, z].map(|c| c.sign_bit().to_bitmask());
+            let [left, back, down] = [x, y, z].map(|c| c.is_sign_negative().to_bitmask());
             for (k, to) in to[start..].iter_mut().take(4).enumerate() {
                 let [left, back, down] = [left, back, down].map(|mask| (mask >> k) as usize & 1);
                 let leaf = self.leaf_at(slots[k] as usize, folded.map(|c| f64::from(c[k])));
