@@ -20,27 +20,24 @@ const COUNT_LIMIT: u8 = 254;
 
 struct Tables {
     /// Log-odds of a probability's 12 high bits.
-    stretch: Vec<i16>,
+    stretch: [i16; 4096],
     /// 16-bit probability of log-odds, from −[`STRETCH_LIMIT`].
-    squash: Vec<u16>,
+    squash: [u16; 2 * STRETCH_LIMIT as usize + 1],
     /// 65536 / (count + 1.6).
-    rate: Vec<u32>,
+    rate: [u32; COUNT_LIMIT as usize + 1],
 }
 
 static TABLES: LazyLock<Tables> = LazyLock::new(|| Tables {
-    stretch: (0..4096)
-        .map(|i| {
-            let p = (f64::from(i) + 0.5) / 4096.0;
-            libm::round(STRETCH_SCALE * libm::log(p / (1.0 - p))) as i16
-        })
-        .collect(),
-    squash: (-STRETCH_LIMIT..=STRETCH_LIMIT)
-        .map(|x| {
-            let p = 65536.0 / (1.0 + libm::exp(-f64::from(x) / STRETCH_SCALE));
-            libm::round(p).clamp(1.0, 65535.0) as u16
-        })
-        .collect(),
-    rate: (0..=u32::from(COUNT_LIMIT)).map(|n| libm::round(65536.0 / (f64::from(n) + 1.6)) as u32).collect(),
+    stretch: std::array::from_fn(|i| {
+        let p = (i as f64 + 0.5) / 4096.0;
+        libm::round(STRETCH_SCALE * libm::log(p / (1.0 - p))) as i16
+    }),
+    squash: std::array::from_fn(|i| {
+        let x = i as i32 - STRETCH_LIMIT;
+        let p = 65536.0 / (1.0 + libm::exp(-f64::from(x) / STRETCH_SCALE));
+        libm::round(p).clamp(1.0, 65535.0) as u16
+    }),
+    rate: std::array::from_fn(|n| libm::round(65536.0 / (n as f64 + 1.6)) as u32),
 });
 
 /// One adaptive probability and how often it was updated.
@@ -84,7 +81,8 @@ impl Model {
     /// Codes one decision predicted by three slots, mixed with weight set `set`.
     #[inline]
     pub(crate) fn code<C: BitCoder>(&mut self, coder: &mut C, bit: bool, slots: [usize; INPUTS], set: usize) -> bool {
-        let stretched = slots.map(|slot| i32::from(self.tables.stretch[(self.slots[slot].p >> 10) as usize]));
+        // A probability is below 2^22.
+        let stretched = slots.map(|slot| i32::from(self.tables.stretch[(self.slots[slot].p >> 10 & 4095) as usize]));
         let weights = &mut self.weights[set];
         let sum: i64 = stretched.iter().zip(weights.iter()).map(|(&s, &w)| i64::from(s) * i64::from(w)).sum();
         let odds = (sum >> 16).clamp(-i64::from(STRETCH_LIMIT), i64::from(STRETCH_LIMIT)) as i32;

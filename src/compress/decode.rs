@@ -11,6 +11,7 @@ use super::rd::{adaptive, predictive};
 use super::rows::{coding_order, lanes};
 use super::scales::Scales;
 use super::thresholded::coefficients_of;
+use super::values::Values;
 use super::{Policy, Summary};
 use crate::codec::{
     Announced, ChunkKind, Class, CodecError, Container, Decoder, Payload, Reader, code_classes, code_coefficients,
@@ -226,10 +227,25 @@ pub(crate) fn classes_of<'a>(header: &Header, chunk: impl Fn(ChunkKind) -> Optio
     })
 }
 
+/// What values become magnitudes by as they are decoded: where nothing is added to the logarithms, equal ones are made
+/// samples once.
+pub(crate) fn finish_of(header: &Header) -> Option<Values> {
+    (header.light_step == 0.0 && header.correction_step == 0.0).then(|| header.values())
+}
+
 /// The samples that `header` and its chunks stand for; NaN = masked.
 pub(crate) fn samples_of<'a>(
     header: &Header,
     chunk: impl Fn(ChunkKind) -> Option<&'a [u8]>,
+) -> Result<Vec<f32>, CodecError> {
+    samples_behind(header, chunk, None)
+}
+
+/// The same, where the pyramid chunk may be decoded already.
+pub(crate) fn samples_behind<'a>(
+    header: &Header,
+    chunk: impl Fn(ChunkKind) -> Option<&'a [u8]>,
+    pyramid: Option<Vec<f32>>,
 ) -> Result<Vec<f32>, CodecError> {
     let count = header.axes.iter().map(Axis::len).product();
     let payload = |kind| chunk(kind).unwrap_or_default();
@@ -237,15 +253,18 @@ pub(crate) fn samples_of<'a>(
     let coefficients = payload(ChunkKind::Coefficients);
     let mut samples = match header.policy {
         Policy::Rd => {
-            // Where nothing is added to the logarithms, equal ones are made samples once.
-            let alone = header.light_step == 0.0 && header.correction_step == 0.0;
+            let finish = finish_of(header);
             let mut logs = if header.predicted {
-                let pyramid = payload(ChunkKind::Pyramid);
-                let mut r = Reader::new(pyramid, 0);
-                LevelIndex::read(&mut r, header.finest_level(), pyramid.len())?;
+                let coded = payload(ChunkKind::Pyramid);
+                let mut r = Reader::new(coded, 0);
+                LevelIndex::read(&mut r, header.finest_level(), coded.len())?;
                 let chunks = (chunk(ChunkKind::Basis), r.take(r.remaining(), "pyramid")?);
-                let finish = alone.then(|| header.values());
-                predictive::decode(&header.axes, classes.as_deref(), header.step, chunks, usize::MAX, finish)?.0
+                if let Some(decoded) = pyramid {
+                    decoded
+                } else {
+                    let classes = classes.as_deref();
+                    predictive::decode(&header.axes, classes, header.step, chunks, usize::MAX, finish)?.0
+                }
             } else if header.klt {
                 let chunks = (payload(ChunkKind::Basis), coefficients);
                 adaptive::decode(&header.axes, &header.transforms, classes.as_deref(), header.step, chunks)?
@@ -261,7 +280,7 @@ pub(crate) fn samples_of<'a>(
                 code_corrections(&mut corrections, lanes(&header.axes), &mut steps);
                 add_corrections(header.correction_step, &steps, &mut logs);
             }
-            if !(alone && header.predicted) {
+            if finish.is_none() || !header.predicted {
                 header.values().finish(&mut logs);
             }
             logs

@@ -5,6 +5,7 @@
 //! Horner's rule from the highest power down. The remainder is below 7e-12, far below the rounding to f32 that follows.
 //! Arguments are clamped to −120..=100, outside of which an f32 underflows or overflows anyway.
 
+use crate::domain::wide;
 use rayon::prelude::*;
 
 /// Adding and subtracting this rounds to the nearest integer, ties to even, for |x| < 2^51.
@@ -43,9 +44,10 @@ pub(crate) fn add_corrections(step: f32, steps: &[i32], logs: &mut [f32]) {
 /// Replaces logarithms by magnitudes.
 pub(crate) fn exponentiate(logs: &mut [f32]) {
     logs.par_chunks_mut(1 << 14).for_each(|chunk| {
-        for value in chunk {
-            *value = exp(f64::from(*value)) as f32;
-        }
+        wide(
+            #[inline(always)]
+            || chunk.iter_mut().for_each(|value| *value = exp(f64::from(*value)) as f32),
+        );
     });
 }
 

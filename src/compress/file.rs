@@ -1,6 +1,6 @@
 //! Puts a material's file together, decodes it again, and writes the errors of what was decoded into its header.
 
-use super::decode::samples_of;
+use super::decode::samples_behind;
 use super::header::Header;
 use super::light::Light;
 use super::rd::levels;
@@ -66,8 +66,8 @@ pub(crate) fn finish(
     measurement: &Measurement,
     metadata: Option<&str>,
 ) -> Result<Compressed, CompressError> {
-    let decoded = levels::insert(&mut parts, measurement)
-        .and_then(|()| samples_of(&parts.header, |kind| parts.chunk(kind)))
+    let decoded = levels::insert_and_decode(&mut parts, measurement)
+        .and_then(|whole| samples_behind(&parts.header, |kind| parts.chunk(kind), whole))
         .map_err(|e| CompressError::Unreachable(format!("the file just written does not decode: {e}")))?;
     let floor = f64::from(parts.header.floor);
     parts.header.errors = ErrorReport::measure(measurement.tensor.samples(), &decoded, floor);

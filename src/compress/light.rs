@@ -3,7 +3,7 @@
 //! It is Σ sample · weight over the last triangle axis; the weight is the cell's solid angle, projected for quantities that go
 //! with a cosine. A block is one entry of all axes before the triangles. Masked samples do not count.
 
-use crate::domain::{Axis, Quantity, TriangleMesh};
+use crate::domain::{Axis, Quantity, TriangleMesh, wide};
 use serde::Serialize;
 
 /// How far the light of the decoded file is from that of the measurement.
@@ -45,13 +45,19 @@ impl Light {
     pub(crate) fn sums(&self, samples: &[f32]) -> Vec<f64> {
         let block = self.weights.len() * self.inner;
         let mut sums = vec![0.0; samples.len() / self.weights.len()];
-        for (samples, sums) in samples.chunks_exact(block).zip(sums.chunks_exact_mut(self.inner)) {
-            for (row, weight) in samples.chunks_exact(self.inner).zip(&self.weights) {
-                for (sum, &s) in sums.iter_mut().zip(row).filter(|(_, s)| !s.is_nan()) {
-                    *sum += weight * f64::from(s);
+        wide(
+            #[inline(always)]
+            || {
+                for (samples, sums) in samples.chunks_exact(block).zip(sums.chunks_exact_mut(self.inner)) {
+                    for (row, weight) in samples.chunks_exact(self.inner).zip(&self.weights) {
+                        for (sum, &s) in sums.iter_mut().zip(row) {
+                            let more = *sum + weight * f64::from(s);
+                            *sum = if s.is_nan() { *sum } else { more };
+                        }
+                    }
                 }
-            }
-        }
+            },
+        );
         sums
     }
 

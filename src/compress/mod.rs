@@ -13,6 +13,7 @@ mod fill;
 mod header;
 mod kept;
 mod light;
+mod logarithm;
 mod lossless;
 mod noise;
 mod promise;
@@ -253,8 +254,8 @@ fn stateable(target: Target) -> Result<Target, CompressError> {
 
 /// The floor in the unit of a sample, as it is stored; 0 without a floor.
 fn absolute_floor(measurement: &Measurement, settings: &Settings) -> f32 {
-    let maximum = measurement.tensor.range().map_or(0.0, |(_, high)| f64::from(high.max(0.0)));
-    settings.floor.map_or(0.0, |floor| (floor * maximum) as f32)
+    let maximum = || measurement.tensor.range().map_or(0.0, |(_, high)| f64::from(high.max(0.0)));
+    settings.floor.map_or(0.0, |floor| (floor * maximum()) as f32)
 }
 
 /// What happens along wavelength.

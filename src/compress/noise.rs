@@ -23,6 +23,7 @@
 //! At most [`MAX_BLOCKS`] blocks are looked at, the same ones every time: time and memory are bounded.
 
 use super::Target;
+use super::logarithm::logarithms;
 use crate::domain::{Axis, Measurement};
 use basis::{Basis, Place};
 use rayon::prelude::*;
@@ -344,29 +345,35 @@ fn block_coefficients(samples: &[f32], base: usize, floor: f32, row: &Line<'_>, 
     keep_whole(&mut rows, &mut columns, usable);
     let (on_rows, on_columns) = (row.basis(&rows)?, column.basis(&columns)?);
     let width = columns.len();
-    let logs: Vec<f64> = rows
-        .iter()
-        .flat_map(|&r| columns.iter().map(move |&c| (r, c)))
-        .map(|(r, c)| libm::log(f64::from(sample(r, c))))
-        .collect();
-    let along_rows = |vector: &[f64]| {
-        let mut sum = vec![0.0; width];
-        for (&weight, logs) in vector.iter().zip(logs.chunks_exact(width)) {
-            for (sum, log) in sum.iter_mut().zip(logs) {
-                *sum += weight * log;
+    let mut logs = Vec::with_capacity(rows.len() * width);
+    for &r in &rows {
+        logs.extend(columns.iter().map(|&c| f64::from(sample(r, c))));
+    }
+    logarithms(&mut logs);
+    // Lines of `width`, one after another.
+    let transformed = |vectors: &[Vec<f64>]| {
+        let mut lines = vec![0.0; vectors.len() * width];
+        for (vector, sums) in vectors.iter().zip(lines.chunks_exact_mut(width)) {
+            for (&weight, logs) in vector.iter().zip(logs.chunks_exact(width)) {
+                for (sum, log) in sums.iter_mut().zip(logs) {
+                    *sum += weight * log;
+                }
             }
         }
-        sum
+        lines
     };
-    let transformed = |vectors: &[Vec<f64>]| vectors.iter().map(|v| along_rows(v)).collect::<Vec<Vec<f64>>>();
     let (high, third) = (transformed(&on_rows.high), transformed(&on_rows.third));
-    let dots = |lines: &[Vec<f64>], vectors: &[Vec<f64>]| -> Vec<f64> {
-        lines.iter().flat_map(|line| vectors.iter().map(move |v| basis::dot(line, v))).collect()
+    let dots = |lines: &[f64], vectors: &[Vec<f64>]| {
+        let mut products = Vec::with_capacity(lines.len() / width * vectors.len());
+        for line in lines.chunks_exact(width) {
+            products.extend(vectors.iter().map(|v| basis::dot(line, v)));
+        }
+        products
     };
-    let means = |lines: &[Vec<f64>]| -> Vec<f64> {
+    let means = |lines: &[f64]| -> Vec<f64> {
         let spectral = column.fit.is_none_or(|fit| fit.spectral);
-        let mean = |line: &Vec<f64>| line.iter().sum::<f64>() / width as f64;
-        if spectral { lines.iter().map(mean).collect() } else { Vec::new() }
+        let mean = |line: &[f64]| line.iter().sum::<f64>() / width as f64;
+        if spectral { lines.chunks_exact(width).map(mean).collect() } else { Vec::new() }
     };
     Some(Block {
         high_high: dots(&high, &on_columns.high),

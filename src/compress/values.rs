@@ -4,11 +4,24 @@
 
 use super::Target;
 use super::exponential::exponentiate;
+use super::logarithm::logarithms;
 use crate::codec::Class;
+use crate::domain::wide;
 use rayon::prelude::*;
 
 /// A positive sample below the floor keeps at least this fraction of it, so that its error stays below the floor.
 const FLOORED: f64 = 0.7;
+
+/// Whether every sample is above 0, hence none masked.
+pub(crate) fn all_positive(samples: &[f32]) -> bool {
+    let block = |samples: &[f32]| {
+        wide(
+            #[inline(always)]
+            || samples.iter().map(|&s| u32::from(s > 0.0)).sum::<u32>() as usize == samples.len(),
+        )
+    };
+    samples.par_chunks(1 << 14).all(block)
+}
 
 /// What is approximated of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +76,29 @@ impl Values {
             (Class::Zero | Class::Masked, _) => f64::NAN,
             (_, Self::Samples { .. }) => f64::from(sample),
             (_, Self::Logarithms) => libm::log(f64::from(sample.abs()).max(FLOORED * f64::from(floor))),
+        }
+    }
+
+    /// The same of many samples.
+    pub(crate) fn wanted_of_all(self, samples: &[f32], classes: &[Class], floor: f32, wanted: &mut [f32]) {
+        const BLOCK: usize = 256;
+        if self.is_linear() {
+            for ((wanted, &s), &class) in wanted.iter_mut().zip(samples).zip(classes) {
+                *wanted = self.wanted(s, class, floor) as f32;
+            }
+            return;
+        }
+        let least = FLOORED * f64::from(floor);
+        let mut magnitudes = [0.0; BLOCK];
+        let blocks = samples.chunks(BLOCK).zip(classes.chunks(BLOCK));
+        for (wanted, (samples, classes)) in wanted.chunks_mut(BLOCK).zip(blocks) {
+            let magnitudes = &mut magnitudes[..wanted.len()];
+            for ((magnitude, &s), &class) in magnitudes.iter_mut().zip(samples).zip(classes) {
+                let live = matches!(class, Class::Positive | Class::Negative);
+                *magnitude = if live { f64::from(s.abs()).max(least) } else { f64::NAN };
+            }
+            logarithms(magnitudes);
+            wanted.iter_mut().zip(&*magnitudes).for_each(|(wanted, &log)| *wanted = log as f32);
         }
     }
 

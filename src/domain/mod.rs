@@ -25,6 +25,7 @@ mod triangles;
 pub(crate) mod vector;
 mod views;
 mod wavelengths;
+mod wide;
 
 pub(crate) use axis::check_axes;
 pub use axis::{Axis, AxisError, Layout};
@@ -39,3 +40,4 @@ pub use triangles::{Domain, TriangleMesh};
 pub(crate) use triangles::{Vertices, centroid, child, solid_angle};
 pub use views::{Brdf, Reflectance, Spectrum};
 pub use wavelengths::{WavelengthError, WavelengthGrid};
+pub(crate) use wide::wide;

@@ -3,6 +3,7 @@
 //! Eigenvectors by Jacobi's method in fixed cyclic order (Golub & Van Loan, *Matrix Computations*, 4th ed., section 8.5),
 //! with square roots and divisions only, and sums in a fixed order: the same vectors on any machine and thread count.
 
+use crate::domain::wide;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +17,10 @@ const ITERATIONS: usize = 3;
 const ITERATED: usize = 4096;
 /// Rows summed together before the sums are added in order.
 const CHUNK: usize = 1024;
+/// Rows whose products are added at a time, one after the other.
+const AT_ONCE: usize = 8;
+/// Entries of a row whose products are added side by side.
+const LANES: usize = 8;
 
 /// The mean row and the directions of largest variance, as plain data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,16 +65,12 @@ impl Klt {
         }
         let mean = mean_of(rows, length)?;
         let count = (rows.len() / length) as f64;
-        let mut covariance = sums(rows, length, length * length, |row, sum| {
-            let centred: Vec<f64> = row.iter().zip(&mean).map(|(&x, m)| f64::from(x) - m).collect();
-            for (i, &a) in centred.iter().enumerate() {
-                let target = &mut sum[i * length..][..=i];
-                target.iter_mut().zip(&centred).for_each(|(s, b)| *s += a * b);
-            }
-        });
+        let width = length.next_multiple_of(LANES);
+        let products = sums(rows, length, length * width, |rows, sum| add_products(rows, &mean, sum));
+        let mut covariance = vec![0.0; length * length];
         for i in 0..length {
             for j in 0..=i {
-                covariance[i * length + j] /= count;
+                covariance[i * length + j] = products[i * width + j] / count;
                 covariance[j * length + i] = covariance[i * length + j];
             }
         }
@@ -213,7 +214,52 @@ impl Klt {
     }
 }
 
-/// A sum over rows: chunks of a fixed size in parallel, then one after another.
+/// Adds (row − mean)ᵀ (row − mean) of every row, in order, to the lower triangle of a matrix whose rows are filled up to
+/// whole lanes; above the diagonal anything may stand.
+fn add_products(rows: &[f32], mean: &[f64], sum: &mut [f64]) {
+    let n = mean.len();
+    let width = n.next_multiple_of(LANES);
+    let mut centred = vec![0.0; AT_ONCE * width];
+    for rows in rows.chunks(AT_ONCE * n) {
+        for (centred, row) in centred.chunks_exact_mut(width).zip(rows.chunks_exact(n)) {
+            centred.iter_mut().zip(row).zip(mean).for_each(|((c, &x), m)| *c = f64::from(x) - m);
+        }
+        let centred = centred[..rows.len() / n * width].as_chunks().0;
+        let (sum, lanes) = (sum.as_chunks_mut().0, width / LANES);
+        wide(
+            #[inline(always)]
+            || {
+                if centred.len() == AT_ONCE * lanes {
+                    add_products_of::<AT_ONCE>(centred, lanes, sum);
+                } else {
+                    for row in centred.chunks_exact(lanes) {
+                        add_products_of::<1>(row, lanes, sum);
+                    }
+                }
+            },
+        );
+    }
+}
+
+/// The same of `ROWS` centred rows of so many lanes.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+fn add_products_of<const ROWS: usize>(centred: &[[f64; LANES]], lanes: usize, sum: &mut [[f64; LANES]]) {
+    let rows: [&[[f64; LANES]]; ROWS] = std::array::from_fn(|k| &centred[k * lanes..][..lanes]);
+    for (i, target) in sum.chunks_exact_mut(lanes).enumerate() {
+        let factors = rows.map(|row| row[i / LANES][i % LANES]);
+        for (j, target) in target.iter_mut().enumerate().take(i / LANES + 1) {
+            let mut own = *target;
+            for (row, factor) in rows.iter().zip(factors) {
+                let lane = row[j];
+                own = std::array::from_fn(|k| own[k] + factor * lane[k]);
+            }
+            *target = own;
+        }
+    }
+}
+
+/// A sum over rows: chunks of a fixed size in parallel, then one after another; `add` adds the rows of a chunk in order.
 fn sums(rows: &[f32], length: usize, size: usize, add: impl Fn(&[f32], &mut [f64]) + Sync) -> Vec<f64> {
     let mut total = vec![0.0; size];
     // A few chunks at a time, so that their sums fit the memory.
@@ -222,9 +268,7 @@ fn sums(rows: &[f32], length: usize, size: usize, add: impl Fn(&[f32], &mut [f64
             .par_chunks(CHUNK * length)
             .map(|chunk| {
                 let mut sum = vec![0.0; size];
-                for row in chunk.chunks_exact(length) {
-                    add(row, &mut sum);
-                }
+                add(chunk, &mut sum);
                 sum
             })
             .collect();
@@ -280,8 +324,15 @@ fn mean_of(rows: &[f32], length: usize) -> Result<Vec<f64>, KltError> {
         return Err(KltError::NotFinite { row: at / length, entry: at % length });
     }
     let count = (rows.len() / length) as f64;
-    let mut mean = sums(rows, length, length, |row, sum| {
-        sum.iter_mut().zip(row).for_each(|(s, &x)| *s += f64::from(x));
+    let mut mean = sums(rows, length, length, |rows, sum| {
+        wide(
+            #[inline(always)]
+            || {
+                for row in rows.chunks_exact(length) {
+                    sum.iter_mut().zip(row).for_each(|(s, &x)| *s += f64::from(x));
+                }
+            },
+        );
     });
     for m in &mut mean {
         *m /= count;
@@ -326,16 +377,24 @@ fn covariance_times(rows: &[f32], mean: &[f64], vectors: &[Vec<f64>]) -> Vec<Vec
             columns[i * k + j] = x;
         }
     }
-    let product = sums(rows, n, n * k, |row, sum| {
+    let product = sums(rows, n, n * k, |rows, sum| {
         let mut along = vec![0.0; k];
-        for ((&x, m), column) in row.iter().zip(mean).zip(columns.chunks_exact(k)) {
-            let x = f64::from(x) - m;
-            along.iter_mut().zip(column).for_each(|(a, c)| *a += x * c);
-        }
-        for ((&x, m), sum) in row.iter().zip(mean).zip(sum.chunks_exact_mut(k)) {
-            let x = f64::from(x) - m;
-            sum.iter_mut().zip(&along).for_each(|(s, a)| *s += x * a);
-        }
+        wide(
+            #[inline(always)]
+            || {
+                for row in rows.chunks_exact(n) {
+                    along.fill(0.0);
+                    for ((&x, m), column) in row.iter().zip(mean).zip(columns.chunks_exact(k)) {
+                        let x = f64::from(x) - m;
+                        along.iter_mut().zip(column).for_each(|(a, c)| *a += x * c);
+                    }
+                    for ((&x, m), sum) in row.iter().zip(mean).zip(sum.chunks_exact_mut(k)) {
+                        let x = f64::from(x) - m;
+                        sum.iter_mut().zip(&along).for_each(|(s, a)| *s += x * a);
+                    }
+                }
+            },
+        );
     });
     (0..k).map(|j| (0..n).map(|i| product[i * k + j]).collect()).collect()
 }

@@ -20,8 +20,8 @@ const RIDGE: f64 = 1e-4;
 #[derive(Clone, Debug)]
 pub struct Prediction {
     neighbours: Neighbours,
-    /// By node: the weight of each neighbour's difference from the node in the mean of corner children 0, 1 and 2.
-    weights: Vec<[[f32; MOST_NEIGHBOURS]; 3]>,
+    /// By node: the weight of each neighbour's difference from the node in the means of corner children 0, 1 and 2; a zero.
+    weights: Vec<[[f32; 4]; MOST_NEIGHBOURS]>,
 }
 
 /// Means of position and of its products (xx, xy, xz, yy, yz, zz) over the leaves below a node.
@@ -77,8 +77,11 @@ impl Prediction {
 
     fn at(mesh: TriangleMesh, nodes: &[Moments], children: &[Moments]) -> Self {
         let neighbours = Neighbours::new(mesh);
-        let weights = (0..mesh.len()).map(|i| weights(i, neighbours.around(i), nodes, children)).collect();
-        Self { neighbours, weights }
+        let weights = (0..mesh.len()).map(|i| {
+            let [a, b, c] = weights(i, neighbours.around(i), nodes, children);
+            std::array::from_fn(|k| [a[k], b[k], c[k], 0.0])
+        });
+        Self { weights: weights.collect(), neighbours }
     }
 
     /// The triangles around node `i`.
@@ -90,12 +93,10 @@ impl Prediction {
     #[inline]
     pub fn children(&self, i: usize, means: &[f32]) -> [f32; 4] {
         let own = means[i];
-        let mut corners = [0.0_f32; 3];
-        let differences = self.neighbours.padded(i).map(|n| means[n as usize] - own);
-        for (corner, weights) in corners.iter_mut().zip(&self.weights[i]) {
-            for (w, d) in weights.iter().zip(&differences) {
-                *corner += w * d;
-            }
+        let mut corners = [0.0_f32; 4];
+        for (&n, weights) in self.neighbours.padded(i).iter().zip(&self.weights[i]) {
+            let difference = means[n as usize] - own;
+            corners.iter_mut().zip(weights).for_each(|(corner, w)| *corner += w * difference);
         }
         [corners[0], corners[1], corners[2], -(corners[0] + corners[1] + corners[2])]
     }

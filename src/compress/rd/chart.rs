@@ -9,11 +9,16 @@
 //! The columns are made orthonormal on the coded rows (Cholesky's factor of their Gram matrix, f64, in order), so that the
 //! pyramid's step serves their coefficients too. Square roots and divisions only: the same columns on any machine.
 
+mod columns;
+mod factor;
+
 use super::shape::Shape;
 use super::symmetry::Representatives;
 use crate::codec::{BitCoder, DetailCoder, Surroundings};
-use crate::domain::vector::{Vector, add, dot, unit};
-use crate::domain::{Axis, Direction, Domain};
+use crate::domain::vector::Vector;
+use crate::domain::{Axis, Direction, Domain, wide};
+use columns::{Columns, Entries, LANES, RUN, add_up};
+use factor::Factor;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -37,16 +42,10 @@ impl ChartKind {
     }
 }
 
-/// Cubic splines that are not zero at a place.
-const RUN: usize = 4;
-/// Runs of columns of a row that are not zero, at most.
-const MOST_RUNS: usize = 16;
 /// Rows on which the columns are made orthonormal: few, because a decoder does it, too.
 const GRAM_ROWS: usize = 1 << 12;
 /// Rows to which the model is fitted.
 const FITTED_ROWS: usize = 1 << 16;
-/// A column with less than this part of its square left by those before it is left out.
-const INDEPENDENT: f64 = 1e-4;
 /// Coefficients round down from here.
 const ROUNDING: f64 = 0.4;
 /// Quantised coefficients stay below this.
@@ -56,194 +55,12 @@ const MOST_CONSTANTS: usize = 64;
 
 /// A model on the rows of a shape.
 pub(crate) struct Chart {
-    kind: ChartKind,
-    constants: usize,
+    columns: Columns,
     incoming: Vec<Vector>,
     outgoing: Vec<Vector>,
-    columns: usize,
     factor: Factor,
     /// Of the rows the model is fitted to; an encoder's.
     fitted: Option<Factor>,
-}
-
-/// Cholesky's factor of the Gram matrix of columns: row-major lower triangle, with rows of zeros for columns left out.
-struct Factor {
-    n: usize,
-    lower: Vec<f64>,
-}
-
-impl Factor {
-    /// Of a Gram matrix; columns that depend on those before them are left out, and those that `keep` does not want.
-    fn new(n: usize, gram: &[f64], keep: impl Fn(usize) -> bool) -> Self {
-        let (mut lower, mut columns) = (vec![0.0; n * n], vec![0.0; n * n]);
-        let mut sums = vec![0.0; n];
-        for i in (0..n).filter(|&i| keep(i)) {
-            let row = &mut lower[i * n..][..n];
-            // Σ_k L_ik · L_jk of all j at once, in the order of k.
-            sums.fill(0.0);
-            for k in 0..i {
-                let column = &columns[k * n..][..i];
-                if columns[k * n + k] > 0.0 {
-                    let own = (gram[i * n + k] - sums[k]) / columns[k * n + k];
-                    row[k] = own;
-                    if own != 0.0 {
-                        sums[k + 1..i].iter_mut().zip(&column[k + 1..]).for_each(|(sum, other)| *sum += own * other);
-                    }
-                }
-            }
-            let own = gram[i * n + i];
-            let left = own - row[..i].iter().map(|a| a * a).sum::<f64>();
-            if left > INDEPENDENT * own {
-                row[i] = left.sqrt();
-                (0..=i).for_each(|k| columns[k * n + i] = row[k]);
-            } else {
-                row.fill(0.0);
-            }
-        }
-        Self { n, lower }
-    }
-
-    fn keeps(&self, column: usize) -> bool {
-        self.lower[column * self.n + column] > 0.0
-    }
-
-    /// L⁻¹ x, in place.
-    fn solve(&self, x: &mut [f64]) {
-        for i in 0..self.n {
-            let row = &self.lower[i * self.n..][..self.n];
-            let product: f64 = row[..i].iter().zip(&*x).map(|(l, x)| l * x).sum();
-            x[i] = if row[i] > 0.0 { (x[i] - product) / row[i] } else { 0.0 };
-        }
-    }
-
-    /// L⁻ᵀ x, in place.
-    fn solve_transposed(&self, x: &mut [f64]) {
-        for i in (0..self.n).rev() {
-            let row = &self.lower[i * self.n..][..self.n];
-            x[i] = if row[i] > 0.0 { x[i] / row[i] } else { 0.0 };
-            let own = x[i];
-            x.iter_mut().zip(&row[..i]).for_each(|(x, l)| *x -= l * own);
-        }
-    }
-
-    /// Lᵀ x, in place.
-    fn multiply_transposed(&self, x: &mut [f64]) {
-        for j in 0..self.n {
-            x[j] = (j..self.n).map(|i| self.lower[i * self.n + j] * x[i]).sum();
-        }
-    }
-}
-
-/// One row's columns that are not zero, in ascending order: a constant, then runs of four columns.
-struct Entries {
-    /// The column of a constant 1.
-    constant: Option<usize>,
-    length: usize,
-    runs: [(usize, [f64; RUN]); MOST_RUNS],
-}
-
-impl Entries {
-    fn new() -> Self {
-        Self { constant: None, length: 0, runs: [(0, [0.0; RUN]); MOST_RUNS] }
-    }
-
-    fn clear(&mut self) {
-        self.constant = None;
-        self.length = 0;
-    }
-
-    fn push(&mut self, column: usize, values: [f64; RUN]) {
-        if let Some(run) = self.runs.get_mut(self.length) {
-            *run = (column, values);
-            self.length += 1;
-        }
-    }
-
-    fn runs(&self) -> &[(usize, [f64; RUN])] {
-        &self.runs[..self.length]
-    }
-
-    /// Adds the splines of `x` in 0 … 1 from column `first`; returns the next free column.
-    fn splines(&mut self, first: usize, count: usize, x: f64) -> usize {
-        let (at, values) = spline(count, x);
-        self.push(first + at, values);
-        first + count
-    }
-
-    /// Adds products of splines of `x` and of `y`.
-    fn products(&mut self, first: usize, (nx, x): (usize, f64), (ny, y): (usize, f64)) -> usize {
-        let ((ax, vx), (ay, vy)) = (spline(nx, x), spline(ny, y));
-        for (i, a) in vx.into_iter().enumerate() {
-            self.push(first + (ax + i) * ny + ay, vy.map(|b| a * b));
-        }
-        first + nx * ny
-    }
-
-    /// Adds value · value to the lower triangle of a matrix of rows of `n`.
-    fn add_products(&self, n: usize, matrix: &mut [f64]) {
-        if let Some(constant) = self.constant {
-            matrix[constant * n + constant] += 1.0;
-        }
-        for (number, &(row, a)) in self.runs().iter().enumerate() {
-            for (i, a) in a.into_iter().enumerate() {
-                let row = &mut matrix[(row + i) * n..][..n];
-                if let Some(constant) = self.constant {
-                    row[constant] += a;
-                }
-                // Above the diagonal of the last run is what nobody reads.
-                for &(column, b) in &self.runs[..=number] {
-                    row[column..column + RUN].iter_mut().zip(b).for_each(|(sum, b)| *sum += a * b);
-                }
-            }
-        }
-    }
-
-    /// Adds value · `x` to every column's sum.
-    fn add(&self, x: f64, sums: &mut [f64]) {
-        if let Some(constant) = self.constant {
-            sums[constant] += x;
-        }
-        for &(column, values) in self.runs() {
-            sums[column..column + RUN].iter_mut().zip(values).for_each(|(sum, value)| *sum += value * x);
-        }
-    }
-
-    /// Adds Σ value · coefficient, in the order of the columns, to a sum of each vector; coefficients by column and vector.
-    fn add_up(&self, coefficients: &[f64], sums: &mut [f64]) {
-        let vectors = sums.len();
-        let mut add = |column: usize, value: f64| {
-            let coefficients = &coefficients[column * vectors..][..vectors];
-            sums.iter_mut().zip(coefficients).for_each(|(sum, c)| *sum += value * c);
-        };
-        if let Some(constant) = self.constant {
-            add(constant, 1.0);
-        }
-        for &(column, values) in self.runs() {
-            values.into_iter().enumerate().for_each(|(i, value)| add(column + i, value));
-        }
-    }
-}
-
-/// The first of the four cubic B-splines that are not 0 at `x`, and their values; `count` ≥ 4 splines on even knots whose
-/// ends are repeated (de Boor 1978, chapter X).
-fn spline(count: usize, x: f64) -> (usize, [f64; 4]) {
-    let spans = count - 3;
-    let scaled = x.clamp(0.0, 1.0) * spans as f64;
-    let span = (scaled as usize).min(spans - 1);
-    // Knots relative to the span; repeated at both ends.
-    let knot = |k: isize| (span as isize + k).clamp(0, spans as isize) as f64;
-    let mut values = [1.0, 0.0, 0.0, 0.0];
-    for degree in 1..=3_isize {
-        let mut saved = 0.0;
-        for r in 0..degree {
-            let (right, left) = (knot(r + 1), knot(r + 1 - degree));
-            let share = values[r as usize] / (right - left);
-            values[r as usize] = saved + (right - scaled) * share;
-            saved = (scaled - left) * share;
-        }
-        values[degree as usize] = saved;
-    }
-    (span, values)
 }
 
 impl Chart {
@@ -255,82 +72,36 @@ impl Chart {
         let mesh = shape.mesh();
         let outgoing: Vec<Vector> = (0..mesh.len()).map(|i| mesh.centroid(i).xyz()).collect();
         let constants = if kind == ChartKind::Zonal || incoming.len() > MOST_CONSTANTS { 0 } else { incoming.len() };
-        let mut chart = Self {
-            kind,
-            constants,
-            incoming,
-            outgoing,
-            columns: 0,
-            factor: Factor { n: 0, lower: Vec::new() },
-            fitted: None,
-        };
-        let mut entries = Entries::new();
-        chart.columns = chart.row(0, 0, &mut entries);
-        chart.factor = Factor::new(chart.columns, &chart.gram(GRAM_ROWS), |_| true);
+        let columns = Columns { kind, constants };
+        let mut chart = Self { columns, incoming, outgoing, factor: Factor::default(), fitted: None };
+        chart.factor = Factor::new(chart.columns.count(), &chart.gram(GRAM_ROWS), |_| true);
         Some(chart)
     }
 
     /// Ready to be fitted.
     pub(crate) fn prepared(mut self) -> Self {
-        self.fitted = Some(Factor::new(self.columns, &self.gram(FITTED_ROWS), |column| self.factor.keeps(column)));
+        let gram = self.gram(FITTED_ROWS);
+        self.fitted = Some(Factor::new(self.columns.count(), &gram, |column| self.factor.keeps(column)));
         self
     }
 
     pub(crate) fn kind(&self) -> ChartKind {
-        self.kind
+        self.columns.kind
     }
 
     fn rows(&self) -> usize {
         self.incoming.len() * self.outgoing.len()
     }
 
-    /// Fills in the columns of a row; returns how many columns there are.
-    fn row(&self, block: usize, leaf: usize, entries: &mut Entries) -> usize {
-        entries.clear();
-        let wi = self.incoming[block];
-        let mut wo = self.outgoing[leaf];
-        let angle = ((1.0 - dot(wi, wo)).max(0.0) / 2.0).sqrt();
-        if self.kind == ChartKind::Zonal {
-            return entries.splines(0, 32, angle);
-        }
-        // Transmission is seen in the mirror.
-        wo[2] = wo[2].abs();
-        let wi = [wi[0], wi[1], wi[2].abs()];
-        let h = unit(add(wi, wo));
-        // Sines of half angles over that of 45°.
-        let to_normal = (1.0 - h[2]).max(0.0).sqrt();
-        let difference = (1.0 - dot(wi, h)).max(0.0).sqrt();
-        let height = wo[2].sqrt();
-        let mut next = self.constants;
-        entries.constant = (block < self.constants).then_some(block);
-        if self.kind == ChartKind::Isotropic {
-            let peak = to_normal.sqrt();
-            next = entries.splines(next, 14, peak);
-            next = entries.splines(next, 6, difference);
-            next = entries.splines(next, 7, height);
-            next = entries.splines(next, 7, angle);
-            next = entries.products(next, (10, peak), (5, difference));
-            return entries.products(next, (4, height), (5, difference));
-        }
-        next = entries.splines(next, 7, height);
-        next = entries.splines(next, 7, angle);
-        next = entries.splines(next, 6, difference);
-        // The plane of h, in which splines are denser near the normal; then the same times the centred difference angle and
-        // its square.
-        let across = |x: f64| 0.5 + 0.5 * x * 1.06 / (x * x + 0.1236).sqrt();
-        let first = entries.length;
-        let planar = entries.products(next, (10, across(h[0])), (10, across(h[1])));
-        let columns = planar - next;
-        let centred = difference - 0.5;
-        for at in first..entries.length {
-            let (column, values) = entries.runs[at];
-            entries.push(column + columns, values.map(|value| value * centred));
-        }
-        for at in first..first + RUN {
-            let (column, values) = entries.runs[at];
-            entries.push(column + 2 * columns, values.map(|value| value * centred * centred));
-        }
-        planar + 2 * columns
+    /// Fills in the columns of some rows of all blocks together; those beyond the last are that row again.
+    fn fill(&self, rows: impl Iterator<Item = usize>, entries: &mut [Entries; LANES]) {
+        let mut rows = rows.take(LANES);
+        let first = rows.next().unwrap_or(0);
+        let mut places = [first; LANES];
+        places[1..].iter_mut().zip(rows).for_each(|(place, row)| *place = row);
+        let leaves = self.outgoing.len();
+        let row = |at: usize| (at / leaves, self.incoming[at / leaves], self.outgoing[at % leaves]);
+        self.columns.fill(&places.map(row), entries);
     }
 
     /// Every how many rows are looked at, so that there are at most `most`.
@@ -341,13 +112,21 @@ impl Chart {
 
     /// The Gram matrix of all columns (its lower triangle) on `most` rows, as if on all.
     fn gram(&self, most: usize) -> Vec<f64> {
-        let n = self.columns;
+        let n = self.columns.count();
         let stride = self.stride(most);
         let mut gram = vec![0.0; n * n];
-        let mut entries = Entries::new();
-        for at in (0..self.rows()).step_by(stride) {
-            self.row(at / self.outgoing.len(), at % self.outgoing.len(), &mut entries);
-            entries.add_products(n, &mut gram);
+        let mut entries = [Entries::new(); LANES];
+        for at in (0..self.rows()).step_by(stride * LANES) {
+            let rows = (at..self.rows()).step_by(stride).take(LANES);
+            self.fill(rows.clone(), &mut entries);
+            wide(
+                #[inline(always)]
+                || {
+                    for entries in &entries[..rows.len()] {
+                        entries.add_products(n, &mut gram);
+                    }
+                },
+            );
         }
         for entry in &mut gram {
             *entry *= stride as f64;
@@ -357,19 +136,23 @@ impl Chart {
 
     /// The best coefficients of planes `[blocks, vectors, leaves]` on the orthonormal columns, by vector.
     fn fit(&self, fitted: &Factor, planes: &[f32], vectors: usize) -> Vec<f64> {
-        let (n, leaves) = (self.columns, self.outgoing.len());
+        let (n, leaves) = (self.columns.count(), self.outgoing.len());
         let stride = self.stride(FITTED_ROWS);
         let parts: Vec<Vec<f64>> = planes
             .par_chunks(vectors * leaves)
             .enumerate()
             .map(|(block, planes)| {
                 let mut sums = vec![0.0; vectors * n];
-                let mut entries = Entries::new();
-                for leaf in (0..leaves).filter(|leaf| (block * leaves + leaf).is_multiple_of(stride)) {
-                    self.row(block, leaf, &mut entries);
-                    for (plane, sums) in planes.chunks_exact(leaves).zip(sums.chunks_exact_mut(n)) {
-                        let x = f64::from(plane[leaf]) * stride as f64;
-                        entries.add(x, sums);
+                let mut entries = [Entries::new(); LANES];
+                let (first, end) = ((block * leaves).next_multiple_of(stride), (block + 1) * leaves);
+                for at in (first..end).step_by(stride * LANES) {
+                    let rows = (at..end).step_by(stride).take(LANES);
+                    self.fill(rows.clone(), &mut entries);
+                    for (row, entries) in rows.zip(&entries) {
+                        for (plane, sums) in planes.chunks_exact(leaves).zip(sums.chunks_exact_mut(n)) {
+                            let x = f64::from(plane[row - block * leaves]) * stride as f64;
+                            entries.add(x, sums);
+                        }
                     }
                 }
                 sums
@@ -399,20 +182,28 @@ impl Chart {
         vectors: usize,
         representatives: Range<usize>,
     ) -> Vec<f32> {
-        let (n, leaves) = (self.columns, self.outgoing.len());
+        let (n, leaves) = (self.columns.count(), self.outgoing.len());
         coefficients.chunks_exact_mut(n).for_each(|c| self.factor.solve_transposed(c));
-        let by_column: Vec<f64> =
-            (0..n).flat_map(|column| coefficients.iter().skip(column).step_by(n).copied()).collect();
+        // Some vectors together, by column.
+        let groups: Vec<Vec<[f64; RUN]>> = coefficients
+            .chunks(n * RUN)
+            .map(|vectors| (0..n).map(|column| std::array::from_fn(|k| *vectors.get(k * n + column).unwrap_or(&0.0))))
+            .map(Iterator::collect)
+            .collect();
         let mut planes = vec![0.0; representatives.len() * leaves * vectors];
         planes.par_chunks_mut(vectors * leaves).enumerate().for_each(|(block, planes)| {
-            let mut entries = Entries::new();
-            let mut sums = vec![0.0; vectors];
-            for leaf in 0..leaves {
-                self.row(representatives.start + block, leaf, &mut entries);
-                sums.fill(0.0);
-                entries.add_up(&by_column, &mut sums);
-                for (plane, &sum) in planes.chunks_exact_mut(leaves).zip(&sums) {
-                    plane[leaf] = sum as f32;
+            let mut entries = [Entries::new(); LANES];
+            let start = (representatives.start + block) * leaves;
+            for leaf in (0..leaves).step_by(LANES) {
+                self.fill(start + leaf..start + leaves, &mut entries);
+                for (planes, coefficients) in planes.chunks_mut(RUN * leaves).zip(&groups) {
+                    let sums = wide(
+                        #[inline(always)]
+                        || add_up(&entries, coefficients),
+                    );
+                    for (k, plane) in planes.chunks_exact_mut(leaves).enumerate() {
+                        plane[leaf..].iter_mut().zip(&sums).for_each(|(value, sums)| *value = sums[k] as f32);
+                    }
                 }
             }
         });
@@ -430,7 +221,7 @@ impl Chart {
     ) -> Vec<f64> {
         let step = f64::from(step);
         let wanted = planes.zip(self.fitted.as_ref()).map(|(planes, fitted)| self.fit(fitted, planes, vectors));
-        let n = self.columns;
+        let n = self.columns.count();
         let mut details = DetailCoder::default();
         let mut decoded = vec![0.0; vectors * n];
         let mut before = vec![0_u32; n];
@@ -477,38 +268,5 @@ pub(super) fn incoming(shape: &Shape, kind: ChartKind) -> Option<Vec<Vector>> {
             Some(degrees.iter().map(|&theta| Direction::from_degrees(theta, 0.0).xyz()).collect())
         }
         _ => None,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn splines_add_up_to_one_and_are_not_negative() {
-        for count in [4, 5, 7, 14, 32] {
-            for k in 0..=200 {
-                let (first, values) = spline(count, f64::from(k) / 200.0);
-                assert!(first + 4 <= count);
-                assert!((values.iter().sum::<f64>() - 1.0).abs() < 1e-12);
-                assert!(values.iter().all(|&v| v >= -1e-15));
-            }
-        }
-    }
-
-    #[test]
-    fn splines_are_continuous() {
-        for count in [4, 7, 14] {
-            for k in 1..count - 3 {
-                let x = k as f64 / (count - 3) as f64;
-                let value = |x: f64, column: usize| {
-                    let (first, values) = spline(count, x);
-                    column.checked_sub(first).and_then(|k| values.get(k)).copied().unwrap_or(0.0)
-                };
-                for column in 0..count {
-                    assert!((value(x - 1e-9, column) - value(x + 1e-9, column)).abs() < 1e-7);
-                }
-            }
-        }
     }
 }

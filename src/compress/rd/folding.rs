@@ -12,6 +12,9 @@ use std::ops::Range;
 /// The means of rows over orbits: `[representatives, leaves, length]`.
 pub(super) fn fold_rows(shape: &Shape, group: &Group, representatives: &Representatives, logs: &[f32]) -> Vec<f32> {
     let (n, leaves) = (shape.length(), shape.leaves());
+    if group.order() == 1 && shape.inner() == 1 {
+        return logs.to_vec();
+    }
     let mut folded = vec![0.0; representatives.len() * leaves * n];
     let share = 1.0 / group.order() as f64;
     folded.par_chunks_mut(leaves * n).enumerate().for_each(|(k, block)| {

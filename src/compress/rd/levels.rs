@@ -16,13 +16,13 @@
 //! directions and wavelengths (weighted by solid angle, projected for quantities that go with a cosine) that of the original
 //! within 1 %, in the mean over the blocks that a representative stands for.
 
-use super::super::decode::{apply_classes, classes_of};
+use super::super::decode::{apply_classes, classes_of, finish_of};
 use super::super::file::Parts;
 use super::super::header::Header;
 use super::super::light::weights;
 use super::predictive;
 use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Reader, Writer, code_steps};
-use crate::domain::{Axis, ErrorReport, Measurement, Quantity, TriangleMesh};
+use crate::domain::{Axis, ErrorReport, Measurement, Quantity, TriangleMesh, wide};
 use rayon::prelude::*;
 
 /// A step of the brightness, in natural logarithms.
@@ -118,15 +118,30 @@ pub(crate) fn usual_bytes(measurement: &Measurement) -> usize {
 
 /// Puts the index in front of the pyramid that `parts` hold; nothing if they hold none.
 pub(crate) fn insert(parts: &mut Parts, measurement: &Measurement) -> Result<(), CodecError> {
+    insert_and(parts, measurement, |_, _| ()).map(drop)
+}
+
+/// The same; what the pyramid decodes to as a whole comes along, if it has coarser levels: the values that `decode` has of
+/// the chunk.
+pub(crate) fn insert_and_decode(parts: &mut Parts, measurement: &Measurement) -> Result<Option<Vec<f32>>, CodecError> {
+    insert_and(parts, measurement, |header, levels| levels.decode(usize::MAX, finish_of(header)).0)
+}
+
+/// Puts the index in front of the pyramid, and does `more` with the pyramid that was opened for it.
+fn insert_and<T>(
+    parts: &mut Parts,
+    measurement: &Measurement,
+    more: impl FnOnce(&Header, &predictive::Levels<'_>) -> T,
+) -> Result<Option<T>, CodecError> {
     let header = &parts.header;
     let (Some(coded), Some(finest)) = (parts.chunk(ChunkKind::Pyramid), Grid::of(&header.axes)) else {
-        return Ok(());
+        return Ok(None);
     };
     if predictive::is_random(&header.axes, coded)? {
         let none: &[u8] = if finest.mesh.level() > 0 { &[0] } else { &[] };
         let payload = [none, coded].concat();
         replace(parts, payload);
-        return Ok(());
+        return Ok(None);
     }
     let classes = classes_of(header, |kind| parts.chunk(kind));
     let chunks = (parts.chunk(ChunkKind::Basis), coded);
@@ -148,6 +163,8 @@ pub(crate) fn insert(parts: &mut Parts, measurement: &Measurement) -> Result<(),
         index.entries.push(LevelEntry { end: end.min(coded.len()), error: error_code(errors.er_l2) });
         steps.extend(here);
     }
+    let more = more(header, &levels);
+    drop(levels);
     let mut brightness = Vec::new();
     if steps.iter().any(|&step| step != 0) {
         let mut encoder = Encoder::default();
@@ -157,7 +174,7 @@ pub(crate) fn insert(parts: &mut Parts, measurement: &Measurement) -> Result<(),
     let mut payload = LevelIndex { brightness: &brightness, ..index }.write();
     payload.extend_from_slice(coded);
     replace(parts, payload);
-    Ok(())
+    Ok(Some(more))
 }
 
 fn replace(parts: &mut Parts, payload: Vec<u8>) {
@@ -249,17 +266,23 @@ impl Grid {
         let mut averages = vec![f32::NAN; samples.len() / parts];
         averages.par_chunks_mut(inner).zip(samples.par_chunks(inner * parts)).with_min_len(64).for_each(
             |(averages, samples)| {
-                let mut sums = vec![(0.0_f64, 0_u32); inner];
-                for row in samples.chunks_exact(inner) {
-                    for (sum, &s) in sums.iter_mut().zip(row).filter(|(_, s)| !s.is_nan()) {
-                        *sum = (sum.0 + f64::from(s), sum.1 + 1);
-                    }
-                }
-                for (average, (sum, count)) in averages.iter_mut().zip(sums) {
-                    if count > 0 {
-                        *average = (sum / f64::from(count)) as f32;
-                    }
-                }
+                let (mut sums, mut counts) = (vec![0.0_f64; inner], vec![0.0_f64; inner]);
+                wide(
+                    #[inline(always)]
+                    || {
+                        for row in samples.chunks_exact(inner) {
+                            for ((sum, count), &s) in sums.iter_mut().zip(&mut counts).zip(row) {
+                                let more = *sum + f64::from(s);
+                                (*sum, *count) = if s.is_nan() { (*sum, *count) } else { (more, *count + 1.0) };
+                            }
+                        }
+                        for ((average, sum), count) in averages.iter_mut().zip(&sums).zip(&counts) {
+                            if *count > 0.0 {
+                                *average = (sum / count) as f32;
+                            }
+                        }
+                    },
+                );
             },
         );
         averages

@@ -25,7 +25,7 @@ use super::header::Header;
 use super::light::{self, Light};
 use super::rows::lanes;
 use super::search::{Falling, largest};
-use super::values::Values;
+use super::values::{self, Values};
 use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target, estimate_noise};
 use crate::codec::{ChunkKind, Class, Encoder, code_corrections, code_steps};
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress};
@@ -58,11 +58,17 @@ pub(crate) fn compress(
     progress: &dyn Progress,
 ) -> Result<Compressed, CompressError> {
     let axes = measurement.tensor.axes();
-    let values = Values::of(settings.target, measurement.tensor.samples());
-    let mut classes: Vec<Class> = measurement.tensor.samples().iter().map(|&s| values.class_of(s, floor)).collect();
-    let classes_coded = classes_chunk(axes, &mut classes);
+    let samples = measurement.tensor.samples();
+    let values = Values::of(settings.target, samples);
+    let (classes, classes_coded) = if values::all_positive(samples) {
+        (vec![Class::Positive; samples.len()], None)
+    } else {
+        let mut classes: Vec<Class> = samples.iter().map(|&s| values.class_of(s, floor)).collect();
+        let coded = classes_chunk(axes, &mut classes);
+        (classes, coded)
+    };
     // The counts do not depend on what is decoded, so that a header has its final size before anything is.
-    let counts = ErrorReport::measure(measurement.tensor.samples(), measurement.tensor.samples(), f64::from(floor));
+    let counts = ErrorReport::without_errors(samples, f64::from(floor));
     let noise = match settings.target {
         Target::Auto => estimate_noise(measurement, floor).map(|noise| noise.relative),
         _ => None,
@@ -277,9 +283,7 @@ fn approximated(measurement: &Measurement, plane: Plane<'_>, floor: f32) -> Vec<
     let block = 1 << 14;
     values.par_chunks_mut(block).zip(samples.par_chunks(block)).zip(plane.classes.par_chunks(block)).for_each(
         |((values, samples), classes)| {
-            for ((value, &s), &class) in values.iter_mut().zip(samples).zip(classes) {
-                *value = plane.values.wanted(s, class, floor) as f32;
-            }
+            plane.values.wanted_of_all(samples, classes, floor, values);
         },
     );
     fill(measurement.tensor.axes(), &mut values);

@@ -218,6 +218,8 @@ impl Plane<'_> {
         let prediction = &self.pyramid.predictions[self.level];
         let fold = &self.pyramid.fold(self.representative)[self.level];
         let mut kept = 0;
+        // By node: the sum of its details' magnitudes.
+        let mut magnitudes = vec![0_u32; self.means.len()];
         for t in 0..self.means.len() {
             let own = fold.source[t] as usize;
             let same = fold.children[t];
@@ -228,6 +230,7 @@ impl Plane<'_> {
                         quantised[3 * t + c] = quantised[3 * own + usize::from(k)];
                     }
                 }
+                magnitudes[t] = three(quantised, t);
                 continue;
             }
             let live = self.pyramid.live(self.representative, self.level, t);
@@ -251,6 +254,7 @@ impl Plane<'_> {
                 householder.analyse(&std::array::from_fn(|k| source[4 * t + order[k]] - predicted[k]))
             });
             let mut residual = [0.0; 3];
+            let mut around = self.surroundings(t, prediction, &magnitudes);
             for m in 0..householder.details() {
                 let twin = if siblings == 4 { usize::from(same[m]) } else { m };
                 let q = if twin < m {
@@ -258,7 +262,7 @@ impl Plane<'_> {
                 } else if !self.is_coded {
                     0
                 } else {
-                    let around = self.surroundings(t, m, prediction, quantised);
+                    self.set_place(t, m, quantised, &mut around);
                     let q = details.code(coder, &around, integer_of(wanted[m] / self.step));
                     kept += u64::from(q != 0);
                     q
@@ -266,6 +270,7 @@ impl Plane<'_> {
                 quantised[3 * t + m] = q;
                 residual[m] = steps_of(q) * self.step;
             }
+            magnitudes[t] = three(quantised, t);
             let deviations = householder.synthesise(&residual);
             for (k, &c) in order.iter().enumerate() {
                 let deviation = if k < siblings { predicted[k] + deviations[k] } else { 0.0 };
@@ -275,13 +280,15 @@ impl Plane<'_> {
         kept
     }
 
-    fn surroundings(&self, t: usize, m: usize, prediction: &Prediction, quantised: &[i32]) -> Surroundings {
-        let magnitude = |q: i32| q.unsigned_abs().min(CAP);
-        let three = |q: &[i32], at: usize| magnitude(q[3 * at]) + magnitude(q[3 * at + 1]) + magnitude(q[3 * at + 2]);
+    /// What all details of node `t` have around them; `magnitudes` by node, of those known.
+    fn surroundings(&self, t: usize, prediction: &Prediction, magnitudes: &[u32]) -> Surroundings {
+        if !self.is_coded {
+            return Surroundings::default();
+        }
         let (mut sum, mut count) = (0, 0);
         for &n in prediction.around(t) {
             if (n as usize) < t {
-                sum += three(quantised, n as usize);
+                sum += magnitudes[n as usize];
                 count += 3;
             }
         }
@@ -289,10 +296,25 @@ impl Plane<'_> {
             level: self.level as u8 + 1,
             parent: (self.level > 0).then(|| 16 * three(self.above, t / 4) / 3),
             neighbours: (count > 0).then(|| 16 * sum / count),
-            siblings: (m > 0).then(|| 16 * (0..m).map(|k| magnitude(quantised[3 * t + k])).sum::<u32>() / m as u32),
-            before: self.before.map(|q| 16 * (2 * magnitude(q[3 * t + m]) + three(q, t)) / 5),
+            ..Surroundings::default()
         }
     }
+
+    /// Adds what detail `m` of node `t` has around it.
+    fn set_place(&self, t: usize, m: usize, quantised: &[i32], around: &mut Surroundings) {
+        let known = &quantised[3 * t..3 * t + m];
+        around.siblings = (m > 0).then(|| 16 * known.iter().map(|&q| magnitude(q)).sum::<u32>() / m as u32);
+        around.before = self.before.map(|q| 16 * (2 * magnitude(q[3 * t + m]) + three(q, t)) / 5);
+    }
+}
+
+fn magnitude(q: i32) -> u32 {
+    q.unsigned_abs().min(CAP)
+}
+
+/// The sum of the magnitudes of a node's details.
+fn three(q: &[i32], node: usize) -> u32 {
+    q[3 * node..][..3].iter().map(|&q| magnitude(q)).sum()
 }
 
 /// The children of a node, live ones first.

@@ -12,7 +12,7 @@ use super::super::rows::coding_order;
 use super::super::scales::Scales;
 use super::layer::Fineness;
 use crate::codec::{CodecError, Decoder, Encoder, Payload, Reader, Rows, Writer, code_coefficients};
-use crate::domain::Axis;
+use crate::domain::{Axis, wide};
 use crate::transform::{AxisTransform, Klt, LineBasis, Plan, take_away};
 use rayon::prelude::*;
 
@@ -25,6 +25,8 @@ const USUAL: u8 = 2;
 const COARSEST: u8 = 7;
 /// Rows approximated together.
 const BLOCK: usize = 256;
+/// Rows of these analysed side by side.
+const LANES: usize = 16;
 
 /// Rows up to this length have all their principal components found at once.
 const LONG: usize = 256;
@@ -99,10 +101,20 @@ impl Basis {
         let (n, r) = (self.mean.len(), self.vectors.len());
         let mut planes = vec![0.0; logs.len() / n * r];
         planes.par_chunks_mut(BLOCK * r).zip(logs.par_chunks(BLOCK * n)).for_each(|(planes, logs)| {
-            for (plane, row) in planes.chunks_exact_mut(r).zip(logs.chunks_exact(n)) {
-                for (coefficient, vector) in plane.iter_mut().zip(&self.vectors) {
-                    let centred = row.iter().zip(&self.mean).map(|(&x, m)| f64::from(x) - m);
-                    *coefficient = centred.zip(vector).map(|(x, v)| x * v).sum::<f64>() as f32;
+            // Rows side by side: each one's sum is in the order of its samples.
+            let mut centred = vec![[0.0; LANES]; n];
+            for (planes, logs) in planes.chunks_mut(LANES * r).zip(logs.chunks(LANES * n)) {
+                for (lane, row) in logs.chunks_exact(n).enumerate() {
+                    for ((centred, &x), m) in centred.iter_mut().zip(row).zip(&self.mean) {
+                        centred[lane] = f64::from(x) - m;
+                    }
+                }
+                for (k, vector) in self.vectors.iter().enumerate() {
+                    let sums = wide(
+                        #[inline(always)]
+                        || products(&centred, vector),
+                    );
+                    planes.chunks_exact_mut(r).zip(sums).for_each(|(plane, sum)| plane[k] = sum as f32);
                 }
             }
         });
@@ -114,16 +126,32 @@ impl Basis {
         let (n, r) = (self.mean.len(), self.vectors.len());
         logs.par_chunks_mut(BLOCK * n).zip(planes.par_chunks(BLOCK * r)).for_each(|(logs, planes)| {
             let mut sums = vec![0.0; n];
-            for (row, plane) in logs.chunks_exact_mut(n).zip(planes.chunks_exact(r)) {
-                sums.copy_from_slice(&self.mean);
-                for (&coefficient, vector) in plane.iter().zip(&self.vectors) {
-                    let c = f64::from(coefficient);
-                    sums.iter_mut().zip(vector).for_each(|(sum, v)| *sum += c * v);
-                }
-                row.iter_mut().zip(&sums).for_each(|(x, &sum)| *x = sum as f32);
-            }
+            wide(
+                #[inline(always)]
+                || {
+                    for (row, plane) in logs.chunks_exact_mut(n).zip(planes.chunks_exact(r)) {
+                        sums.copy_from_slice(&self.mean);
+                        for (&coefficient, vector) in plane.iter().zip(&self.vectors) {
+                            let c = f64::from(coefficient);
+                            sums.iter_mut().zip(vector).for_each(|(sum, v)| *sum += c * v);
+                        }
+                        row.iter_mut().zip(&sums).for_each(|(x, &sum)| *x = sum as f32);
+                    }
+                },
+            );
         });
     }
+}
+
+/// Σ row · vector of rows side by side, as `Iterator::sum` adds them: from −0, in order.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+fn products(rows: &[[f64; LANES]], vector: &[f64]) -> [f64; LANES] {
+    let mut sums = [-0.0; LANES];
+    for (row, v) in rows.iter().zip(vector) {
+        sums.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * v);
+    }
+    sums
 }
 
 /// The step of the mean and of each vector: their error in a sample is 1.5 · 2^coarse / √rows of the quantiser's own.

@@ -1,0 +1,319 @@
+//! The columns of a model's rows that are not zero: products of cubic B-splines in the coordinates of its kind.
+//!
+//! The coordinates and splines of several rows are found side by side, and each row by the same operations as it would be alone.
+
+use super::ChartKind;
+use crate::domain::vector::Vector;
+use crate::domain::wide;
+
+/// Cubic splines that are not zero at a place.
+pub(super) const RUN: usize = 4;
+/// Runs of columns of a row that are not zero, at most.
+const MOST_RUNS: usize = 16;
+/// Rows found side by side.
+pub(super) const LANES: usize = 8;
+
+/// A number of each row.
+type Lanes = [f64; LANES];
+
+/// One row's columns that are not zero, in ascending order: a constant, then runs of four columns.
+#[derive(Clone, Copy)]
+pub(super) struct Entries {
+    /// The column of a constant 1.
+    constant: Option<usize>,
+    length: usize,
+    columns: [u32; MOST_RUNS],
+    values: [[f64; RUN]; MOST_RUNS],
+}
+
+impl Entries {
+    pub(super) fn new() -> Self {
+        Self { constant: None, length: 0, columns: [0; MOST_RUNS], values: [[0.0; RUN]; MOST_RUNS] }
+    }
+
+    #[inline]
+    fn push(&mut self, column: usize, values: [f64; RUN]) {
+        if self.length < MOST_RUNS {
+            self.columns[self.length] = column as u32;
+            self.values[self.length] = values;
+            self.length += 1;
+        }
+    }
+
+    #[inline]
+    fn runs(&self) -> impl Iterator<Item = (usize, &[f64; RUN])> {
+        self.columns.iter().map(|&column| column as usize).zip(&self.values).take(self.length)
+    }
+
+    /// Adds `splines` from column `first`.
+    #[inline]
+    fn single(&mut self, first: usize, (at, values): Place) {
+        self.push(first + at as usize, values);
+    }
+
+    /// Adds products of splines of x and of y, of which there are `ny`.
+    #[inline]
+    fn products(&mut self, first: usize, ny: usize, (ax, vx): Place, (ay, vy): Place) {
+        for (i, a) in vx.into_iter().enumerate() {
+            self.push(first + (ax as usize + i) * ny + ay as usize, vy.map(|b| a * b));
+        }
+    }
+
+    /// Adds value · value to the lower triangle of a matrix of rows of `n`.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+    pub(super) fn add_products(&self, n: usize, matrix: &mut [f64]) {
+        if let Some(constant) = self.constant {
+            matrix[constant * n + constant] += 1.0;
+        }
+        for number in 0..self.length.min(MOST_RUNS) {
+            let rows = &mut matrix[self.columns[number] as usize * n..][..RUN * n];
+            for (row, a) in rows.chunks_exact_mut(n).zip(self.values[number]) {
+                if let Some(constant) = self.constant {
+                    row[constant] += a;
+                }
+                // Above the diagonal of the last run is what nobody reads.
+                for (&column, b) in self.columns[..=number].iter().zip(&self.values) {
+                    if let Some(sums) = row[column as usize..].first_chunk_mut::<RUN>() {
+                        // Read as a whole before any is written.
+                        let (own, b) = (*sums, *b);
+                        *sums = std::array::from_fn(|k| own[k] + a * b[k]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds value · `x` to every column's sum.
+    #[inline]
+    pub(super) fn add(&self, x: f64, sums: &mut [f64]) {
+        if let Some(constant) = self.constant {
+            sums[constant] += x;
+        }
+        for (column, values) in self.runs() {
+            sums[column..column + RUN].iter_mut().zip(values).for_each(|(sum, value)| *sum += value * x);
+        }
+    }
+}
+
+/// Σ value · coefficient of rows of the same block, each in the order of its columns; coefficients of up to [`RUN`] vectors
+/// by column.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+pub(super) fn add_up(rows: &[Entries; LANES], coefficients: &[[f64; RUN]]) -> [[f64; RUN]; LANES] {
+    let mut sums = [[0.0; RUN]; LANES];
+    for (row, sums) in rows.iter().zip(&mut sums) {
+        if let Some(constant) = row.constant {
+            sums.iter_mut().zip(&coefficients[constant]).for_each(|(sum, c)| *sum += c);
+        }
+    }
+    for run in 0..rows[0].length {
+        for (row, sums) in rows.iter().zip(&mut sums) {
+            let coefficients = &coefficients[row.columns[run] as usize..][..RUN];
+            for (value, coefficients) in row.values[run].into_iter().zip(coefficients) {
+                let (own, c) = (*sums, *coefficients);
+                *sums = std::array::from_fn(|k| own[k] + value * c[k]);
+            }
+        }
+    }
+    sums
+}
+
+/// The first of the four cubic B-splines that are not 0 at a place, and their values.
+type Place = (u32, [f64; RUN]);
+
+/// Those of `count` ≥ 4 splines on even knots whose ends are repeated (de Boor 1978, chapter X), at several places of 0 … 1.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+fn splines(count: usize, x: &Lanes) -> [Place; LANES] {
+    let spans = count as i32 - 3;
+    let mut scaled = [0.0; LANES];
+    let mut span = [0_i32; LANES];
+    // Knots relative to the span, from the second before it on; repeated at both ends.
+    let mut knots = [[0.0; LANES]; 6];
+    for lane in 0..LANES {
+        scaled[lane] = x[lane].clamp(0.0, 1.0) * f64::from(spans);
+        span[lane] = (scaled[lane] as i32).min(spans - 1);
+    }
+    for (k, knots) in (-2..).zip(&mut knots) {
+        for lane in 0..LANES {
+            knots[lane] = f64::from((span[lane] + k).clamp(0, spans));
+        }
+    }
+    let mut values = [[1.0; LANES], [0.0; LANES], [0.0; LANES], [0.0; LANES]];
+    for degree in 1..=3 {
+        let mut saved = [0.0; LANES];
+        for r in 0..degree {
+            for lane in 0..LANES {
+                let (right, left) = (knots[r + 3][lane], knots[r + 3 - degree][lane]);
+                let share = values[r][lane] / (right - left);
+                values[r][lane] = saved[lane] + (right - scaled[lane]) * share;
+                saved[lane] = (scaled[lane] - left) * share;
+            }
+        }
+        values[degree] = saved;
+    }
+    std::array::from_fn(|lane| (span[lane] as u32, std::array::from_fn(|k| values[k][lane])))
+}
+
+/// What the columns of rows depend on.
+pub(super) struct Columns {
+    pub(super) kind: ChartKind,
+    /// Blocks that have a constant of their own.
+    pub(super) constants: usize,
+}
+
+/// The place of a row: its block, and the directions of its incoming and its outgoing light.
+pub(super) type Row = (usize, Vector, Vector);
+
+impl Columns {
+    /// How many there are.
+    pub(super) fn count(&self) -> usize {
+        self.constants
+            + match self.kind {
+                ChartKind::Zonal => 32,
+                ChartKind::Isotropic => 14 + 6 + 7 + 7 + 10 * 5 + 4 * 5,
+                ChartKind::Anisotropic => 7 + 7 + 6 + 3 * 10 * 10,
+            }
+    }
+
+    /// Fills in the columns of rows.
+    pub(super) fn fill(&self, rows: &[Row; LANES], entries: &mut [Entries; LANES]) {
+        for ((block, _, _), entries) in rows.iter().zip(&mut *entries) {
+            entries.length = 0;
+            entries.constant = (self.kind != ChartKind::Zonal && *block < self.constants).then_some(*block);
+        }
+        wide(
+            #[inline(always)]
+            || self.fill_runs(rows, entries),
+        );
+    }
+
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+    fn fill_runs(&self, rows: &[Row; LANES], entries: &mut [Entries; LANES]) {
+        let wi: [Lanes; 3] = std::array::from_fn(|axis| rows.map(|(_, wi, _)| wi[axis]));
+        let wo: [Lanes; 3] = std::array::from_fn(|axis| rows.map(|(_, _, wo)| wo[axis]));
+        let mut angle = [0.0; LANES];
+        for lane in 0..LANES {
+            let cosine = wi[0][lane] * wo[0][lane] + wi[1][lane] * wo[1][lane] + wi[2][lane] * wo[2][lane];
+            angle[lane] = ((1.0 - cosine).max(0.0) / 2.0).sqrt();
+        }
+        if self.kind == ChartKind::Zonal {
+            let places = splines(32, &angle);
+            entries.iter_mut().zip(places).for_each(|(entries, place)| entries.single(0, place));
+            return;
+        }
+        let (mut across, mut to_normal) = ([[0.0; LANES]; 2], [0.0; LANES]);
+        let (mut difference, mut height) = ([0.0; LANES], [0.0; LANES]);
+        for lane in 0..LANES {
+            // Transmission is seen in the mirror.
+            let (up_in, up_out) = (wi[2][lane].abs(), wo[2][lane].abs());
+            let h = [wi[0][lane] + wo[0][lane], wi[1][lane] + wo[1][lane], up_in + up_out];
+            let inverse = 1.0 / (h[0] * h[0] + h[1] * h[1] + h[2] * h[2]).sqrt();
+            let h = [h[0] * inverse, h[1] * inverse, h[2] * inverse];
+            // Sines of half angles over that of 45°.
+            to_normal[lane] = (1.0 - h[2]).max(0.0).sqrt();
+            let cosine = wi[0][lane] * h[0] + wi[1][lane] * h[1] + up_in * h[2];
+            difference[lane] = (1.0 - cosine).max(0.0).sqrt();
+            height[lane] = up_out.sqrt();
+            for axis in 0..2 {
+                // The plane of h, in which splines are denser near the normal.
+                across[axis][lane] = 0.5 + 0.5 * h[axis] * 1.06 / (h[axis] * h[axis] + 0.1236).sqrt();
+            }
+        }
+        let first = self.constants;
+        let (seven_heights, seven_angles) = (splines(7, &height), splines(7, &angle));
+        let six_differences = splines(6, &difference);
+        if self.kind == ChartKind::Isotropic {
+            let peak = to_normal.map(f64::sqrt);
+            let (peaks, ten_peaks) = (splines(14, &peak), splines(10, &peak));
+            let (differences, heights) = (splines(5, &difference), splines(4, &height));
+            for (lane, entries) in entries.iter_mut().enumerate() {
+                entries.single(first, peaks[lane]);
+                entries.single(first + 14, six_differences[lane]);
+                entries.single(first + 20, seven_heights[lane]);
+                entries.single(first + 27, seven_angles[lane]);
+                entries.products(first + 34, 5, ten_peaks[lane], differences[lane]);
+                entries.products(first + 84, 5, heights[lane], differences[lane]);
+            }
+            return;
+        }
+        let (xs, ys) = (splines(10, &across[0]), splines(10, &across[1]));
+        for (lane, entries) in entries.iter_mut().enumerate() {
+            entries.single(first, seven_heights[lane]);
+            entries.single(first + 7, seven_angles[lane]);
+            entries.single(first + 14, six_differences[lane]);
+            // Then the same times the centred difference angle and its square.
+            entries.products(first + 20, 10, xs[lane], ys[lane]);
+            let centred = difference[lane] - 0.5;
+            for at in 3..7 {
+                let (column, values) = (entries.columns[at] as usize, entries.values[at]);
+                entries.push(column + 100, values.map(|value| value * centred));
+            }
+            for at in 3..7 {
+                let (column, values) = (entries.columns[at] as usize, entries.values[at]);
+                entries.push(column + 200, values.map(|value| value * centred * centred));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spline(count: usize, x: f64) -> (usize, [f64; RUN]) {
+        let (first, values) = splines(count, &[x; LANES])[3];
+        (first as usize, values)
+    }
+
+    #[test]
+    fn splines_add_up_to_one_and_are_not_negative() {
+        for count in [4, 5, 7, 14, 32] {
+            for k in 0..=200 {
+                let (first, values) = spline(count, f64::from(k) / 200.0);
+                assert!(first + 4 <= count);
+                assert!((values.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+                assert!(values.iter().all(|&v| v >= -1e-15));
+            }
+        }
+    }
+
+    #[test]
+    fn splines_are_continuous() {
+        for count in [4, 7, 14] {
+            for k in 1..count - 3 {
+                let x = k as f64 / (count - 3) as f64;
+                let value = |x: f64, column: usize| {
+                    let (first, values) = spline(count, x);
+                    column.checked_sub(first).and_then(|k| values.get(k)).copied().unwrap_or(0.0)
+                };
+                for column in 0..count {
+                    assert!((value(x - 1e-9, column) - value(x + 1e-9, column)).abs() < 1e-7);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_column_is_of_its_kind_and_row() {
+        let rows: [Row; LANES] = std::array::from_fn(|k| {
+            let t = 0.05 + 0.1 * k as f64;
+            (k, [t, 0.0, (1.0 - t * t).sqrt()], [0.0, -t, (1.0 - t * t).sqrt()])
+        });
+        for (kind, runs) in [(ChartKind::Zonal, 1), (ChartKind::Isotropic, 12), (ChartKind::Anisotropic, 15)] {
+            let columns = Columns { kind, constants: if kind == ChartKind::Zonal { 0 } else { 5 } };
+            let mut entries = [Entries::new(); LANES];
+            columns.fill(&rows, &mut entries);
+            for (k, entries) in entries.iter().enumerate() {
+                assert_eq!(entries.constant, (k < columns.constants).then_some(k));
+                assert_eq!(entries.length, runs);
+                assert!(
+                    entries.runs().all(|(column, _)| column >= columns.constants && column + RUN <= columns.count())
+                );
+                assert!(entries.runs().is_sorted_by_key(|(column, _)| column));
+            }
+        }
+    }
+}
