@@ -10,6 +10,7 @@ pub struct Direction(Vector);
 
 impl Direction {
     /// The direction of a vector of any length; `None` if it is zero or not finite.
+    #[inline]
     pub fn new(x: f64, y: f64, z: f64) -> Option<Self> {
         let length = vector::norm([x, y, z]);
         (length.is_finite() && length > 0.0).then(|| Self(vector::scale([x, y, z], 1.0 / length)))

@@ -2,31 +2,39 @@
 
 pub(crate) type Vector = [f64; 3];
 
+#[inline]
 pub(crate) fn dot(a: Vector, b: Vector) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+#[inline]
 pub(crate) fn cross(a: Vector, b: Vector) -> Vector {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
+#[inline]
 pub(crate) fn add(a: Vector, b: Vector) -> Vector {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
+#[inline]
 pub(crate) fn sub(a: Vector, b: Vector) -> Vector {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
+#[inline]
 pub(crate) fn scale(a: Vector, s: f64) -> Vector {
     [a[0] * s, a[1] * s, a[2] * s]
 }
 
+#[inline]
 pub(crate) fn norm(a: Vector) -> f64 {
-    libm::sqrt(dot(a, a))
+    // Rounded correctly on every machine, as the other operations here.
+    dot(a, a).sqrt()
 }
 
 /// `a` at unit length; `a` must not be zero.
+#[inline]
 pub(crate) fn unit(a: Vector) -> Vector {
     scale(a, 1.0 / norm(a))
 }

@@ -12,7 +12,7 @@ use crate::domain::Direction;
 use rayon::prelude::*;
 
 /// Places worked on together.
-pub(super) const BLOCK: usize = 64;
+pub(super) const BLOCK: usize = 32;
 /// Places that a thread takes at a time.
 const SHARE: usize = 4096;
 
@@ -116,7 +116,7 @@ impl Material {
         let entry = self.entry(pairs.index)?;
         let [n_in, n_out, _] = self.shape;
         let (mut incoming, mut outgoing) = ([0; BLOCK], [0; BLOCK]);
-        let (mut found, mut is_there) = ([Lookup::NOWHERE; BLOCK], [false; BLOCK]);
+        let (mut seen, mut found) = ([None; BLOCK], [Lookup::NOWHERE; BLOCK]);
         let mut mixed = [Mixed::NOTHING; BLOCK];
         for start in (0..count).step_by(BLOCK) {
             let length = BLOCK.min(count - start);
@@ -132,13 +132,10 @@ impl Material {
                     }
                 }
                 Interpolation::Smooth => {
-                    for (i, (found, is_there)) in found[..length].iter_mut().zip(&mut is_there).enumerate() {
-                        let place = part.place(i)?;
-                        *is_there = self.look_up_smooth(smooth, (entry, Some(incoming[i] as usize)), place, found)?;
+                    for (i, seen) in seen[..length].iter_mut().enumerate() {
+                        *seen = self.seen(smooth, Some(incoming[i] as usize), part.place(i)?)?;
                     }
-                    for (mixed, (found, is_there)) in mixed[..length].iter_mut().zip(found.iter().zip(is_there)) {
-                        *mixed = if is_there { smooth.gather(found) } else { Mixed::NOTHING };
-                    }
+                    smooth.at_all(entry, &seen[..length], &mut found, &mut mixed);
                 }
             }
             work(start, &mixed[..length]);

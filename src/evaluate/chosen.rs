@@ -148,19 +148,15 @@ impl Chosen<'_> {
         u: [f64; 2],
         options: impl Into<SampleOptions>,
     ) -> Result<Option<ChosenSample>, EvaluateError> {
-        let Some((drawn, values)) =
-            self.material.drawn_with(index, wi, u, options.into(), |place, how, cell| {
-                match (&self.material.form, &self.columns, cell) {
-                    (Form::Planes { planes, .. }, Some(columns), Some(cell)) if planes.presence(cell) > 0.0 => {
-                        Ok(self.held(planes.picked(planes.row(cell), 1.0, columns)))
-                    }
-                    _ => self.at(place, how),
+        let drawn = self.material.drawn_with(index, wi, u, options.into(), |place, how, cell| {
+            match (&self.material.form, &self.columns, cell) {
+                (Form::Planes { planes, .. }, Some(columns), Some(cell)) if planes.presence(cell) > 0.0 => {
+                    Ok(self.held(planes.picked(planes.row(cell), 1.0, columns)))
                 }
-            })?
-        else {
-            return Ok(None);
-        };
-        let (direction, pdf) = drawn;
+                _ => self.at(place, how),
+            }
+        })?;
+        let Some((direction, pdf, values)) = drawn else { return Ok(None) };
         let cosine = if self.material.quantity().has_cosine() { direction.cos_theta().abs() } else { 1.0 };
         let share = (cosine / pdf) as f32;
         Ok(Some(ChosenSample { direction, pdf, weights: values.map(|value| value * share) }))

@@ -15,6 +15,8 @@ const LOW: f32 = 0.1;
 const WORTHLESS: f32 = 1e-3;
 /// The square of a half vector below which it has no direction, and the cosine of a turn that has no axis.
 const NO_HALF_VECTOR: f32 = 1e-12;
+/// The square of the sine below which a direction has the azimuth 0.
+const NO_AZIMUTH: f32 = 1e-18;
 const NEARLY_BACK: f32 = -0.999;
 
 /// How the function around one incoming direction is carried to another before two are mixed.
@@ -288,7 +290,7 @@ impl Fan {
         let turn = dot(centre, cross(positions[corners[0]], positions[corners[1]])).signum();
         // The ray to corner k, then that over the edge to the next corner, which is opposite to the corner after it.
         let ray = |k: usize| -> (Vector, u32) {
-            if k % 2 == 0 {
+            if k.is_multiple_of(2) {
                 return (positions[corners[k / 2]], corners[k / 2] as u32);
             }
             let (from, to, other) = (corners[k / 2], corners[(k / 2 + 1) % 3], beyond[(k / 2 + 2) % 3]);
@@ -326,7 +328,12 @@ pub(super) struct Origin {
 
 impl Origin {
     pub(super) fn new(direction: Vector) -> Self {
-        Self { direction: direction.map(|x| x as f32), azimuth: azimuth(direction).map(|x| x as f32) }
+        let [x, y, z] = direction.map(|x| x as f32);
+        let square = x * x + y * y;
+        // That of the normal is 0.
+        let share = 1.0 / square.sqrt();
+        let azimuth = if square > NO_AZIMUTH { [x * share, y * share] } else { [1.0, 0.0] };
+        Self { direction: [x, y, z], azimuth }
     }
 }
 
@@ -338,7 +345,8 @@ pub(super) fn carried(alignment: Alignment, domain: Domain, wi: Vector, to: Vect
 }
 
 /// The same for four directions at once.
-#[inline]
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
 pub(super) fn carried_to_four(
     alignment: Alignment,
     domain: Domain,
@@ -450,7 +458,7 @@ impl Carrier {
             Alignment::HalfVector | Alignment::TurnedHalfVector => {
                 let (h, square, there) = self.half_vector(wo);
                 let is_beside = side * (2.0 * there * h[2] - self.to[2] * square) >= 0.0;
-                (square > f64::from(NO_HALF_VECTOR)) & (there > 0.0) & is_beside
+                is_beside && square > f64::from(NO_HALF_VECTOR) && there > 0.0
             }
             _ => self.carry(wo).is_some_and(|(there, _)| side * there[2] >= 0.0),
         }
@@ -488,5 +496,5 @@ impl Carrier {
 #[inline]
 fn azimuth(d: Vector) -> [f64; 2] {
     let length = (d[0] * d[0] + d[1] * d[1]).sqrt();
-    if length > 1e-9 { [d[0] / length, d[1] / length] } else { [1.0, 0.0] }
+    if length * length > f64::from(NO_AZIMUTH) { [d[0] / length, d[1] / length] } else { [1.0, 0.0] }
 }

@@ -2,26 +2,8 @@
 //!
 //! Additions and multiplications only, in a fixed order: the same values on any machine, however wide its vectors are.
 
-use pulp::{Arch, NullaryFnOnce};
-
 /// Wavelengths that are worked on together.
 pub(super) const LANES: usize = 16;
-
-/// The vector instructions of the machine that the program runs on, found once.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Machine(Arch);
-
-impl Machine {
-    pub(super) fn found() -> Self {
-        Self(Arch::new())
-    }
-
-    /// `work`, compiled for these instructions: its `call` and what that calls must be inlined always.
-    #[inline]
-    pub(super) fn run<W: NullaryFnOnce>(self, work: W) -> W::Output {
-        self.0.dispatch(work)
-    }
-}
 
 /// eˣ to 2 units in the last place for −87 … 88; 0 below and the largest finite power above.
 #[inline(always)]

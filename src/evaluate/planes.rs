@@ -3,12 +3,12 @@
 //! Positive data stand as logarithms, so that what is interpolated and expanded stays positive; data with negative values
 //! stand as they are. The basis of logarithms begins with a constant: brightness is a plane of its own.
 
-use super::kernel::{LANES, Machine, exp, exp_all};
+use super::kernel::{LANES, exp, exp_all};
 use super::smooth::{Mixed, Row};
+use crate::domain::wide;
 use crate::transform::Klt;
-use pulp::NullaryFnOnce;
+use ::wide::f32x4;
 use rayon::prelude::*;
-use wide::f32x4;
 
 /// Planes at most; spectra that need more are kept whole.
 pub(super) const MOST_PLANES: usize = 16;
@@ -48,7 +48,6 @@ pub(super) struct Planes {
     /// Planes that are used, and how many stand in a row: a multiple of 4.
     pub(super) count: usize,
     pub(super) width: usize,
-    machine: Machine,
     /// `[block of wavelengths][mean, then width][lane]`.
     blocks: Vec<[f32; LANES]>,
     /// `[wavelength][width]`, and the mean; the last wavelength twice.
@@ -62,23 +61,16 @@ pub(super) struct Planes {
     pub(super) deviation: f64,
 }
 
-/// Runs work that is compiled for each width of a row.
+/// Calls a method that is compiled for each width of a row and for the vectors of the machine at hand.
 macro_rules! by_width {
-    ($planes:ident, $work:ident $fields:tt) => {
+    ($planes:ident.$method:ident($($argument:expr),*)) => {
         match $planes.width {
-            4 => $planes.machine.run($work::<4> $fields),
-            8 => $planes.machine.run($work::<8> $fields),
-            12 => $planes.machine.run($work::<12> $fields),
-            _ => $planes.machine.run($work::<MOST_PLANES> $fields),
+            4 => wide(#[inline(always)] || $planes.$method::<4>($($argument),*)),
+            8 => wide(#[inline(always)] || $planes.$method::<8>($($argument),*)),
+            12 => wide(#[inline(always)] || $planes.$method::<12>($($argument),*)),
+            _ => wide(#[inline(always)] || $planes.$method::<MOST_PLANES>($($argument),*)),
         }
     };
-}
-
-/// The numbers of a row of a known width.
-#[inline(always)]
-#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
-fn wide<const WIDTH: usize>(row: &[f32]) -> &[f32; WIDTH] {
-    row.first_chunk().unwrap_or(&[0.0; WIDTH])
 }
 
 impl Planes {
@@ -116,7 +108,6 @@ impl Planes {
             lambdas,
             count: planes,
             width,
-            machine: Machine::found(),
             blocks: Vec::new(),
             columns: twice().flat_map(|l| (0..width).map(move |k| (k, l))).map(|(k, l)| vector(k, l)).collect(),
             mean: twice().map(mean).collect(),
@@ -248,13 +239,13 @@ impl Planes {
     /// The whole spectrum of `row`, times `scale`.
     #[inline]
     pub(super) fn spectrum(&self, row: &[f32], scale: f32, out: &mut [f32]) {
-        by_width!(self, Whole { planes: self, row, scale, out });
+        by_width!(self.spectrum_in(row, scale, out));
     }
 
     /// Linear between the samples of `row` at up to [`FEW`] positions, 0 … last sample, times `scale`.
     #[inline]
     pub(super) fn few(&self, row: &[f32], scale: f32, positions: &[f64]) -> [f32; FEW] {
-        by_width!(self, Few { planes: self, row, scale, positions })
+        by_width!(self.few_in(row, scale, positions))
     }
 
     /// The columns of up to [`FEW`] positions, 0 … last sample, side by side, for [`Planes::picked`].
@@ -278,12 +269,51 @@ impl Planes {
     /// As [`Planes::few`] at the positions of `columns`.
     #[inline]
     pub(super) fn picked(&self, row: &[f32], scale: f32, columns: &Columns) -> [f32; FEW] {
-        by_width!(self, Picked { planes: self, row, scale, columns })
+        by_width!(self.picked_in(row, scale, columns))
     }
 
-    /// One block of wavelengths.
+    /// The whole spectrum of a row with this presence.
+    #[inline]
+    pub(super) fn expand(&self, row: &[f32], presence: f32, out: &mut [f32]) {
+        if presence > 0.0 {
+            self.spectrum(row, presence, out);
+        } else {
+            out.fill(presence);
+        }
+    }
+
+    /// The whole spectra of many rows, one after the other.
+    pub(super) fn expand_all(&self, rows: &[Mixed], out: &mut [f32]) {
+        by_width!(self.expand_all_in(rows, out));
+    }
+
+    /// As [`Planes::picked`] for many rows.
+    pub(super) fn picked_all(&self, rows: &[Mixed], columns: &Columns, out: &mut [[f32; FEW]]) {
+        by_width!(self.picked_all_in(rows, columns, out));
+    }
+
+    /// The inner product of the spectrum of a row with this presence with weights.
+    pub(super) fn weighted(&self, row: &[f32], presence: f32, weights: &[f32]) -> f32 {
+        if presence.is_nan() || presence <= 0.0 {
+            return presence;
+        }
+        presence * by_width!(self.weighted_in(row, weights))
+    }
+
+    pub(super) fn memory(&self) -> usize {
+        size_of_val(&*self.blocks)
+            + size_of_val(&*self.columns)
+            + size_of_val(&*self.mean)
+            + size_of_val(&*self.rows)
+            + size_of_val(&*self.cells)
+    }
+}
+
+/// What is compiled for each width and machine; inlined, as only then it is.
+#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
+impl Planes {
+    /// Values of a block of wavelengths, or of as many that were chosen.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     fn values<const WIDTH: usize>(
         &self,
         row: &[f32; WIDTH],
@@ -302,98 +332,32 @@ impl Planes {
         values
     }
 
-    /// The whole spectrum of a row with this presence.
-    #[inline]
-    pub(super) fn expand(&self, row: &[f32], presence: f32, out: &mut [f32]) {
-        if presence > 0.0 {
-            self.spectrum(row, presence, out);
-        } else {
-            out.fill(presence);
-        }
-    }
-
-    /// The whole spectra of many rows, one after the other.
-    pub(super) fn expand_all(&self, rows: &[Mixed], out: &mut [f32]) {
-        by_width!(self, Spectra { planes: self, rows, out });
-    }
-
-    /// As [`Planes::picked`] for many rows.
-    pub(super) fn picked_all(&self, rows: &[Mixed], columns: &Columns, out: &mut [[f32; FEW]]) {
-        by_width!(self, PickedRows { planes: self, rows, columns, out });
-    }
-
-    /// The inner product of the spectrum of a row with this presence with weights.
-    pub(super) fn weighted(&self, row: &[f32], presence: f32, weights: &[f32]) -> f32 {
-        if presence.is_nan() || presence <= 0.0 {
-            return presence;
-        }
-        presence * by_width!(self, Weighted { planes: self, row, weights })
-    }
-
-    pub(super) fn memory(&self) -> usize {
-        size_of_val(&*self.blocks)
-            + size_of_val(&*self.columns)
-            + size_of_val(&*self.mean)
-            + size_of_val(&*self.rows)
-            + size_of_val(&*self.cells)
-    }
-}
-
-/// What [`Planes::spectrum`] does.
-struct Whole<'a, const WIDTH: usize> {
-    planes: &'a Planes,
-    row: &'a [f32],
-    scale: f32,
-    out: &'a mut [f32],
-}
-
-impl<const WIDTH: usize> NullaryFnOnce for Whole<'_, WIDTH> {
-    type Output = ();
-
     #[inline(always)]
-    fn call(self) {
-        let Self { planes, row, scale, out } = self;
-        let row = wide::<WIDTH>(row);
-        let (whole, rest) = out.as_chunks_mut::<LANES>();
-        let mut blocks = planes.blocks.chunks_exact(WIDTH + 1);
-        for (out, block) in whole.iter_mut().zip(&mut blocks) {
-            *out = planes.values(row, &block[0], &block[1..]);
-            for value in out {
+    fn spectrum_in<const WIDTH: usize>(&self, row: &[f32], scale: f32, out: &mut [f32]) {
+        let row = fixed::<WIDTH>(row);
+        for (block, out) in self.blocks.chunks_exact(WIDTH + 1).zip(out.chunks_mut(LANES)) {
+            let mut values = self.values(row, &block[0], &block[1..]);
+            for value in &mut values {
                 *value *= scale;
             }
-        }
-        if let (false, Some(block)) = (rest.is_empty(), blocks.next()) {
-            let values = planes.values(row, &block[0], &block[1..]);
-            for (out, value) in rest.iter_mut().zip(values) {
-                *out = value * scale;
+            match <&mut [f32; LANES]>::try_from(&mut *out) {
+                Ok(whole) => *whole = values,
+                Err(_) => out.copy_from_slice(&values[..out.len()]),
             }
         }
     }
-}
-
-/// What [`Planes::few`] does.
-struct Few<'a, const WIDTH: usize> {
-    planes: &'a Planes,
-    row: &'a [f32],
-    scale: f32,
-    positions: &'a [f64],
-}
-
-impl<const WIDTH: usize> NullaryFnOnce for Few<'_, WIDTH> {
-    type Output = [f32; FEW];
 
     #[inline(always)]
-    fn call(self) -> [f32; FEW] {
-        let Self { planes, row, scale, positions } = self;
-        let row = wide::<WIDTH>(row);
-        let columns = planes.columns.as_chunks::<WIDTH>().0;
+    fn few_in<const WIDTH: usize>(&self, row: &[f32], scale: f32, positions: &[f64]) -> [f32; FEW] {
+        let row = fixed::<WIDTH>(row);
+        let columns = self.columns.as_chunks::<WIDTH>().0;
         // The samples below, then those above: as many as a block has, in the same loops.
         let mut values = [0.0; LANES];
         let mut shares = [0.0; FEW];
         for (i, &position) in positions.iter().take(FEW).enumerate() {
             let below = position as u32 as usize;
             let (Some([low, high]), Some(&[mean_low, mean_high])) =
-                (columns.get(below..below + 2), planes.mean.get(below..below + 2))
+                (columns.get(below..below + 2), self.mean.get(below..below + 2))
             else {
                 break;
             };
@@ -401,15 +365,69 @@ impl<const WIDTH: usize> NullaryFnOnce for Few<'_, WIDTH> {
             values[i] = mean_low + product(row, low);
             values[FEW + i] = mean_high + product(row, high);
         }
-        if planes.logarithms {
+        if self.logarithms {
             exp_all(&mut values);
         }
-        let mut between = [0.0; FEW];
-        for i in 0..FEW {
-            between[i] = scale * (values[i] + shares[i] * (values[FEW + i] - values[i]));
-        }
-        between
+        between(&values, &shares, scale)
     }
+
+    #[inline(always)]
+    fn picked_in<const WIDTH: usize>(&self, row: &[f32], scale: f32, columns: &Columns) -> [f32; FEW] {
+        let values = self.values(fixed::<WIDTH>(row), &columns.mean, &columns.vectors);
+        between(&values, &columns.shares, scale)
+    }
+
+    #[inline(always)]
+    fn expand_all_in<const WIDTH: usize>(&self, rows: &[Mixed], out: &mut [f32]) {
+        for (mixed, out) in rows.iter().zip(out.chunks_exact_mut(self.lambdas)) {
+            if mixed.presence > 0.0 {
+                self.spectrum_in::<WIDTH>(&mixed.row, mixed.presence, out);
+            } else {
+                out.fill(mixed.presence);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn picked_all_in<const WIDTH: usize>(&self, rows: &[Mixed], columns: &Columns, out: &mut [[f32; FEW]]) {
+        for (mixed, out) in rows.iter().zip(out) {
+            *out = [mixed.presence; FEW];
+            if mixed.presence > 0.0 {
+                *out = self.picked_in::<WIDTH>(&mixed.row, mixed.presence, columns);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn weighted_in<const WIDTH: usize>(&self, row: &[f32], weights: &[f32]) -> f32 {
+        let row = fixed::<WIDTH>(row);
+        let mut sums = [0.0; LANES];
+        for (block, weights) in self.blocks.chunks_exact(WIDTH + 1).zip(weights.chunks(LANES)) {
+            let values = self.values(row, &block[0], &block[1..]);
+            for ((sum, value), weight) in sums.iter_mut().zip(values).zip(weights) {
+                *sum += value * weight;
+            }
+        }
+        sums.iter().sum()
+    }
+}
+
+/// Linear between the samples below and those above.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
+fn between(values: &[f32; LANES], shares: &[f32; FEW], scale: f32) -> [f32; FEW] {
+    let mut between = [0.0; FEW];
+    for i in 0..FEW {
+        between[i] = scale * (values[i] + shares[i] * (values[FEW + i] - values[i]));
+    }
+    between
+}
+
+/// The numbers of a row of a known width.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
+fn fixed<const WIDTH: usize>(row: &[f32]) -> &[f32; WIDTH] {
+    row.first_chunk().unwrap_or(&[0.0; WIDTH])
 }
 
 /// Σ row · column, in four sums.
@@ -421,102 +439,6 @@ fn product<const WIDTH: usize>(row: &[f32; WIDTH], column: &[f32; WIDTH]) -> f32
         sums += f32x4::new(*row) * f32x4::new(*column);
     }
     sums.reduce_add()
-}
-
-/// What [`Planes::picked`] does.
-struct Picked<'a, const WIDTH: usize> {
-    planes: &'a Planes,
-    row: &'a [f32],
-    scale: f32,
-    columns: &'a Columns,
-}
-
-impl<const WIDTH: usize> NullaryFnOnce for Picked<'_, WIDTH> {
-    type Output = [f32; FEW];
-
-    #[inline(always)]
-    fn call(self) -> [f32; FEW] {
-        let Self { planes, row, scale, columns } = self;
-        let row = wide::<WIDTH>(row);
-        let values = planes.values(row, &columns.mean, &columns.vectors);
-        let mut between = [0.0; FEW];
-        for i in 0..FEW {
-            between[i] = scale * (values[i] + columns.shares[i] * (values[FEW + i] - values[i]));
-        }
-        between
-    }
-}
-
-/// What [`Planes::expand_all`] does.
-struct Spectra<'a, const WIDTH: usize> {
-    planes: &'a Planes,
-    rows: &'a [Mixed],
-    out: &'a mut [f32],
-}
-
-impl<const WIDTH: usize> NullaryFnOnce for Spectra<'_, WIDTH> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let Self { planes, rows, out } = self;
-        for (mixed, out) in rows.iter().zip(out.chunks_exact_mut(planes.lambdas)) {
-            if mixed.presence > 0.0 {
-                Whole::<WIDTH> { planes, row: &mixed.row, scale: mixed.presence, out }.call();
-            } else {
-                out.fill(mixed.presence);
-            }
-        }
-    }
-}
-
-/// What [`Planes::picked_all`] does.
-struct PickedRows<'a, const WIDTH: usize> {
-    planes: &'a Planes,
-    rows: &'a [Mixed],
-    columns: &'a Columns,
-    out: &'a mut [[f32; FEW]],
-}
-
-impl<const WIDTH: usize> NullaryFnOnce for PickedRows<'_, WIDTH> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let Self { planes, rows, columns, out } = self;
-        for (mixed, out) in rows.iter().zip(out) {
-            *out = if mixed.presence > 0.0 {
-                Picked::<WIDTH> { planes, row: &mixed.row, scale: mixed.presence, columns }.call()
-            } else {
-                [mixed.presence; FEW]
-            };
-        }
-    }
-}
-
-/// What [`Planes::weighted`] does.
-struct Weighted<'a, const WIDTH: usize> {
-    planes: &'a Planes,
-    row: &'a [f32],
-    weights: &'a [f32],
-}
-
-impl<const WIDTH: usize> NullaryFnOnce for Weighted<'_, WIDTH> {
-    type Output = f32;
-
-    #[inline(always)]
-    fn call(self) -> f32 {
-        let Self { planes, row, weights } = self;
-        let row = wide::<WIDTH>(row);
-        let mut sums = [0.0; LANES];
-        for (block, weights) in planes.blocks.chunks_exact(WIDTH + 1).zip(weights.chunks(LANES)) {
-            let values = planes.values(row, &block[0], &block[1..]);
-            for ((sum, value), weight) in sums.iter_mut().zip(values).zip(weights) {
-                *sum += value * weight;
-            }
-        }
-        sums.iter().sum()
-    }
 }
 
 /// Mean and vectors for rows of `length` values.

@@ -309,12 +309,12 @@ impl Material {
         u: [f64; 2],
         options: SampleOptions,
         value: impl FnOnce(Place<'_>, Interpolation, Option<usize>) -> Result<T, EvaluateError>,
-    ) -> Result<Option<((Direction, f64), T)>, EvaluateError> {
+    ) -> Result<Option<(Direction, f64, T)>, EvaluateError> {
         let trees = self.mean_trees()?;
         if options.density == Density::Linear {
             let Some((wo, pdf)) = self.draw_by(trees, index, wi, u, options)? else { return Ok(None) };
             let value = value(Place { index, wi, wo: Some(wo) }, Interpolation::Smooth, None)?;
-            return Ok(Some(((wo, pdf), value)));
+            return Ok(Some((wo, pdf, value)));
         }
         let cell = self.sampled_cell(index, wi, options)?;
         check_point(u)?;
@@ -328,7 +328,7 @@ impl Material {
         }
         let cell = cell * self.shape[1] + drawn.leaf;
         let value = value(Place { index, wi, wo: Some(wo) }, Interpolation::Constant, Some(cell))?;
-        Ok(Some(((wo, drawn.pdf), value)))
+        Ok(Some((wo, drawn.pdf, value)))
     }
 
     /// A direction and its density.

@@ -13,10 +13,10 @@ use super::incoming::{Alignment, Around, Nodes, Origin, carried, carried_to_four
 use super::lookup::MeshLookup;
 use super::planes::{Cell, MOST_PLANES, Planes};
 use super::reconstruct::{Cells, Weights, node_weights};
-use crate::domain::Domain;
 use crate::domain::vector::Vector;
+use crate::domain::{Domain, wide};
+use ::wide::f32x4;
 use rayon::prelude::*;
-use wide::f32x4;
 
 /// Corrections for the average of an exponential.
 const CORRECTIONS: usize = 2;
@@ -61,6 +61,14 @@ pub(super) struct Smooth {
     presence: Vec<[f32; 2]>,
 }
 
+/// A place: the nodes around its incoming direction, and its directions.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    pub(super) around: Around,
+    pub(super) wi: Vector,
+    pub(super) wo: Vector,
+}
+
 /// Where a value stands: up to three tables, a patch in each, and their weights.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lookup {
@@ -89,7 +97,8 @@ impl Mixed {
 
     /// Of a sum of rows that weigh `live` together, of `known` that are not masked. Weights of a fit may be negative, and
     /// what is left of them next to nothing.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     fn settled(mut row: Row, live: f32, known: f32) -> Self {
         let mut presence = 0.0;
         if live > NO_LIGHT {
@@ -426,16 +435,47 @@ impl Smooth {
         self.looked_up(entry * self.node_count + node, there)
     }
 
-    /// Writes where the value at (wi, wo) stands, `around` the former, in index entry `entry`.
+    /// What stands at a place, in index entry `entry`.
     #[inline]
-    pub(super) fn look_up(&self, entry: usize, around: &Around, wi: Vector, wo: Vector, found: &mut Lookup) {
+    pub(super) fn at(&self, entry: usize, seen: &Seen) -> Mixed {
+        wide(
+            #[inline(always)]
+            || {
+                let mut found = Lookup::NOWHERE;
+                self.look_up(entry, seen, &mut found);
+                self.gather(&found)
+            },
+        )
+    }
+
+    /// What stands at many places, nothing where there is none; first they are all looked up, then gathered. `found` is room.
+    pub(super) fn at_all(&self, entry: usize, seen: &[Option<Seen>], found: &mut [Lookup], to: &mut [Mixed]) {
+        wide(
+            #[inline(always)]
+            || {
+                for (found, seen) in found.iter_mut().zip(seen) {
+                    if let Some(seen) = seen {
+                        self.look_up(entry, seen, found);
+                    }
+                }
+                for (to, (found, seen)) in to.iter_mut().zip(found.iter().zip(seen)) {
+                    *to = if seen.is_some() { self.gather(found) } else { Mixed::NOTHING };
+                }
+            },
+        );
+    }
+
+    /// Writes where a place stands.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
+    fn look_up(&self, entry: usize, seen: &Seen, found: &mut Lookup) {
+        let &Seen { around, wi, wo } = seen;
         let [a, b, c] = around.nodes;
-        let (there, worth) = match self.nodes {
-            Nodes::One => (wo.map(|x| f32x4::splat(x as f32)), f32x4::ONE),
-            _ => {
-                let to = [a, b, c, c].map(|node| self.origins[node as usize]);
-                carried_to_four(self.alignment, self.domain, Origin::new(wi), to, wo)
-            }
+        let (there, worth) = if matches!(self.nodes, Nodes::One) {
+            (wo.map(|x| f32x4::splat(x as f32)), f32x4::ONE)
+        } else {
+            let to = [a, b, c, c].map(|node| self.origins[node as usize]);
+            carried_to_four(self.alignment, self.domain, Origin::new(wi), to, wo)
         };
         let table = entry * self.node_count;
         let [u, v, w] = around.weights;
@@ -446,8 +486,9 @@ impl Smooth {
     }
 
     /// What stands there.
-    #[inline]
-    pub(super) fn gather(&self, found: &Lookup) -> Mixed {
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
+    fn gather(&self, found: &Lookup) -> Mixed {
         match (self.width, found.count) {
             (4, 1) => self.gather_in::<4, 1>(found),
             (4, _) => self.gather_in::<4, 3>(found),
@@ -459,7 +500,8 @@ impl Smooth {
     }
 
     /// Tables beyond those that there are have no weight.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     fn gather_in<const WIDTH: usize, const COUNT: usize>(&self, found: &Lookup) -> Mixed {
         let rows = self.values.as_chunks::<WIDTH>().0;
         let bases: [usize; COUNT] = std::array::from_fn(|k| found.tables[k] * self.elements.len());

@@ -3,7 +3,7 @@
 use super::lookup::Stencil;
 use super::material::Form;
 use super::planes::{FEW, Planes};
-use super::smooth::{Lookup, Smooth};
+use super::smooth::{Seen, Smooth};
 use super::{Beyond, EvaluateError, Interpolation, Material, Place, unfit};
 use crate::domain::{Measurement, Tensor, WavelengthGrid};
 
@@ -210,9 +210,8 @@ impl Material {
                 None => work(&[], 0.0),
             },
             Interpolation::Smooth => {
-                let mut found = Lookup::NOWHERE;
-                if self.look_up_smooth(smooth, (entry, None), place, &mut found)? {
-                    let mixed = smooth.gather(&found);
+                if let Some(seen) = self.seen(smooth, None, place)? {
+                    let mixed = smooth.at(entry, &seen);
                     work(&mixed.row, mixed.presence)
                 } else {
                     work(&[], 0.0)
@@ -265,16 +264,15 @@ impl Material {
         Ok(outgoing.map(|outgoing| (entry * n_in + incoming) * n_out + outgoing))
     }
 
-    /// Writes where the smooth row of a place stands, in an entry of the opaque axes and, if it is known, of the incoming axis;
-    /// whether it does, as nothing is outside the outgoing domain.
+    /// A place as the smooth form sees it, where the entry of the incoming axis may be known; `None` outside the outgoing
+    /// domain.
     #[inline]
-    pub(super) fn look_up_smooth(
+    pub(super) fn seen(
         &self,
         smooth: &Smooth,
-        (entry, incoming): (usize, Option<usize>),
+        incoming: Option<usize>,
         place: Place<'_>,
-        found: &mut Lookup,
-    ) -> Result<bool, EvaluateError> {
+    ) -> Result<Option<Seen>, EvaluateError> {
         if place.wi.is_some() != self.has_incoming() {
             return self.refuse_incoming(place.wi);
         }
@@ -283,13 +281,9 @@ impl Material {
         let Some(around) = around.filter(|_| !(self.is_isotropic() && wi[2] < 0.0)) else {
             return self.refuse_incoming(place.wi);
         };
-        let Some((lookup, wo)) = self.outgoing(place.wi, place.wo)? else { return Ok(false) };
+        let Some((lookup, wo)) = self.outgoing(place.wi, place.wo)? else { return Ok(None) };
         let wo = wo.xyz();
-        let holds = lookup.holds(wo);
-        if holds {
-            smooth.look_up(entry, &around, wi, wo, found);
-        }
-        Ok(holds)
+        Ok(if lookup.holds(wo) { Some(Seen { around, wi, wo }) } else { None })
     }
 
     /// One sample of the sum of rows; NaN if all its cells are masked.
@@ -385,7 +379,7 @@ fn few(
     let mut within = true;
     for (position, &lambda) in positions.iter_mut().zip(wavelengths) {
         *position = grid.position(lambda);
-        within &= (lambda >= first) & (lambda <= last);
+        within &= lambda >= first && lambda <= last;
     }
     let samples = planes.few(row, presence, &positions[..wavelengths.len().min(FEW)]);
     for (value, sample) in out.iter_mut().zip(samples) {

@@ -487,6 +487,7 @@ impl Fraction {
     /// Whether it is beyond the `first` of two masses, never so if there is no second one; and what is left of it, stretched
     /// over the mass in which it is.
     #[inline]
+    #[allow(clippy::needless_bitwise_bool, reason = "neither can be predicted")]
     fn split(self, first: f64, second: f64) -> (bool, Self) {
         let (over, start) = (self.over * (first + second), first * self.under);
         let beyond = (over >= start) & (second > 0.0);
