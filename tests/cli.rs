@@ -467,6 +467,10 @@ fn what_is_known_is_listed() {
         assert!(known.as_array().unwrap().iter().any(|one| one["name"] == name), "{known}");
         assert!(done(&[command]).contains(name));
     }
+    let template = done(&["formats", "--template", "radiometric-csv-wide"]);
+    assert!(template.starts_with("# radiometric-csv: 1\n") && template.ends_with("0.26\n"), "{template}");
+    assert!(done(&["formats", "--template", "npy"]).contains("\"axes\""));
+    assert!(refused(2, &["formats", "--template", "lm-63"]).contains("radiometric-csv-long"));
     assert!(done(&["openapi"]).starts_with("openapi:"));
     assert!(done(&["--version"]).starts_with("wavelume "));
     assert!(done(&["compress", "--help"]).contains("--max-relative-error"));

@@ -116,6 +116,9 @@ proptest! {
             b"IESNA91\nTILT=INCLUDE\n1 2 ",
             b"nm,v\n400,1\n",
             b"<?xml ",
+            b"<IESTM2714><SpectralData ",
+            b"# radiometric-csv: 1\n# quantity: spectrum\n# value_unit: relative\n",
+            b"# radiometric-csv: 1\n# quantity: spectrum\n# value_unit: relative\nwavelength,value\n",
         ]),
         tail in proptest::collection::vec(any::<u8>(), 0..300),
     ) {
@@ -132,6 +135,8 @@ proptest! {
             "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 2 1 1 0 0 0 1 1 1 ",
             "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 2 3 2 1 0 0 0 1 1 1 ",
             "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 2 2 3 1 0 0 0 1 1 1 ",
+            "a\n1\n0\n4\n0\n3\n0\nr\nn\n\nf\nd\n1\n1\n1\n1\n1\n0\n0\n0\n0\n100\n100\n1\n0\n1\n",
+            "# radiometric-csv: 1\n# quantity: edf\n# value_unit: cd\n# angle_unit: deg\nc,gamma,value\n",
             "",
         ]),
         numbers in proptest::collection::vec((

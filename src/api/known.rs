@@ -1,8 +1,12 @@
-//! `/v1/formats` and `/v1/bases`: what is known here.
+//! `/v1/formats`, their templates and `/v1/bases`: what is known here.
 
+use super::problem::{Kind, Problem};
 use super::state::App;
 use crate::transform::BasisInfo;
 use axum::Json;
+use axum::extract::Path;
+use axum::http::header::CONTENT_TYPE;
+use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
@@ -10,7 +14,7 @@ use utoipa_axum::routes;
 
 /// The routes of this resource.
 pub(crate) fn routes() -> OpenApiRouter<App> {
-    OpenApiRouter::new().routes(routes!(list_formats)).routes(routes!(list_bases))
+    OpenApiRouter::new().routes(routes!(list_formats)).routes(routes!(get_template)).routes(routes!(list_bases))
 }
 
 /// A format.
@@ -38,6 +42,23 @@ async fn list_formats() -> Json<Vec<Format>> {
         writes: format.writes,
     });
     Json(known.collect())
+}
+
+/// A file to be filled in, which reads as it is: `radiometric-csv-long`, `radiometric-csv-wide` or `npy-manifest`; the
+/// name of a format is that of its first one.
+#[utoipa::path(
+    get, path = "/v1/formats/{name}/template", tag = "known",
+    params(("name" = String, Path, description = "The template or its format")),
+    responses((status = 200, description = "The file", content(
+        (String = "text/csv"), (serde_json::Value = "application/json")
+    )))
+)]
+async fn get_template(Path(name): Path<String>) -> Result<Response, Problem> {
+    let template = crate::formats::template(&name).ok_or_else(|| {
+        let known: Vec<&str> = crate::formats::TEMPLATES.iter().map(|template| template.name).collect();
+        Problem::new(Kind::NotFound, format!("there is no such template, expected one of {}", known.join(", ")))
+    })?;
+    Ok(([(CONTENT_TYPE, template.media_type)], template.text).into_response())
 }
 
 /// The wavelet bases.

@@ -1,4 +1,4 @@
-//! `wavelume formats`: the file formats that are known.
+//! `wavelume formats`: the file formats that are known, and templates of those that are written by hand.
 
 use super::failure::Failure;
 use super::output::{Table, print, print_json};
@@ -9,9 +9,19 @@ pub(crate) struct Args {
     /// Print an array of JSON
     #[arg(long)]
     json: bool,
+    /// Print a file to be filled in: radiometric-csv-long, radiometric-csv-wide or npy-manifest
+    #[arg(long, value_name = "NAME", conflicts_with = "json")]
+    template: Option<String>,
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    if let Some(name) = &args.template {
+        let template = formats::template(name).ok_or_else(|| {
+            let known: Vec<&str> = formats::TEMPLATES.iter().map(|template| template.name).collect();
+            Failure::usage(format!("no template `{name}`, expected one of {}", known.join(", ")))
+        })?;
+        return print(template.text);
+    }
     let known = formats::formats();
     if args.json {
         return print_json(&known);

@@ -145,6 +145,10 @@ fn measured_on(samples: &Samples) -> Vec<String> {
             axes.extend(grid.spectral.iter().map(Axis::describe));
             axes
         }
+        Samples::Scattered(scattered) => {
+            let directions = format!("{} scattered directions", scattered.directions());
+            [directions].into_iter().chain(scattered.spectral.iter().map(Axis::describe)).collect()
+        }
     }
 }
 

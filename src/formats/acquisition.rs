@@ -35,6 +35,31 @@ pub enum Samples {
     },
     /// On a grid of angles.
     Grid(AngleGrid),
+    /// At directions of their own, which make no grid.
+    Scattered(Scattered),
+}
+
+/// Samples at directions of their own, in degrees of the surface frame as `[theta, phi]`; values row-major
+/// `[direction, spectral]`, NaN = missing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scattered {
+    /// `wi` of each direction; empty where the quantity has none.
+    pub incoming: Vec<[f64; 2]>,
+    /// `wo` of each direction; empty where the quantity has none.
+    pub outgoing: Vec<[f64; 2]>,
+    /// Isotropic: every `wi` has phi 0, and the phi of `wo` is relative to it.
+    pub isotropic: bool,
+    /// Wavelengths, if there are any.
+    pub spectral: Option<Axis>,
+    /// The values.
+    pub values: Vec<f32>,
+}
+
+impl Scattered {
+    /// How many directions, or pairs of them, there are.
+    pub fn directions(&self) -> usize {
+        self.incoming.len().max(self.outgoing.len())
+    }
 }
 
 /// A full grid of angles; values row-major in the order

@@ -1,6 +1,7 @@
 //! What a list of azimuths says about the full circle: whether it closes, and one column for one direction.
 
-use super::acquisition::{AzimuthExtent, Azimuths};
+use super::acquisition::{AzimuthExtent, Azimuths, NoteKind, ParseReport};
+use super::text::Brief;
 
 /// Azimuths before it is known what they stand for, degrees, strictly increasing.
 pub(super) enum Closing {
@@ -48,6 +49,60 @@ pub(super) fn merge_repeated(phi: &mut Vec<f64>, values: &mut Vec<f32>, inner: u
     }
     *values = kept;
     largest
+}
+
+/// What listed azimuths (degrees, strictly increasing) stand for: as `stated`, else as their spacing tells; a repeated one
+/// is averaged into the first. `mirror`: the data are isotropic, so that half a circle is the image of the other.
+/// `values` are `[outer, phi, inner]`; `what` names the azimuths in messages.
+pub(super) fn extended(
+    what: &str,
+    mut phi: Vec<f64>,
+    stated: Option<AzimuthExtent>,
+    mirror: bool,
+    (values, inner): (&mut Vec<f32>, usize),
+    report: &mut ParseReport,
+) -> Result<Azimuths, String> {
+    let (first, last) = (phi[0], phi[phi.len() - 1]);
+    let range = format!("{first}° to {last}°", first = Brief(first), last = Brief(last));
+    if first < -360.0 || last > 720.0 || last - first > 360.0 {
+        return Err(format!("{what}: azimuths from {range}, expected at most one turn"));
+    }
+    match (stated, closing(&phi)) {
+        (None | Some(AzimuthExtent::Circle | AzimuthExtent::Sector), Closing::Repeated) => {
+            let difference = merge_repeated(&mut phi, values, inner);
+            if difference > 0.0 {
+                let percent = 100.0 * difference;
+                report.note(
+                    NoteKind::Warning,
+                    format!(
+                        "{what}: values at {first}° and {last}° differ by up to {percent:.2} %, averaged",
+                        first = Brief(first),
+                        last = Brief(last)
+                    ),
+                );
+            }
+            Ok(circle(phi))
+        }
+        (Some(AzimuthExtent::Circle), _) | (None, Closing::Open) => Ok(circle(phi)),
+        (Some(AzimuthExtent::Mirrored), _) if first < 0.0 || last > 180.0 => {
+            Err(format!("{what}: mirrored azimuths from {range}, expected 0° to 180°"))
+        }
+        (None, Closing::Gap) if mirror && first == 0.0 && last == 180.0 => {
+            report.note(
+                NoteKind::Assumed,
+                format!("{what}: isotropic, azimuths 0° to 180° taken as mirrored (else state the extent sector)"),
+            );
+            Ok(Azimuths { phi, extent: AzimuthExtent::Mirrored })
+        }
+        (None, Closing::Gap) => {
+            report.note(
+                NoteKind::Assumed,
+                format!("{what}: azimuths {range} taken as all there is, the rest of the circle is masked"),
+            );
+            Ok(Azimuths { phi, extent: AzimuthExtent::Sector })
+        }
+        (Some(extent), _) => Ok(Azimuths { phi, extent }),
+    }
 }
 
 /// Azimuths that go all the way round.

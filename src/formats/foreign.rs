@@ -64,11 +64,6 @@ const TABLE: &[Foreign] = &[
         matches: |s| s.bytes.len() == 3 * 288 * 288 * 8 && s.head.contains('\0'),
     },
     Foreign {
-        name: "EULUMDAT (.ldt)",
-        advice: "send the luminaire as LM-63 (.ies)",
-        matches: |s| is_eulumdat(&s.head),
-    },
-    Foreign {
         name: "ASTM E1392 scatter data",
         advice: CONVERT,
         matches: |s| s.head.lines().take(100).any(|line| line.trim_start().starts_with("VARS theta_i")),
@@ -136,24 +131,8 @@ fn is_merl(sample: &Sample<'_>) -> bool {
     cells.and_then(|bytes| bytes.checked_add(12)) == Some(sample.bytes.len())
 }
 
-/// Line 2 a type 0..3, line 3 a symmetry 0..4, lines 4 and 6 the numbers of planes and angles, each alone on its line.
-fn is_eulumdat(head: &str) -> bool {
-    let text = head.replace("\r\n", "\n");
-    let mut lines = text.split(['\n', '\r']).map(str::trim);
-    if lines.clone().count() < 26 {
-        return false;
-    }
-    let mut whole = |skipped: usize| lines.nth(skipped).and_then(|line| line.parse::<u32>().ok());
-    let (kind, symmetry, planes) = (whole(1), whole(0), whole(0));
-    let angles = whole(1);
-    kind.is_some_and(|n| n <= 3)
-        && symmetry.is_some_and(|n| n <= 4)
-        && planes.is_some_and(|n| (1..=721).contains(&n))
-        && angles.is_some_and(|n| (1..=721).contains(&n))
-}
-
 /// The local name of the root element, if the text is XML.
-fn xml_root(head: &str) -> Option<&str> {
+pub(super) fn xml_root(head: &str) -> Option<&str> {
     let mut rest = head.trim_start();
     if !rest.starts_with('<') {
         return None;
@@ -176,7 +155,6 @@ fn xml_root(head: &str) -> Option<&str> {
 
 fn xml(root: &str) -> String {
     let (name, advice) = match root {
-        "IESTM2714" => ("an IES TM-27 spectrum (XML)", "export the spectrum as two columns of CSV"),
         "IESTM33-22" | "LuminaireOpticalData" => ("an IES TM-33 luminaire (XML)", "send the luminaire as LM-63 (.ies)"),
         "WindowElement" => ("a WINDOW BSDF (Klems or tensor tree XML)", CONVERT),
         "CxF" => ("CxF3 colour data (XML)", "export the spectra as CSV"),

@@ -4,23 +4,29 @@ mod acquisition;
 mod analytic;
 mod azimuth;
 mod error;
+mod eulumdat;
 mod foreign;
 mod lm63;
 mod manifest;
 mod mbsdf;
 mod npy;
 mod photometry;
+mod radiometric_csv;
 mod spectral_table;
+mod template;
 mod text;
+mod tm27;
+mod type_c;
 
 pub use acquisition::{
-    Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, Note, NoteKind, Outside, ParseReport, Samples,
+    Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, Note, NoteKind, Outside, ParseReport, Samples, Scattered,
     SpectralFactor,
 };
 pub use error::{FormatError, FormatErrorKind, Position};
 pub use manifest::manifest_of;
 pub use npy::write_npy;
 pub use photometry::attach_spectrum;
+pub use template::{TEMPLATES, Template, template};
 
 use crate::domain::{Quantity, Unit};
 use serde::{Deserialize, Serialize};
@@ -65,7 +71,16 @@ pub struct Format {
 }
 
 /// Every format that is read, in the order of probing. A new one is its file and its line here.
-const TABLE: &[Reader] = &[npy::READER, mbsdf::READER, lm63::READER, analytic::READER, spectral_table::READER];
+const TABLE: &[Reader] = &[
+    npy::READER,
+    mbsdf::READER,
+    lm63::READER,
+    eulumdat::READER,
+    radiometric_csv::READER,
+    tm27::READER,
+    analytic::READER,
+    spectral_table::READER,
+];
 
 /// A format as data, a probe and a function.
 struct Reader {

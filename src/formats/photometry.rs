@@ -103,6 +103,7 @@ fn check_luminaire(acquisition: &Acquisition) -> Result<(), FormatError> {
         || match &acquisition.samples {
             Samples::OnAxes { tensor, .. } => tensor.axes().iter().any(Axis::is_spectral),
             Samples::Grid(grid) => grid.spectral.is_some(),
+            Samples::Scattered(scattered) => scattered.spectral.is_some(),
         };
     let reason = if acquisition.quantity != Quantity::Edf {
         format!("a spectrum joins an emission distribution (edf), this is a {}", acquisition.quantity)
@@ -120,7 +121,7 @@ fn column(spectrum: &Acquisition) -> Result<(&WavelengthGrid, &[f32]), FormatErr
         return Err(refused(spectrum, format!("a {} is no spectrum of a lamp", spectrum.quantity)));
     }
     let Samples::OnAxes { tensor, .. } = &spectrum.samples else {
-        return Err(refused(spectrum, "a grid of angles, expected one column of wavelengths and values"));
+        return Err(refused(spectrum, "samples by direction, expected one column of wavelengths and values"));
     };
     match tensor.axes() {
         [Axis::Wavelength(grid)] => Ok((grid, tensor.samples())),

@@ -15,6 +15,11 @@ pub(crate) fn describe(acquisition: &Acquisition) -> Map<String, Value> {
             (axes, tensor.samples(), json!({ "sampling": sampling, "outside": "masked" }))
         }
         Samples::Grid(grid) => (grid_axes(grid), grid.values.as_slice(), grid_coverage(grid)),
+        Samples::Scattered(scattered) => {
+            let mut axes = vec![json!({ "kind": "directions", "count": scattered.directions() })];
+            axes.extend(scattered.spectral.as_ref().map(axis));
+            (axes, scattered.values.as_slice(), json!({ "outside": "masked" }))
+        }
     };
     let mut range = extremes(samples.iter().map(|&s| f64::from(s)));
     if let Some(factor) = &acquisition.spectral_factor {

@@ -76,5 +76,10 @@ pub fn project(acquisition: &Acquisition, request: &AxesRequest) -> Result<Proje
     match &acquisition.samples {
         Samples::OnAxes { tensor, sampling } => on_axes::project(acquisition, tensor, *sampling, request),
         Samples::Grid(grid) => grid::project(acquisition, grid, request),
+        Samples::Scattered(scattered) => Err(ProjectionError::Unfit(format!(
+            "the {} directions of this file are scattered, expected a grid of angles: bring them onto one before sending \
+             (every theta_o and phi_o at every theta_i and phi_i; samples may be missing)",
+            scattered.directions()
+        ))),
     }
 }

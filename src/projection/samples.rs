@@ -125,6 +125,7 @@ fn pair<'a>(acquisition: &'a Acquisition, measurement: &Measurement) -> Option<P
             let shape = (length(own.incoming), length(own.outgoing), width);
             Some(Pairing { values: tensor.samples(), shape, outer, incoming, outgoing, channels })
         }
+        Samples::Scattered(_) => None,
     }
 }
 

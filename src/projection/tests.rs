@@ -64,7 +64,7 @@ fn whole(step: f64) -> Angles {
 fn grid_of(acquisition: &mut Acquisition) -> &mut AngleGrid {
     match &mut acquisition.samples {
         Samples::Grid(grid) => grid,
-        Samples::OnAxes { .. } => panic!("a grid"),
+        _ => panic!("a grid"),
     }
 }
 
@@ -453,4 +453,18 @@ fn threads_do_not_change_a_bit() {
         })
     };
     assert!(run(1) == run(2));
+}
+
+#[test]
+fn scattered_directions_are_refused() {
+    let scattered = crate::formats::Scattered {
+        incoming: vec![[10.0, 0.0]; 3],
+        outgoing: vec![[20.0, 5.0], [31.0, 60.0], [47.0, 170.0]],
+        isotropic: true,
+        spectral: None,
+        values: vec![1.0; 3],
+    };
+    let acquired = acquisition(Quantity::Brdf, Samples::Scattered(scattered));
+    let error = project(&acquired, &AxesRequest::default()).unwrap_err();
+    assert!(error.to_string().contains("the 3 directions of this file are scattered"), "{error}");
 }

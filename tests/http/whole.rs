@@ -21,6 +21,12 @@ async fn the_root_says_what_this_is_and_how_it_is() {
     }
     let formats: Value = service.get("/v1/formats").send().await.unwrap().json().await.unwrap();
     assert!(formats.as_array().unwrap().iter().any(|format| format["name"] == "npy"));
+    let template = service.get("/v1/formats/radiometric-csv/template").send().await.unwrap();
+    assert!(template.headers()["content-type"].to_str().unwrap().starts_with("text/csv"));
+    assert!(template.text().await.unwrap().starts_with("# radiometric-csv: 1"));
+    let axes: Value = service.get("/v1/formats/npy-manifest/template").send().await.unwrap().json().await.unwrap();
+    assert_eq!(axes["quantity"], "brdf");
+    assert_eq!(service.get("/v1/formats/lm-63/template").send().await.unwrap().status(), 404);
     let bases: Value = service.get("/v1/bases").send().await.unwrap().json().await.unwrap();
     assert!(bases.as_array().unwrap().iter().any(|basis| basis["name"] == "bior4.4"));
     service.stop().await;

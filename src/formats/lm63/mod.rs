@@ -4,18 +4,18 @@
 //! factor`; the number and the lumens of the lamps do not enter (ANSI/IES LM-63-19; the comments of Radiance's
 //! `ies2rad.c` describe all revisions). Outside the stated vertical angles the intensity is 0.
 
-mod distribution;
 mod labels;
 mod native;
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
 use super::text::{Brief, Source, Token, Tokens, listed, snippet};
+use super::type_c::{Planes, Stated, flux, type_c};
 use super::{Format, Interpretation, Reader, Sample};
 use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use crate::domain::{Quantity, Unit};
-use distribution::{Photometry, Stated};
 use labels::{Labels, Revision};
+use native::Photometry;
 
 const NAME: &str = "lm-63";
 
@@ -85,11 +85,11 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         header.photometry = Photometry::A;
     }
     let (grid, shape) = match header.photometry {
-        Photometry::C => distribution::type_c(stated, &source, &mut report)?,
+        Photometry::C => type_c(stated, Planes::ByAngles, &source, &mut report)?,
         photometry => native::convert(stated, photometry, &source, &mut report)?,
     };
     if header.lumens > 0.0 && unit == Unit::Candela {
-        distribution::check_flux(&grid, header.lamps as f64 * header.lumens, &mut report);
+        check_flux(flux(&grid), header.lamps as f64 * header.lumens, &mut report);
     }
     Ok(Acquisition {
         format: NAME,
@@ -146,6 +146,21 @@ fn unit(labels: &Labels, header: &Header, how: &Interpretation, report: &mut Par
         );
     }
     Ok(unit)
+}
+
+/// Relative photometry: the flux of the distribution over that of the lamps is the efficiency of the luminaire.
+fn check_flux(flux: f64, lamp_lumens: f64, report: &mut ParseReport) {
+    let efficiency = flux / lamp_lumens;
+    if lamp_lumens > 0.0 && !(0.05..=1.05).contains(&efficiency) {
+        report.note(
+            NoteKind::Warning,
+            format!(
+                "the intensities make {} % of the {} lm of the lamps, expected 5 to 105 %",
+                Brief((1000.0 * efficiency).round() / 10.0),
+                Brief(lamp_lumens)
+            ),
+        );
+    }
 }
 
 impl<'a> Numbers<'a> {

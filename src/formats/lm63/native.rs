@@ -1,11 +1,29 @@
 //! Photometric types A and B → a type C grid, bilinear in the file's own angles.
 
-use super::distribution::{Ordered, Photometry, Stated, luminaire, ordered};
 use crate::domain::Direction;
 use crate::formats::acquisition::{AngleGrid, NoteKind, ParseReport};
 use crate::formats::azimuth::circle;
 use crate::formats::error::FormatError;
 use crate::formats::text::{Source, listed};
+use crate::formats::type_c::{Ordered, Stated, luminaire, ordered};
+
+/// Which coordinates the angles are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Photometry {
+    A,
+    B,
+    C,
+}
+
+impl Photometry {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::A => "A",
+            Self::B => "B",
+            Self::C => "C",
+        }
+    }
+}
 
 /// Steps of the C grid in degrees, each a divisor of 90.
 const STEPS: [f64; 6] = [5.0, 2.5, 2.0, 1.0, 0.5, 0.25];

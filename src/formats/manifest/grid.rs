@@ -3,8 +3,8 @@
 use super::entry::{Angle, Entry, Role};
 use super::unfit;
 use crate::domain::{Axis, Quantity};
-use crate::formats::acquisition::{AngleGrid, Angles, AzimuthExtent, Azimuths, NoteKind, Outside, ParseReport};
-use crate::formats::azimuth::{Closing, circle, closing, merge_repeated};
+use crate::formats::acquisition::{AngleGrid, Angles, Azimuths, Outside, ParseReport};
+use crate::formats::azimuth::extended;
 use crate::formats::error::FormatError;
 use crate::formats::text::Brief;
 
@@ -101,72 +101,9 @@ fn azimuths(
     values: &mut Vec<f32>,
     report: &mut ParseReport,
 ) -> Result<Option<Azimuths>, FormatError> {
-    let Some(phi) = phi else { return Ok(None) };
-    let axis = phi.axis;
-    let azimuths = extent(phi, mirror, lengths[axis + 1..].iter().product(), values, report)?;
+    let Some(Angle { axis, values: phi, extent, .. }) = phi else { return Ok(None) };
+    let inner = lengths[axis + 1..].iter().product();
+    let azimuths = extended(&format!("axis {axis}"), phi, extent, mirror, (values, inner), report).map_err(unfit)?;
     lengths[axis] = azimuths.phi.len();
     Ok(Some(azimuths))
-}
-
-/// What the azimuths stand for: as stated, else as their spacing tells.
-fn extent(
-    phi: Angle,
-    mirror: bool,
-    inner: usize,
-    values: &mut Vec<f32>,
-    report: &mut ParseReport,
-) -> Result<Azimuths, FormatError> {
-    let Angle { axis, values: mut angles, extent, .. } = phi;
-    let (first, last) = (angles[0], angles[angles.len() - 1]);
-    if first < -360.0 || last > 720.0 || last - first > 360.0 {
-        return Err(unfit(format!(
-            "axis {axis}: azimuths from {first}° to {last}°, expected at most one turn",
-            first = Brief(first),
-            last = Brief(last)
-        )));
-    }
-    match (extent, closing(&angles)) {
-        (None | Some(AzimuthExtent::Circle | AzimuthExtent::Sector), Closing::Repeated) => {
-            let difference = merge_repeated(&mut angles, values, inner);
-            if difference > 0.0 {
-                let percent = 100.0 * difference;
-                report.note(
-                    NoteKind::Warning,
-                    format!(
-                        "axis {axis}: values at {first}° and {last}° differ by up to {percent:.2} %, averaged",
-                        first = Brief(first),
-                        last = Brief(last)
-                    ),
-                );
-            }
-            Ok(circle(angles))
-        }
-        (Some(AzimuthExtent::Circle), _) | (None, Closing::Open) => Ok(circle(angles)),
-        (Some(AzimuthExtent::Mirrored), _) if first < 0.0 || last > 180.0 => Err(unfit(format!(
-            "axis {axis}: mirrored azimuths from {first}° to {last}°, expected 0° to 180°",
-            first = Brief(first),
-            last = Brief(last)
-        ))),
-        (None, Closing::Gap) if mirror && first == 0.0 && last == 180.0 => {
-            report.note(
-                NoteKind::Assumed,
-                format!(
-                    "axis {axis}: isotropic, azimuths 0° to 180° taken as mirrored (else say \"extent\": \"sector\")"
-                ),
-            );
-            Ok(Azimuths { phi: angles, extent: AzimuthExtent::Mirrored })
-        }
-        (None, Closing::Gap) => {
-            report.note(
-                NoteKind::Assumed,
-                format!(
-                    "axis {axis}: azimuths {first}° to {last}° taken as all there is, the rest of the circle is masked",
-                    first = Brief(first),
-                    last = Brief(last)
-                ),
-            );
-            Ok(Azimuths { phi: angles, extent: AzimuthExtent::Sector })
-        }
-        (Some(extent), _) => Ok(Azimuths { phi: angles, extent }),
-    }
 }

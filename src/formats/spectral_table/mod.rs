@@ -3,7 +3,7 @@
 //! Gives `[lambda]`, or `[index, lambda]` for several columns; a blank cell is masked, a negative one is kept.
 
 mod rows;
-mod wavelength_unit;
+pub(super) mod wavelength_unit;
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};

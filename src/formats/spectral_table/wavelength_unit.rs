@@ -8,7 +8,7 @@ use crate::formats::text::{Brief, snippet};
 
 /// What the first column counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum WavelengthUnit {
+pub(in crate::formats) enum WavelengthUnit {
     Nanometre,
     Micrometre,
     Angstrom,
@@ -17,9 +17,9 @@ pub(super) enum WavelengthUnit {
 }
 
 impl WavelengthUnit {
-    const ALL: [Self; 4] = [Self::Nanometre, Self::Micrometre, Self::Angstrom, Self::Wavenumber];
+    pub(in crate::formats) const ALL: [Self; 4] = [Self::Nanometre, Self::Micrometre, Self::Angstrom, Self::Wavenumber];
 
-    fn name(self) -> &'static str {
+    pub(in crate::formats) fn name(self) -> &'static str {
         match self {
             Self::Nanometre => "nm",
             Self::Micrometre => "um",
@@ -28,7 +28,7 @@ impl WavelengthUnit {
         }
     }
 
-    pub(super) fn to_nanometres(self, value: f64) -> f64 {
+    pub(in crate::formats) fn to_nanometres(self, value: f64) -> f64 {
         match self {
             Self::Nanometre => value,
             // 0.55 um is 550 nm, not 550.0000000000001: the last bit of the product is no information.
@@ -42,7 +42,7 @@ impl WavelengthUnit {
         }
     }
 
-    fn of_name(name: &str) -> Option<Self> {
+    pub(in crate::formats) fn of_name(name: &str) -> Option<Self> {
         match name.trim().to_lowercase().replace(['µ', 'μ'], "u").as_str() {
             "nm" | "nanometer" | "nanometers" | "nanometre" | "nanometres" => Some(Self::Nanometre),
             "um" | "micron" | "microns" | "micrometer" | "micrometers" | "micrometre" | "micrometres" => {

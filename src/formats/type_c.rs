@@ -1,26 +1,17 @@
-//! The angles and intensities of an LM-63 file → a grid in the luminaire frame, symmetry spelled out.
+//! C planes of intensities (LM-63 type C, EULUMDAT) → a grid in the luminaire frame, symmetry spelled out; its flux.
 
-use crate::formats::acquisition::{AngleGrid, Angles, AzimuthExtent, Azimuths, NoteKind, Outside, ParseReport};
-use crate::formats::azimuth::{Closing, circle, closing, merge_repeated};
-use crate::formats::error::FormatError;
-use crate::formats::text::{Brief, Source};
+use super::acquisition::{AngleGrid, Angles, AzimuthExtent, Azimuths, NoteKind, Outside, ParseReport};
+use super::azimuth::{Closing, circle, closing, merge_repeated};
+use super::error::FormatError;
+use super::text::{Brief, Source};
 
-/// Which coordinates the angles are.
+/// What the stated planes stand for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Photometry {
-    A,
-    B,
-    C,
-}
-
-impl Photometry {
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::A => "A",
-            Self::B => "B",
-            Self::C => "C",
-        }
-    }
+pub(super) enum Planes {
+    /// Their first and last angle tell the symmetry (LM-63).
+    ByAngles,
+    /// They are all there are on the circle; the last is followed by the first.
+    Circle,
 }
 
 /// Angles (degrees, with their offset in the text) and intensities, `[horizontal][vertical]`, as stated.
@@ -136,6 +127,7 @@ fn mean(values: impl Iterator<Item = f32>) -> f32 {
 /// Type C: gamma from nadir, C planes round the vertical axis (LM-63-2002 section 5.11, symmetry by the last angle).
 pub(super) fn type_c(
     stated: Stated,
+    stand_for: Planes,
     source: &Source,
     report: &mut ParseReport,
 ) -> Result<(AngleGrid, &'static str), FormatError> {
@@ -153,7 +145,7 @@ pub(super) fn type_c(
         );
     }
     average_poles(&vertical, horizontal.len(), &mut values, report);
-    let Some(planes) = planes(horizontal, &mut values, vertical.len(), report) else {
+    let Some(planes) = planes(horizontal, stand_for, &mut values, vertical.len(), report) else {
         return Err(source.malformed(
             last_offset,
             "horizontal angles that are no symmetry of type C, expected 0, 0–90, 0–180, 90–270 or 0–360",
@@ -205,7 +197,7 @@ fn average_poles(vertical: &[f64], planes: usize, values: &mut [f32], report: &m
 }
 
 /// Azimuths and the stored plane that each of them shows.
-struct Planes {
+struct Unfolded {
     columns: Vec<(f64, usize)>,
     extent: Option<AzimuthExtent>,
     symmetry: &'static str,
@@ -213,10 +205,11 @@ struct Planes {
 
 fn planes(
     mut horizontal: Vec<f64>,
+    stand_for: Planes,
     values: &mut Vec<f32>,
     verticals: usize,
     report: &mut ParseReport,
-) -> Option<Planes> {
+) -> Option<Unfolded> {
     let listed = |angles: &[f64]| angles.iter().copied().enumerate().map(|(i, c)| (c, i)).collect::<Vec<_>>();
     let (first, last) = (horizontal[0], horizontal[horizontal.len() - 1]);
     let mirrored = Some(AzimuthExtent::Mirrored);
@@ -227,25 +220,26 @@ fn planes(
                 format!("one plane at C{first}, taken to hold all round", first = Brief(first)),
             );
         }
-        return Some(Planes { columns: listed(&horizontal), extent: None, symmetry: "axially symmetric" });
+        return Some(Unfolded { columns: listed(&horizontal), extent: None, symmetry: "axially symmetric" });
     }
-    if (first, last) == (0.0, 90.0) {
+    let by_angles = stand_for == Planes::ByAngles;
+    if by_angles && (first, last) == (0.0, 90.0) {
         let mut columns = listed(&horizontal);
         let folded: Vec<_> = columns.iter().rev().filter(|(c, _)| *c < 90.0).map(|&(c, i)| (180.0 - c, i)).collect();
         columns.extend(folded);
-        return Some(Planes { columns, extent: mirrored, symmetry: "quadrant symmetric" });
+        return Some(Unfolded { columns, extent: mirrored, symmetry: "quadrant symmetric" });
     }
-    if (first, last) == (0.0, 180.0) {
+    if by_angles && (first, last) == (0.0, 180.0) {
         let columns = listed(&horizontal);
-        return Some(Planes { columns, extent: mirrored, symmetry: "symmetric about the 0-180 plane" });
+        return Some(Unfolded { columns, extent: mirrored, symmetry: "symmetric about the 0-180 plane" });
     }
-    if (first, last) == (90.0, 270.0) {
+    if by_angles && (first, last) == (90.0, 270.0) {
         let measured = listed(&horizontal);
         let before = measured.iter().rev().filter(|(c, _)| *c > 90.0 && *c <= 180.0).map(|&(c, i)| (180.0 - c, i));
         let after = measured.iter().rev().filter(|(c, _)| *c > 180.0 && *c < 270.0).map(|&(c, i)| (540.0 - c, i));
         let columns = before.chain(measured.iter().copied()).chain(after).collect();
         let extent = Some(AzimuthExtent::Circle);
-        return Some(Planes { columns, extent, symmetry: "symmetric about the 90-270 plane" });
+        return Some(Unfolded { columns, extent, symmetry: "symmetric about the 90-270 plane" });
     }
     match closing(&horizontal) {
         Closing::Repeated => {
@@ -262,12 +256,13 @@ fn planes(
                 );
             }
         }
+        _ if !by_angles => {}
         _ if first == 0.0 && last > 180.0 => assume_closed(first, last, report),
         Closing::Open => assume_closed(first, last, report),
         Closing::Gap => return None,
     }
     let extent = Some(circle(Vec::new()).extent);
-    Some(Planes { columns: listed(&horizontal), extent, symmetry: "no symmetry" })
+    Some(Unfolded { columns: listed(&horizontal), extent, symmetry: "no symmetry" })
 }
 
 fn assume_closed(first: f64, last: f64, report: &mut ParseReport) {
@@ -282,23 +277,9 @@ fn assume_closed(first: f64, last: f64, report: &mut ParseReport) {
     );
 }
 
-/// Relative photometry: the flux of the distribution over that of the lamps is the efficiency of the luminaire.
-pub(super) fn check_flux(grid: &AngleGrid, lamp_lumens: f64, report: &mut ParseReport) {
-    let efficiency = flux(grid) / lamp_lumens;
-    if lamp_lumens > 0.0 && !(0.05..=1.05).contains(&efficiency) {
-        report.note(
-            NoteKind::Warning,
-            format!(
-                "the intensities make {} % of the {} lm of the lamps, expected 5 to 105 %",
-                Brief((1000.0 * efficiency).round() / 10.0),
-                Brief(lamp_lumens)
-            ),
-        );
-    }
-}
-
-/// `Σ I · ΔC · (cos γ1 − cos γ2)` over the cells of a grid, intensities averaged over their corners.
-fn flux(grid: &AngleGrid) -> f64 {
+/// The flux in lumens of a grid of candela: `∫ I dω` of the interpolant that is linear in gamma and in C, over what the
+/// grid covers.
+pub(super) fn flux(grid: &AngleGrid) -> f64 {
     let Some(Angles { theta, phi, .. }) = &grid.outgoing else { return 0.0 };
     let columns = grid.values.len() / theta.len();
     let weights: Vec<f64> = match phi {
@@ -319,12 +300,14 @@ fn flux(grid: &AngleGrid) -> f64 {
         let row = &grid.values[t * columns..][..columns];
         row.iter().zip(&weights).map(|(&value, weight)| f64::from(value) * weight).sum::<f64>().to_radians()
     };
-    (1..theta.len())
-        .map(|t| {
-            let band = libm::cos(theta[t - 1].to_radians()) - libm::cos(theta[t].to_radians());
-            0.5 * (ring(t - 1) + ring(t)) * band
-        })
-        .sum()
+    // Between two rows `∫ (r + s·(θ − a)) sin θ dθ`, by parts.
+    let zone = |t: usize| {
+        let (a, b) = (theta[t - 1].to_radians(), theta[t].to_radians());
+        let (r, last) = (ring(t - 1), ring(t));
+        let slope = (last - r) / (b - a);
+        r * libm::cos(a) - last * libm::cos(b) + slope * (libm::sin(b) - libm::sin(a))
+    };
+    (1..theta.len()).map(zone).sum()
 }
 
 #[cfg(test)]
@@ -345,5 +328,12 @@ mod tests {
             let grid = luminaire(theta.clone(), (0.0, 180.0), phi, vec![1.0; 37 * n]);
             assert!((flux(&grid) - full).abs() < 1e-9, "{}", flux(&grid));
         }
+    }
+    #[test]
+    fn the_flux_of_a_disk_is_pi_times_its_intensity() {
+        let theta: Vec<f64> = (0..=90).map(|i| 90.0 + f64::from(i)).collect();
+        let values = theta.iter().map(|t| -libm::cos(t.to_radians()) as f32).collect();
+        let grid = luminaire(theta, (90.0, 180.0), None, values);
+        assert!((flux(&grid) / std::f64::consts::PI - 1.0).abs() < 5e-5, "{}", flux(&grid));
     }
 }

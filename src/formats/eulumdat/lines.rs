@@ -1,0 +1,170 @@
+//! The lines of an EULUMDAT file in their order: texts, numbers with either decimal mark, and the block of lamp sets.
+
+use super::{HEAD_LINES, LampSet, NAME};
+use crate::domain::limits::MAX_ENTRIES;
+use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::text::{Source, Token, number, snippet};
+
+/// Lines of the largest file: far more than 721 planes of 721 angles.
+const MAX_LINES: usize = 1 << 21;
+/// Characters kept of a text.
+const MAX_TEXT: usize = 256;
+
+/// The lines that are left.
+pub(super) struct Lines<'a> {
+    source: &'a Source,
+    all: Vec<Token<'a>>,
+    next: usize,
+}
+
+impl<'a> Lines<'a> {
+    pub(super) fn of(source: &'a Source) -> Result<Self, FormatError> {
+        let lines: Vec<Token<'a>> = source.lines().take(MAX_LINES + 1).collect();
+        if lines.len() > MAX_LINES {
+            let message = format!("more than {MAX_LINES} lines, expected fewer");
+            return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));
+        }
+        Ok(Self { source, all: lines, next: 0 })
+    }
+
+    /// Where the next line starts.
+    pub(super) fn at(&self) -> usize {
+        self.all.get(self.next).map_or(self.source.text().len(), |line| line.offset)
+    }
+
+    /// A refusal at an offset of the text.
+    pub(super) fn refused(&self, offset: usize, message: impl Into<String>) -> FormatError {
+        self.source.malformed(offset, message)
+    }
+
+    /// The lines that are left.
+    pub(super) fn rest(&self) -> &[Token<'a>] {
+        &self.all[self.next..]
+    }
+
+    fn line(&mut self, expected: &str) -> Result<Token<'a>, FormatError> {
+        let Some(&Token { text, offset }) = self.all.get(self.next) else {
+            return Err(self.refused(self.source.text().len(), format!("the file ends, expected {expected}")));
+        };
+        self.next += 1;
+        let blanks = text.len() - text.trim_start().len();
+        Ok(Token { text: text.trim(), offset: offset + blanks })
+    }
+
+    /// A line that may say anything.
+    pub(super) fn text(&mut self, expected: &str) -> Result<String, FormatError> {
+        Ok(self.line(expected)?.text.chars().filter(|c| !c.is_control()).take(MAX_TEXT).collect())
+    }
+
+    /// Number `self.next` of the layout of the format was expected: up to the lamp sets the user can look it up.
+    fn mismatch(&self, line: Token<'_>, expected: &str) -> FormatError {
+        let place = if self.next <= HEAD_LINES {
+            format!(" (line {} of the format; are all lines above there?)", self.next)
+        } else {
+            String::new()
+        };
+        self.refused(line.offset, format!("found {}, expected {expected}{place}", snippet(line.text)))
+    }
+
+    pub(super) fn number(&mut self, expected: &str) -> Result<f64, FormatError> {
+        let line = self.line(expected)?;
+        decimal(line.text).ok_or_else(|| self.mismatch(line, expected))
+    }
+
+    /// A number that may be left out: the intensities do not depend on it.
+    pub(super) fn optional(&mut self, expected: &str) -> Result<Option<f64>, FormatError> {
+        let line = self.line(expected)?;
+        if line.text.is_empty() {
+            return Ok(None);
+        }
+        decimal(line.text).map(Some).ok_or_else(|| self.mismatch(line, expected))
+    }
+
+    /// A whole number in `low..=high`; `3.0` is one.
+    pub(super) fn whole(&mut self, expected: &str, low: usize, high: usize) -> Result<usize, FormatError> {
+        let line = self.line(expected)?;
+        match decimal(line.text) {
+            Some(value) if value.fract() == 0.0 && value >= low as f64 && value <= high as f64 => Ok(value as usize),
+            _ => Err(self.mismatch(line, &format!("{expected}, a whole number from {low} to {high}"))),
+        }
+    }
+
+    /// A number of things that follow, each on a line of its own.
+    pub(super) fn count(&mut self, expected: &str) -> Result<usize, FormatError> {
+        let left = self.rest().len().saturating_sub(1);
+        self.whole(expected, 1, left.clamp(1, MAX_ENTRIES))
+    }
+
+    /// `count` numbers, each with its place.
+    pub(super) fn numbers(&mut self, count: usize, expected: &str) -> Result<Vec<(f64, usize)>, FormatError> {
+        (0..count)
+            .map(|_| {
+                let offset = self.at();
+                Ok((self.number(expected)?, offset))
+            })
+            .collect()
+    }
+}
+
+/// The finite number that `text` is, with a point or a comma as its decimal mark.
+pub(super) fn decimal(text: &str) -> Option<f64> {
+    number(text).or_else(|| {
+        let comma = !text.contains('.') && text.bytes().filter(|&b| b == b',').count() == 1;
+        if comma { number(&text.replace(',', ".")) } else { None }
+    })
+}
+
+/// The lamp sets, and whether they are written field by field (six blocks of n lines) instead of set by set, as some
+/// older files have them: the order under which numbers are numbers.
+pub(super) fn lamp_sets(lines: &mut Lines<'_>, most: usize) -> Result<(Vec<LampSet>, bool), FormatError> {
+    let left = lines.rest().len().saturating_sub(1) / 6;
+    let n = lines.whole("the number of lamp sets", 0, left.min(most))?;
+    let start = lines.next;
+    let by_set = |set: usize, field: usize| start + 6 * set + field;
+    let by_field = |set: usize, field: usize| start + n * field + set;
+    let fits = |at: &dyn Fn(usize, usize) -> usize| {
+        (0..n).all(|set| {
+            [0, 2, 5].into_iter().all(|field| {
+                let text = lines.all[at(set, field)].text.trim();
+                decimal(text).is_some() || (field == 5 && text.is_empty())
+            })
+        })
+    };
+    let blocks = n > 1 && !fits(&by_set) && fits(&by_field);
+    let mut sets = Vec::with_capacity(n);
+    for set in 0..n {
+        let place = |field: usize| if blocks { by_field(set, field) } else { by_set(set, field) };
+        lines.next = place(0);
+        let line = lines.line("the number of lamps")?;
+        let count = decimal(line.text).filter(|count| count.fract() == 0.0 && count.abs() <= 1e6);
+        let count = count.ok_or_else(|| lines.mismatch(line, "the number of lamps, a whole number"))?;
+        lines.next = place(1);
+        let kind = lines.text("the type of lamp")?;
+        lines.next = place(2);
+        let lumens = lines.number("the lumens of the lamps")?;
+        lines.next = place(3);
+        let colour = lines.text("the colour of the light")?;
+        lines.next = place(4);
+        let rendering = lines.text("the colour rendering")?;
+        lines.next = place(5);
+        let watts = lines.optional("the watts of the lamps")?;
+        sets.push(LampSet { count, kind, lumens, colour, rendering, watts });
+    }
+    lines.next = start + 6 * n;
+    Ok((sets, blocks))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn either_decimal_mark_is_one_and_thousands_are_not_grouped() {
+        for (text, value) in [("2,5", 2.5), ("2.5", 2.5), ("-1", -1.0), ("1e3", 1000.0), ("1,5e-1", 0.15)] {
+            assert_eq!(decimal(text), Some(value));
+        }
+        for text in ["1.234,5", "1,234,567", "1,234.5", "", ",", "NaN", "inf", "1 2", "1e999"] {
+            assert_eq!(decimal(text), None, "{text}");
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! The angles and intensities of an EULUMDAT file: which C planes are stored, by symmetry and by how many values there are.
+
+use super::Header;
+use super::lines::{Lines, decimal};
+use crate::domain::limits::MAX_SAMPLES;
+use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::text::{Brief, snippet};
+use crate::formats::type_c::{Planes, Stated};
+
+/// The symmetries `Isym` in words.
+const SYMMETRIES: [&str; 5] = [
+    "no symmetry",
+    "axially symmetric",
+    "symmetric about the 0-180 plane",
+    "symmetric about the 90-270 plane",
+    "quadrant symmetric",
+];
+
+/// The planes stored, times `scale`, what they stand for, and the symmetry in words.
+pub(super) fn read(
+    lines: &mut Lines<'_>,
+    header: &Header,
+    scale: f64,
+    report: &mut ParseReport,
+) -> Result<(Stated, Planes, &'static str), FormatError> {
+    let (mc, ng) = (header.planes, header.angles);
+    let listed = lines.numbers(mc, "a C angle")?;
+    let vertical = lines.numbers(ng, "a gamma angle")?;
+    let values = intensities(lines, scale, report)?;
+    let symmetry = stored(header, values.len(), lines, report)?;
+    let planes = values.len() / ng;
+    let wrong = |found: f64, offset: usize, expected: f64| {
+        let message = format!(
+            "plane C{}, expected C{expected} in a list of {mc} C planes that is {}",
+            Brief(found),
+            SYMMETRIES[symmetry]
+        );
+        Err(lines.refused(offset, message))
+    };
+    let (horizontal, values, stand_for) = match symmetry {
+        0 => (listed, values, Planes::Circle),
+        1 => (vec![(0.0, listed[0].1)], values, Planes::ByAngles),
+        3 => {
+            // C270 … C0 … C90 is stored; its mirror images C(180 − C) are C270 … C180 … C90.
+            let chosen: Vec<(f64, usize)> = (0..planes).map(|i| listed[(3 * mc / 4 + i) % mc]).collect();
+            for (i, expected) in [(0, 270.0), (planes - 1, 90.0)] {
+                if chosen[i].0 != expected {
+                    return wrong(chosen[i].0, chosen[i].1, expected);
+                }
+            }
+            let mirrored =
+                chosen.iter().rev().map(|&(c, offset)| (if c > 180.0 { 540.0 - c } else { 180.0 - c }, offset));
+            report.note(NoteKind::Assumed, "symmetry 3: the planes stored are C270 over C0 to C90, as the format says");
+            (mirrored.collect(), values.chunks_exact(ng).rev().flatten().copied().collect(), Planes::ByAngles)
+        }
+        _ => {
+            let last = if symmetry == 2 { 180.0 } else { 90.0 };
+            for (i, expected) in [(0, 0.0), (planes - 1, last)] {
+                if listed[i].0 != expected {
+                    return wrong(listed[i].0, listed[i].1, expected);
+                }
+            }
+            (listed[..planes].to_vec(), values, Planes::ByAngles)
+        }
+    };
+    Ok((Stated { vertical, horizontal, values }, stand_for, SYMMETRIES[symmetry]))
+}
+
+/// The symmetry that holds for `found` values: the one stated if they are as many as it stores; else none or the axial
+/// one, if they are exactly all planes or exactly one.
+fn stored(header: &Header, found: usize, lines: &Lines<'_>, report: &mut ParseReport) -> Result<usize, FormatError> {
+    let Header { symmetry, planes: mc, angles: ng, .. } = *header;
+    let expected = match symmetry {
+        0 => Some(mc),
+        1 => Some(1),
+        2 if mc % 2 == 0 => Some(mc / 2 + 1),
+        3 if mc % 4 == 0 => Some(mc / 2 + 1),
+        4 if mc % 4 == 0 => Some(mc / 4 + 1),
+        _ => None,
+    };
+    let is = |planes: usize| planes.checked_mul(ng) == Some(found);
+    if expected.is_some_and(is) {
+        return Ok(symmetry);
+    }
+    let other = if is(mc) { Some(0) } else { is(1).then_some(1) };
+    let said = SYMMETRIES[symmetry];
+    let Some(other) = other else {
+        let planes = expected.map_or_else(
+            || format!("a number of C planes that {} can divide", if symmetry == 2 { 2 } else { 4 }),
+            |planes| format!("{planes} planes of {ng}"),
+        );
+        let message = format!("{found} intensities, expected {planes} ({mc} C planes, {said})");
+        return Err(lines.refused(lines.at(), message));
+    };
+    report.note(
+        NoteKind::Warning,
+        format!(
+            "the file says {said}, but has the {found} intensities of {}: read so",
+            if other == 0 { "all planes" } else { "one plane" }
+        ),
+    );
+    Ok(other)
+}
+
+/// All numbers that follow, one a line, times `scale`. What follows after them is no part of the format.
+fn intensities(lines: &Lines<'_>, scale: f64, report: &mut ParseReport) -> Result<Vec<f32>, FormatError> {
+    let rest = lines.rest();
+    let numbers = rest.iter().map_while(|line| Some((decimal(line.text.trim())?, line)));
+    let count = numbers.clone().count();
+    if count > MAX_SAMPLES / 4 {
+        let message = format!("{count} intensities, expected at most {}", MAX_SAMPLES / 4);
+        return Err(FormatError::new(FormatErrorKind::OverLimit, super::NAME, message));
+    }
+    let mut values = Vec::with_capacity(count);
+    let (mut negative, mut lowest) = (0_usize, 0.0_f32);
+    for (value, line) in numbers {
+        let intensity = (value * scale) as f32;
+        if !intensity.is_finite() {
+            let message =
+                format!("intensity {} × {} is too large for float32", snippet(line.text.trim()), Brief(scale));
+            return Err(lines.refused(line.offset, message));
+        }
+        if intensity < 0.0 {
+            negative += 1;
+            lowest = lowest.min(intensity);
+        }
+        values.push(intensity);
+    }
+    if negative > 0 {
+        let message = format!("{negative} intensities are negative, down to {lowest}; kept as they are");
+        report.note(NoteKind::Warning, message);
+    }
+    let further = rest[count..].iter().filter(|line| !line.text.trim().is_empty()).count();
+    if further > 0 {
+        let first = rest[count..].iter().find(|line| !line.text.trim().is_empty()).map_or("", |line| line.text.trim());
+        report.note(
+            NoteKind::Warning,
+            format!("{further} lines after the last intensity were not read, the first is {}", snippet(first)),
+        );
+    }
+    Ok(values)
+}

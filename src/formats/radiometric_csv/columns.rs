@@ -1,0 +1,277 @@
+//! The row of column names: which cell of a row is an angle, a wavelength, a value, or nothing that is read here.
+
+use super::header::Header;
+use super::number::decimal;
+use super::problems::Problems;
+use crate::domain::Quantity;
+use crate::domain::limits::MAX_WAVELENGTHS;
+use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::text::{Brief, snippet};
+
+/// The angles in the order of a row's direction.
+pub(super) const ANGLES: [&str; 4] = ["theta_i", "phi_i", "theta_o", "phi_o"];
+
+/// What a cell of a row is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Cell {
+    /// One of [`ANGLES`].
+    Angle(usize),
+    /// The wavelength of the row (long form).
+    Wavelength,
+    /// The value at the wavelength of this number in increasing order (wide form), or the value of the row.
+    Value(usize),
+    /// Not read.
+    Ignored,
+}
+
+/// How an angle as written becomes one of the surface frame, and what it may be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Angle {
+    pub(super) radians: bool,
+    /// In degrees, as written.
+    pub(super) range: (f64, f64),
+    /// Gamma, from nadir: theta = 180° − gamma.
+    pub(super) from_nadir: bool,
+}
+
+impl Angle {
+    /// Degrees of the surface frame; `None` out of range. Radians are rounded to 0.0001°, which their digits hold.
+    pub(super) fn degrees(self, written: f64) -> Option<f64> {
+        const ROUNDING: f64 = 1e-3;
+        let (low, high) = self.range;
+        let mut degrees = written;
+        if self.radians {
+            degrees = (written.to_degrees() * 1e4).round() / 1e4;
+            if (low - ROUNDING..=high + ROUNDING).contains(&degrees) {
+                degrees = degrees.clamp(low, high);
+            }
+        }
+        if !(low..=high).contains(&degrees) {
+            return None;
+        }
+        // No negative zero: angles are compared by their bits.
+        Some(if self.from_nadir { 180.0 - degrees } else { degrees + 0.0 })
+    }
+}
+
+/// What the columns are.
+#[derive(Debug)]
+pub(super) struct Columns {
+    pub(super) cells: Vec<Cell>,
+    /// The names as written, for messages.
+    pub(super) names: Vec<String>,
+    /// Which of [`ANGLES`] there are.
+    pub(super) angles: [Option<Angle>; 4],
+    /// Wavelengths of the wide form in nm, increasing; empty in the long form.
+    pub(super) wavelengths: Vec<f64>,
+    /// Whether each row has a wavelength of its own.
+    pub(super) has_wavelength: bool,
+}
+
+impl Columns {
+    /// Values in a row.
+    pub(super) fn width(&self) -> usize {
+        self.wavelengths.len().max(1)
+    }
+
+    pub(super) fn is_wide(&self) -> bool {
+        !self.wavelengths.is_empty()
+    }
+}
+
+/// Where the row of names is.
+pub(super) struct Row<'a> {
+    pub(super) text: &'a str,
+    pub(super) line: usize,
+}
+
+/// Reads the names; `None` (and at least one problem) where they make no table of the quantity.
+pub(super) fn read(
+    row: &Row<'_>,
+    header: &Header,
+    report: &mut ParseReport,
+    problems: &mut Problems,
+) -> Option<Columns> {
+    let mut columns = Columns {
+        cells: Vec::new(),
+        names: Vec::new(),
+        angles: [None; 4],
+        wavelengths: Vec::new(),
+        has_wavelength: false,
+    };
+    let (mut wide, mut value, mut unknown, mut sigma) = (Vec::new(), None, Vec::new(), false);
+    let mut from_nadir = None;
+    let mut at = 1;
+    let mut good = true;
+    for (i, cell) in row.text.split(',').enumerate() {
+        let column = at + (cell.chars().count() - cell.trim_start().chars().count());
+        at += cell.chars().count() + 1;
+        let written = cell.trim().trim_matches('"').trim();
+        let name = written.to_lowercase();
+        let mut problem = |message: String| {
+            problems.add(row.line, column, || message);
+            good = false;
+        };
+        let is = match name.as_str() {
+            "value" => {
+                if value.replace(i).is_some() {
+                    problem("a second column `value`, expected one".to_owned());
+                }
+                Cell::Value(0)
+            }
+            "wavelength" | "lambda" => {
+                if columns.has_wavelength {
+                    problem("a second column of wavelengths, expected one".to_owned());
+                }
+                columns.has_wavelength = true;
+                Cell::Wavelength
+            }
+            _ => match (angle_of(&name, header.quantity), band(&name, b'v'), band(&name, b's')) {
+                (Some((k, nadir)), ..) => {
+                    if let Some(nadir) = nadir {
+                        from_nadir = Some(nadir);
+                    }
+                    if columns.angles[k].is_some() {
+                        problem(format!("{} is the second column of {}, expected one", snippet(written), ANGLES[k]));
+                    }
+                    columns.angles[k] = Some(angle(k, k == 2 && nadir == Some(true), header));
+                    Cell::Angle(k)
+                }
+                (_, Some(written), _) => {
+                    let nanometres = header.wavelength_unit.to_nanometres(written);
+                    if nanometres > 0.0 && nanometres.is_finite() {
+                        wide.push((nanometres, i));
+                    } else {
+                        problem(format!("wavelength {}, expected a positive number", Brief(written)));
+                    }
+                    Cell::Value(0)
+                }
+                (_, _, Some(_)) => {
+                    sigma = true;
+                    Cell::Ignored
+                }
+                _ if name == "sigma" => {
+                    sigma = true;
+                    Cell::Ignored
+                }
+                _ => {
+                    unknown.push(snippet(written));
+                    Cell::Ignored
+                }
+            },
+        };
+        columns.cells.push(is);
+        columns.names.push(written.chars().take(40).collect());
+    }
+    let mut refuse = |message: String| {
+        problems.add(row.line, 1, || message);
+        good = false;
+    };
+    check_forms(&mut wide, value.is_some(), columns.has_wavelength, &mut refuse);
+    for (rank, &(nanometres, i)) in wide.iter().enumerate() {
+        columns.cells[i] = Cell::Value(rank);
+        columns.wavelengths.push(nanometres);
+    }
+    if let (Some(stated), Some(found)) = (header.luminaire, from_nadir)
+        && stated != found
+    {
+        let name = if found { "luminaire" } else { "surface" };
+        refuse(format!("the columns are angles of the {name}'s frame, the header states the other"));
+    }
+    check_directions(&columns, header, &mut refuse);
+    if !unknown.is_empty() {
+        let shown = unknown.iter().take(8).cloned().collect::<Vec<_>>().join(", ");
+        let message = format!("{} column(s) that are not known: {shown}", unknown.len());
+        report.note(NoteKind::Skipped, message);
+    }
+    if sigma {
+        report.note(NoteKind::Skipped, "the columns of sigma: uncertainties are not kept");
+    }
+    good.then_some(columns)
+}
+
+/// One form of values: `value`, or one column for each wavelength, which are sorted.
+fn check_forms(wide: &mut [(f64, usize)], has_value: bool, has_wavelength: bool, refuse: &mut impl FnMut(String)) {
+    if wide.len() > MAX_WAVELENGTHS {
+        refuse(format!("{} columns of wavelengths, expected at most {MAX_WAVELENGTHS}", wide.len()));
+    }
+    match (has_value, wide.is_empty()) {
+        (true, false) => refuse("both `value` and columns such as `v550`, expected one form".to_owned()),
+        (false, true) => refuse("no column `value`, nor columns such as `v550`: expected values".to_owned()),
+        (false, false) if has_wavelength => {
+            refuse("a column of wavelengths beside columns such as `v550`, expected one form".to_owned());
+        }
+        _ => {}
+    }
+    wide.sort_by(|a, b| a.0.total_cmp(&b.0));
+    for pair in wide.array_windows() {
+        let [(a, _), (b, _)] = *pair;
+        if a == b {
+            refuse(format!("two columns of {} nm, expected each wavelength once", Brief(a)));
+            break;
+        }
+    }
+}
+
+/// Which angle a column is, and whether it belongs to the luminaire's frame, if that is told by its name.
+fn angle_of(name: &str, quantity: Quantity) -> Option<(usize, Option<bool>)> {
+    let outgoing = quantity == Quantity::Edf;
+    match name {
+        "theta_i" => Some((0, None)),
+        "phi_i" => Some((1, None)),
+        "theta_o" => Some((2, None)),
+        "phi_o" => Some((3, None)),
+        "gamma" if outgoing => Some((2, Some(true))),
+        "c" if outgoing => Some((3, Some(true))),
+        "theta" if outgoing => Some((2, Some(false))),
+        "phi" if outgoing => Some((3, Some(false))),
+        "theta" if quantity == Quantity::Reflectance => Some((0, None)),
+        "phi" if quantity == Quantity::Reflectance => Some((1, None)),
+        _ => None,
+    }
+}
+
+/// The wavelength of a column such as `v550` or `v550.5`.
+fn band(name: &str, letter: u8) -> Option<f64> {
+    let rest = name.as_bytes().strip_prefix(&[letter])?;
+    let starts = rest.first().is_some_and(|byte| byte.is_ascii_digit() || *byte == b'.');
+    let (value, end) = decimal(rest, 0)?;
+    (starts && end == rest.len()).then_some(value)
+}
+
+fn angle(k: usize, from_nadir: bool, header: &Header) -> Angle {
+    let range = match (k, header.quantity) {
+        (1 | 3, _) => (-360.0, 720.0),
+        (0, Quantity::Reflectance | Quantity::Brdf | Quantity::Btdf | Quantity::Bsdf) | (_, Quantity::Brdf) => {
+            (0.0, 90.0)
+        }
+        (2, Quantity::Btdf) => (90.0, 180.0),
+        _ => (0.0, 180.0),
+    };
+    Angle { radians: header.radians, range, from_nadir }
+}
+
+/// Each quantity has its directions, and no azimuth stands without its theta.
+fn check_directions(columns: &Columns, header: &Header, refuse: &mut impl FnMut(String)) {
+    let quantity = header.quantity;
+    let [theta_i, phi_i, theta_o, phi_o] = columns.angles.map(|angle| angle.is_some());
+    let expected = match quantity {
+        Quantity::Spectrum => (false, false),
+        Quantity::Reflectance => (theta_i, false),
+        Quantity::Edf => (false, true),
+        Quantity::Brdf | Quantity::Btdf | Quantity::Bsdf | Quantity::Phase => (true, true),
+    };
+    if (theta_i, theta_o) != expected || (phi_i && !theta_i) || (phi_o && !theta_o) {
+        let names = match (quantity, expected) {
+            (Quantity::Reflectance, _) => "none, or theta_i with or without phi_i",
+            (_, (false, false)) => "none",
+            (_, (true, true)) => "theta_i, theta_o and phi_o, and phi_i unless it is isotropic",
+            _ => "theta and phi, or gamma and c",
+        };
+        refuse(format!("the columns of angles of a {quantity}: expected {names}"));
+    }
+    let has_no_place = columns.angles.iter().all(Option::is_none) && !columns.has_wavelength && !columns.is_wide();
+    if has_no_place {
+        refuse("no column of angles or wavelengths, expected what the values are a function of".to_owned());
+    }
+}

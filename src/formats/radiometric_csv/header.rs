@@ -1,0 +1,227 @@
+//! The `# key: value` lines of a radiometric-csv file: what the numbers are, stated in full.
+
+use super::NAME;
+use super::problems::Problems;
+use crate::domain::{Quantity, Unit};
+use crate::formats::Interpretation;
+use crate::formats::acquisition::{AzimuthExtent, NoteKind, ParseReport};
+use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::spectral_table::wavelength_unit::WavelengthUnit;
+use crate::formats::text::snippet;
+
+/// One `# key: value` line.
+pub(super) struct Field {
+    /// Lower case.
+    pub(super) key: String,
+    pub(super) value: String,
+    pub(super) line: usize,
+}
+
+/// What the header says, checked.
+#[allow(clippy::struct_excessive_bools, reason = "each is a yes or no of the file")]
+pub(super) struct Header {
+    pub(super) quantity: Quantity,
+    pub(super) unit: Unit,
+    /// Whether angles are in radians.
+    pub(super) radians: bool,
+    pub(super) wavelength_unit: WavelengthUnit,
+    /// Whether nobody said so.
+    pub(super) wavelength_unit_assumed: bool,
+    /// Whether values are `f · |cos theta_o|`.
+    pub(super) cosine_included: bool,
+    pub(super) isotropic: bool,
+    /// Whether angles are C and gamma of a luminaire; `None` if the file does not say.
+    pub(super) luminaire: Option<bool>,
+    /// What incoming and outgoing azimuths stand for, where it is stated.
+    pub(super) extents: [Option<AzimuthExtent>; 2],
+    /// The range of theta that the incoming and outgoing samples stand for, degrees, where it is stated.
+    pub(super) covers: [Option<(f64, f64)>; 2],
+}
+
+/// Looks keys up and keeps account of the problems.
+struct Fields<'a> {
+    fields: &'a [Field],
+    problems: &'a mut Problems,
+}
+
+impl Fields<'_> {
+    /// The value of `key` as `parse` reads it; a problem where it cannot be read.
+    fn value<T>(&mut self, key: &str, expected: &str, parse: impl Fn(&str) -> Option<T>) -> Option<T> {
+        let mut found = self.fields.iter().filter(|field| field.key == key);
+        let field = found.next()?;
+        if let Some(again) = found.next() {
+            self.problems.add(again.line, 1, || format!("`{key}` twice, expected once"));
+        }
+        let value = parse(&field.value.to_lowercase());
+        if value.is_none() {
+            self.problems.add(field.line, 1, || format!("{key} {}, expected {expected}", snippet(&field.value)));
+        }
+        value
+    }
+
+    fn stated(&self, key: &str) -> bool {
+        self.fields.iter().any(|field| field.key == key)
+    }
+}
+
+const KNOWN: &[&str] = &[
+    NAME,
+    "quantity",
+    "value_unit",
+    "cosine_included",
+    "angle_unit",
+    "wavelength_unit",
+    "direction_convention",
+    "frame",
+    "isotropic",
+    "phi_i_extent",
+    "phi_o_extent",
+    "theta_i_covers",
+    "theta_o_covers",
+];
+
+/// Reads the header; `None` (and at least one problem) where it does not say what it must.
+pub(super) fn read(
+    fields: &[Field],
+    how: &Interpretation,
+    report: &mut ParseReport,
+    problems: &mut Problems,
+) -> Result<Option<Header>, FormatError> {
+    let mut header = Fields { fields, problems };
+    header.value(NAME, "1 (the version of the format)", |v| (v == "1").then_some(()));
+    let quantities = || Quantity::ALL.iter().map(|q| q.name()).collect::<Vec<_>>().join(", ");
+    let stated = header.value("quantity", &quantities(), quantity_of);
+    let Some(quantity) = how.quantity.or(stated) else {
+        if header.stated("quantity") {
+            return Ok(None);
+        }
+        let message = format!("no line `# quantity: …`, expected it, or the option: {}", quantities());
+        return Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
+    };
+    if let Some(stated) = stated.filter(|stated| *stated != quantity) {
+        report.note(NoteKind::Warning, format!("taken as {quantity} as asked; the file says {stated}"));
+    }
+    let unit = unit(&mut header, quantity, how, report)?;
+    let radians = header.value("angle_unit", "deg or rad", |v| match v {
+        "deg" | "degree" | "degrees" => Some(false),
+        "rad" | "radian" | "radians" => Some(true),
+        _ => None,
+    });
+    if quantity.directions() > 0 && !header.stated("angle_unit") && quantity != Quantity::Reflectance {
+        header.problems.add(1, 1, || "no line `# angle_unit: …`, expected deg or rad".to_owned());
+    }
+    let truth = |v: &str| match v {
+        "true" | "yes" => Some(true),
+        "false" | "no" => Some(false),
+        _ => None,
+    };
+    let cosine_included = header.value("cosine_included", "true or false", truth);
+    if quantity.has_cosine() && !header.stated("cosine_included") {
+        header.problems.add(1, 1, || {
+            format!("no line `# cosine_included: …`, expected true or false: whether values of a {quantity} hold |cos theta_o|")
+        });
+    }
+    header.value("direction_convention", "outward: wi and wo both point away from the sample", |v| {
+        v.starts_with("outward").then_some(())
+    });
+    let luminaire = header.value("frame", "surface (theta from the normal) or luminaire (c, gamma from nadir)", |v| {
+        [("surface", false), ("luminaire", true)].into_iter().find(|(name, _)| v.starts_with(name)).map(|(_, is)| is)
+    });
+    let isotropic = header.value("isotropic", "true or false", truth);
+    let wavelength_unit_assumed = how.wavelength_unit.is_none() && !header.stated("wavelength_unit");
+    let wavelength_unit = wavelength_unit(&mut header, how, report)?;
+    let extent = |v: &str| match v {
+        "circle" => Some(AzimuthExtent::Circle),
+        "mirrored" => Some(AzimuthExtent::Mirrored),
+        "sector" => Some(AzimuthExtent::Sector),
+        _ => None,
+    };
+    let extents = ["phi_i_extent", "phi_o_extent"].map(|key| header.value(key, "circle, mirrored or sector", extent));
+    let covers = ["theta_i_covers", "theta_o_covers"].map(|key| header.value(key, "two angles in degrees", range));
+    let other = fields.iter().filter(|field| !KNOWN.contains(&field.key.as_str()));
+    report.metadata.extend(other.map(|field| (field.key.clone(), field.value.clone())));
+    Ok(unit.map(|unit| Header {
+        quantity,
+        unit,
+        radians: radians.unwrap_or(false),
+        wavelength_unit,
+        wavelength_unit_assumed,
+        cosine_included: quantity.has_cosine() && cosine_included.unwrap_or(false),
+        isotropic: quantity.directions() == 2 && isotropic.unwrap_or(false),
+        luminaire,
+        extents,
+        covers,
+    }))
+}
+
+fn quantity_of(name: &str) -> Option<Quantity> {
+    match name {
+        "emission" => Some(Quantity::Edf),
+        "transmittance" => Some(Quantity::Reflectance),
+        _ => name.parse().ok(),
+    }
+}
+
+/// `low high`, with or without a comma.
+fn range(text: &str) -> Option<(f64, f64)> {
+    let mut numbers = text.split([' ', ',']).filter(|part| !part.is_empty()).map(crate::formats::text::number);
+    match (numbers.next(), numbers.next(), numbers.next()) {
+        (Some(Some(low)), Some(Some(high)), None) if low <= high => Some((low, high)),
+        _ => None,
+    }
+}
+
+fn unit(
+    header: &mut Fields<'_>,
+    quantity: Quantity,
+    how: &Interpretation,
+    report: &mut ParseReport,
+) -> Result<Option<Unit>, FormatError> {
+    let fitting: Vec<Unit> = Unit::ALL.iter().copied().filter(|&unit| fits(quantity, unit)).collect();
+    let names = fitting.iter().map(|unit| unit.name()).collect::<Vec<_>>().join(", ");
+    let stated = header.value("value_unit", &format!("a unit of a {quantity}: {names}"), |value| {
+        fitting.iter().copied().find(|unit| unit.name().eq_ignore_ascii_case(value))
+    });
+    if let (Some(asked), Some(stated)) = (how.unit, stated)
+        && asked != stated
+    {
+        report.note(NoteKind::Warning, format!("unit taken as {asked} as asked; the file says {stated}"));
+    }
+    if how.unit.is_none() && !header.stated("value_unit") {
+        let message = format!("no line `# value_unit: …`, expected it, or the option: {names}");
+        return Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
+    }
+    Ok(how.unit.or(stated))
+}
+
+fn fits(quantity: Quantity, unit: Unit) -> bool {
+    match quantity {
+        Quantity::Spectrum => true,
+        Quantity::Reflectance => matches!(unit, Unit::One | Unit::Relative),
+        Quantity::Edf => !matches!(unit, Unit::One | Unit::PerSteradian),
+        Quantity::Brdf | Quantity::Btdf | Quantity::Bsdf | Quantity::Phase => {
+            matches!(unit, Unit::PerSteradian | Unit::Relative)
+        }
+    }
+}
+
+fn wavelength_unit(
+    header: &mut Fields<'_>,
+    how: &Interpretation,
+    report: &mut ParseReport,
+) -> Result<WavelengthUnit, FormatError> {
+    let names = WavelengthUnit::ALL.map(WavelengthUnit::name).join(", ");
+    let stated = header.value("wavelength_unit", &names, WavelengthUnit::of_name);
+    let Some(asked) = &how.wavelength_unit else { return Ok(stated.unwrap_or(WavelengthUnit::Nanometre)) };
+    let asked = WavelengthUnit::of_name(asked).ok_or_else(|| {
+        let message = format!("wavelength unit {}, expected one of {names}", snippet(asked));
+        FormatError::new(FormatErrorKind::NeedsOption, NAME, message)
+    })?;
+    if let Some(stated) = stated.filter(|stated| *stated != asked) {
+        report.note(
+            NoteKind::Warning,
+            format!("wavelengths taken in {} as asked; the file says {}", asked.name(), stated.name()),
+        );
+    }
+    Ok(asked)
+}

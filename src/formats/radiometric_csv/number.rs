@@ -1,0 +1,113 @@
+//! Decimal numbers from bytes, where they lie in a row: exact, and without a pass to find their end first.
+
+/// Powers of ten that are exact in f64.
+const POWERS: [f64; 23] = [
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
+    1e21, 1e22,
+];
+/// Digits that a u64 always holds.
+const DIGITS: usize = 19;
+/// The largest whole number up to which all are exact in f64.
+const EXACT: u64 = 1 << 53;
+
+/// The number that starts at `start`, and where it ends; `None` if no finite decimal number does.
+///
+/// The value is the f64 nearest to what is written: a mantissa and a power of ten that are exact in f64 make one
+/// correctly rounded product or quotient (W. D. Clinger, "How to Read Floating Point Numbers Accurately", PLDI 1990);
+/// everything else goes to the parser of the standard library.
+#[inline]
+pub(super) fn decimal(bytes: &[u8], start: usize) -> Option<(f64, usize)> {
+    let mut at = start;
+    let negative = bytes.get(at) == Some(&b'-');
+    if negative || bytes.get(at) == Some(&b'+') {
+        at += 1;
+    }
+    let first = at;
+    let mut mantissa = 0_u64;
+    at = digits(bytes, at, &mut mantissa);
+    let mut count = at - first;
+    let mut exponent = 0_i32;
+    if bytes.get(at) == Some(&b'.') {
+        let point = at + 1;
+        at = digits(bytes, point, &mut mantissa);
+        count += at - point;
+        exponent = i32::try_from(at - point).ok()?.checked_neg()?;
+    }
+    if count == 0 {
+        return None;
+    }
+    if let Some(b'e' | b'E') = bytes.get(at) {
+        let (written, end) = exponent_of(bytes, at + 1)?;
+        at = end;
+        exponent = exponent.saturating_add(written);
+    }
+    let size = exponent.unsigned_abs() as usize;
+    if count <= DIGITS && mantissa <= EXACT && size < POWERS.len() {
+        let value = if exponent < 0 { mantissa as f64 / POWERS[size] } else { mantissa as f64 * POWERS[size] };
+        return Some((if negative { -value } else { value }, at));
+    }
+    let value: f64 = std::str::from_utf8(&bytes[start..at]).ok()?.parse().ok()?;
+    value.is_finite().then_some((value, at))
+}
+
+/// Appends the digits from `at` on to `mantissa` (modulo 2^64), and says where they end.
+#[inline]
+fn digits(bytes: &[u8], mut at: usize, mantissa: &mut u64) -> usize {
+    while let Some(digit) = bytes.get(at).map(|byte| byte.wrapping_sub(b'0')).filter(|&digit| digit < 10) {
+        *mantissa = mantissa.wrapping_mul(10).wrapping_add(u64::from(digit));
+        at += 1;
+    }
+    at
+}
+
+/// The exponent written from `at` on, and where it ends; out of range it is as large as it takes.
+fn exponent_of(bytes: &[u8], mut at: usize) -> Option<(i32, usize)> {
+    let negative = bytes.get(at) == Some(&b'-');
+    if negative || bytes.get(at) == Some(&b'+') {
+        at += 1;
+    }
+    let first = at;
+    let mut value = 0_i32;
+    while let Some(digit) = bytes.get(at).map(|byte| byte.wrapping_sub(b'0')).filter(|&digit| digit < 10) {
+        value = value.saturating_mul(10).saturating_add(i32::from(digit));
+        at += 1;
+    }
+    (at > first).then_some((if negative { -value } else { value }, at))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn whole(text: &str) -> Option<f64> {
+        decimal(text.as_bytes(), 0).filter(|&(_, end)| end == text.len()).map(|(value, _)| value)
+    }
+
+    #[test]
+    fn numbers_are_decimal_finite_and_whole_cells() {
+        for text in
+            ["0", "-0", "1", ".5", "5.", "+1e3", "0.1", "1e22", "1e23", "9007199254740993", "123456789012345678901"]
+        {
+            assert_eq!(whole(text).map(f64::to_bits), text.parse().ok().map(f64::to_bits), "{text}");
+        }
+        for text in ["", "-", ".", "e5", "1e", "1e+", "nan", "inf", "1e999", "0x10", "1O", "1 ", "1,5", "--1"] {
+            assert_eq!(whole(text), None, "{text}");
+        }
+        assert_eq!(decimal(b"30,0.5\n", 3), Some((0.5, 6)));
+        assert_eq!(whole("1e99999999999999999999"), None);
+        assert_eq!(whole("1e-99999999999999999999"), Some(0.0));
+        assert_eq!(whole(&format!("0.{}1", "0".repeat(400))), Some(0.0));
+    }
+
+    proptest! {
+        #[test]
+        fn they_are_those_of_the_standard_library(value in any::<f64>(), digits in 0_usize..25, small in -1e6_f64..1e6) {
+            for text in [format!("{value:e}"), format!("{small:.digits$}"), format!("{small}"), format!("{small:.digits$e}")] {
+                if let Ok(expected) = text.parse::<f64>() && expected.is_finite() {
+                    prop_assert_eq!(whole(&text).map(f64::to_bits), Some(expected.to_bits()), "{}", text);
+                }
+            }
+        }
+    }
+}

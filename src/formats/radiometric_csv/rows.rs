@@ -1,0 +1,316 @@
+//! Rows of numbers in one pass over the bytes, piece by piece in parallel; every bad cell is a problem with its place.
+
+use super::columns::{Cell, Columns};
+use super::number::decimal;
+use super::problems::Problems;
+use crate::formats::text::snippet;
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// Bytes that one task reads.
+const PIECE: usize = 1 << 21;
+/// Characters of a cell that a message may quote.
+const QUOTED: usize = 60;
+
+/// All rows of a file.
+#[derive(Debug, Default)]
+pub(super) struct Rows {
+    /// `[theta_i, phi_i, theta_o, phi_o]` in degrees, 0 where there is no such column: one for each row of the wide form,
+    /// one for each run of rows of one direction in the long form.
+    pub(super) directions: Vec<[f64; 4]>,
+    /// Values of each direction; empty in the wide form, where each has the width of a row.
+    pub(super) lengths: Vec<u32>,
+    /// For each value the number of its wavelength in `wavelengths`; empty in the wide form and without wavelengths.
+    pub(super) lambdas: Vec<u32>,
+    /// The wavelengths of the long form as written, in the order they came up.
+    pub(super) wavelengths: Numbered,
+    /// Row-major; NaN = missing.
+    pub(super) values: Vec<f32>,
+    /// How many values were divided by a cosine of 0 and are missing therefore.
+    pub(super) grazing: usize,
+}
+
+/// Distinct numbers and their order of appearance.
+#[derive(Debug, Default)]
+pub(super) struct Numbered {
+    pub(super) values: Vec<f64>,
+    known: HashMap<u64, u32>,
+    /// Where the next number is looked for first: rows follow each other in order.
+    guess: usize,
+}
+
+impl Numbered {
+    /// The number of `value`, new or known.
+    pub(super) fn number(&mut self, value: f64) -> u32 {
+        for guess in [self.guess, self.guess + 1, 0] {
+            if self.values.get(guess) == Some(&value) {
+                self.guess = guess;
+                return guess as u32;
+            }
+        }
+        let next = self.values.len();
+        let number = *self.known.entry(value.to_bits()).or_insert(next as u32);
+        if number as usize == next {
+            self.values.push(value);
+        }
+        self.guess = number as usize;
+        number
+    }
+}
+
+/// Reads all rows of `body`, whose first line is line `before + 1` of the file.
+pub(super) fn read(body: &[u8], before: usize, columns: &Columns, cosine: bool, problems: &mut Problems) -> Rows {
+    let mut pieces = Vec::with_capacity(body.len() / PIECE + 1);
+    let mut start = 0;
+    while start < body.len() {
+        let wanted = (start + PIECE).min(body.len());
+        let end = body[wanted..].iter().position(|&b| b == b'\n').map_or(body.len(), |i| wanted + i + 1);
+        pieces.push(&body[start..end]);
+        start = end;
+    }
+    let read: Vec<Piece> = pieces.into_par_iter().map(|text| Piece::read(text, columns, cosine)).collect();
+    let mut all = Rows::default();
+    all.values.reserve_exact(read.iter().map(|piece| piece.rows.values.len()).sum());
+    let mut line = before;
+    for piece in read {
+        problems.append(piece.problems, line);
+        line += piece.lines;
+        all.append(&piece.rows);
+    }
+    all
+}
+
+impl Rows {
+    fn append(&mut self, part: &Self) {
+        self.directions.extend_from_slice(&part.directions);
+        self.lengths.extend_from_slice(&part.lengths);
+        let numbers: Vec<u32> = part.wavelengths.values.iter().map(|&value| self.wavelengths.number(value)).collect();
+        self.lambdas.extend(part.lambdas.iter().map(|&local| numbers[local as usize]));
+        self.values.extend_from_slice(&part.values);
+        self.grazing += part.grazing;
+    }
+}
+
+/// A part of the body.
+struct Piece {
+    rows: Rows,
+    lines: usize,
+    problems: Problems,
+}
+
+/// Where a cell of the row before lies, and the angle that it is.
+#[derive(Clone, Copy, Default)]
+struct Known {
+    start: usize,
+    end: usize,
+    degrees: f64,
+}
+
+/// Reads one piece.
+struct Parser<'a> {
+    text: &'a [u8],
+    columns: &'a Columns,
+    cosine: bool,
+    rows: Rows,
+    problems: Problems,
+    /// The line, from 1 in this piece, and where it starts.
+    line: usize,
+    line_start: usize,
+    /// The cells of angles of the last row.
+    last: [Known; 4],
+}
+
+impl Piece {
+    fn read(text: &[u8], columns: &Columns, cosine: bool) -> Self {
+        let mut parser = Parser {
+            text,
+            columns,
+            cosine,
+            rows: Rows::default(),
+            problems: Problems::default(),
+            line: 0,
+            line_start: 0,
+            last: [Known::default(); 4],
+        };
+        while parser.line_start < text.len() {
+            parser.line += 1;
+            let first = parser.blanks(parser.line_start);
+            let end = match text.get(first) {
+                None | Some(b'#' | b'\n' | b'\r') => parser.line_end(first),
+                Some(_) => parser.row(),
+            };
+            parser.line_start = (end + 1).min(text.len());
+        }
+        Self { rows: parser.rows, lines: parser.line, problems: parser.problems }
+    }
+}
+
+/// Whether a cell, or the blanks behind it, may start here.
+fn ends_number(next: Option<&u8>) -> bool {
+    matches!(next, None | Some(b',' | b'\n' | b'\r' | b' ' | b'\t'))
+}
+
+impl Parser<'_> {
+    /// The first place from `at` on that is no blank.
+    #[inline]
+    fn blanks(&self, mut at: usize) -> usize {
+        while matches!(self.text.get(at), Some(b' ' | b'\t')) {
+            at += 1;
+        }
+        at
+    }
+
+    /// The line feed from `at` on, or the end.
+    fn line_end(&self, at: usize) -> usize {
+        self.text[at..].iter().position(|&b| b == b'\n').map_or(self.text.len(), |i| at + i)
+    }
+
+    /// Where the cell that starts at `at` ends.
+    #[inline]
+    fn cell_end(&self, mut at: usize) -> usize {
+        while !matches!(self.text.get(at), None | Some(b',' | b'\n' | b'\r')) {
+            at += 1;
+        }
+        at
+    }
+
+    fn problem(&mut self, at: usize, message: impl FnOnce() -> String) {
+        let before = String::from_utf8_lossy(&self.text[self.line_start..at]);
+        self.problems.add(self.line, before.chars().count() + 1, message);
+    }
+
+    /// A cell that is not what it should be.
+    fn refuse(&mut self, start: usize, column: usize, expected: &str) -> usize {
+        let end = self.cell_end(start);
+        let found = String::from_utf8_lossy(&self.text[start..end.min(start + QUOTED)]).trim_end().to_owned();
+        let name = &self.columns.names[column];
+        self.problem(start, || format!("found {}, expected {expected} ({name})", snippet(&found)));
+        end
+    }
+
+    /// Reads the row that starts at `self.line_start`; where its line ends.
+    fn row(&mut self) -> usize {
+        let columns = self.columns;
+        let width = columns.width();
+        let (text, base) = (self.text, self.rows.values.len());
+        self.rows.values.resize(base + width, f32::NAN);
+        let (mut good, mut same, mut lambda) = (true, true, None);
+        let mut at = self.line_start;
+        let last = columns.cells.len() - 1;
+        for (column, cell) in columns.cells.iter().enumerate() {
+            let start = self.blanks(at);
+            at = match *cell {
+                Cell::Value(value) => match decimal(text, start) {
+                    Some((number, end)) if ends_number(text.get(end)) => {
+                        let sample = number as f32;
+                        if sample.is_infinite() {
+                            good = false;
+                            self.refuse(start, column, "a number within the range of float32")
+                        } else {
+                            self.rows.values[base + value] = sample;
+                            end
+                        }
+                    }
+                    _ => {
+                        let end = self.cell_end(start);
+                        let found = text[start..end].trim_ascii_end();
+                        if !found.is_empty() && !found.eq_ignore_ascii_case(b"nan") {
+                            good = false;
+                            self.refuse(start, column, "a number, or nothing where it is missing");
+                        }
+                        end
+                    }
+                },
+                Cell::Angle(k) => {
+                    let end = self.cell_end(start);
+                    let known = self.last[k];
+                    if text[start..end] != text[known.start..known.end] || end == start {
+                        same = false;
+                        if let Some(degrees) = self.angle(start, k) {
+                            self.last[k] = Known { start, end, degrees };
+                        } else {
+                            good = false;
+                            let (low, high) = columns.angles[k].map_or((0.0, 0.0), |angle| angle.range);
+                            self.refuse(start, column, &format!("an angle from {low} to {high} degrees"));
+                        }
+                    }
+                    end
+                }
+                Cell::Wavelength => match decimal(text, start) {
+                    Some((number, end)) if ends_number(text.get(end)) && number > 0.0 => {
+                        lambda = Some(number);
+                        end
+                    }
+                    _ => {
+                        good = false;
+                        self.refuse(start, column, "a positive wavelength")
+                    }
+                },
+                Cell::Ignored => self.cell_end(start),
+            };
+            at = self.blanks(at);
+            match text.get(at) {
+                Some(b',') if column < last => at += 1,
+                Some(b',') => {
+                    good = false;
+                    self.problem(at, || format!("more cells than the {} columns", last + 1));
+                    break;
+                }
+                None | Some(b'\n' | b'\r') if column == last => {}
+                None | Some(b'\n' | b'\r') => {
+                    good = false;
+                    self.problem(at, || format!("{} cells, expected {} as there are columns", column + 1, last + 1));
+                    break;
+                }
+                Some(_) => {
+                    good = false;
+                    at = self.refuse(start, column, "one number");
+                    at += usize::from(text.get(at) == Some(&b','));
+                }
+            }
+        }
+        if good {
+            self.keep(base, same, lambda);
+        } else {
+            self.rows.values.truncate(base);
+        }
+        self.line_end(at)
+    }
+
+    /// The angle that a whole cell is.
+    fn angle(&self, start: usize, k: usize) -> Option<f64> {
+        let (written, end) = decimal(self.text, start)?;
+        let whole = matches!(self.text.get(self.blanks(end)), None | Some(b',' | b'\n' | b'\r'));
+        self.columns.angles[k].filter(|_| whole)?.degrees(written)
+    }
+
+    /// Files the values from `base` on under their direction and wavelength.
+    fn keep(&mut self, base: usize, same: bool, lambda: Option<f64>) {
+        let direction = self.last.map(|known| known.degrees);
+        let rows = &mut self.rows;
+        if self.cosine {
+            let cosine = libm::cos(direction[2].to_radians()).abs();
+            for value in rows.values[base..].iter_mut().filter(|value| !value.is_nan()) {
+                let quotient = (f64::from(*value) / cosine) as f32;
+                if cosine > 1e-9 && quotient.is_finite() {
+                    *value = quotient;
+                } else {
+                    rows.grazing += 1;
+                    *value = f32::NAN;
+                }
+            }
+        }
+        if let Some(lambda) = lambda {
+            let number = rows.wavelengths.number(lambda);
+            rows.lambdas.push(number);
+        }
+        if self.columns.is_wide() {
+            rows.directions.push(direction);
+        } else if let (true, Some(length)) = (same, rows.lengths.last_mut()) {
+            *length += 1;
+        } else {
+            rows.directions.push(direction);
+            rows.lengths.push(1);
+        }
+    }
+}

@@ -1,0 +1,364 @@
+//! radiometric-csv: long and wide forms against each other, grids and scattered directions, and every problem at once.
+
+use super::*;
+use crate::domain::{Axis, Quantity, Unit};
+use crate::formats::acquisition::{AngleGrid, AzimuthExtent, Scattered};
+use crate::formats::error::Position;
+use crate::formats::read as read_any;
+use std::fmt::Write as _;
+
+const BRDF: &str = "# radiometric-csv: 1\n# quantity: brdf\n# value_unit: 1/sr\n# cosine_included: false\n\
+                    # angle_unit: deg\n# wavelength_unit: nm\n# direction_convention: outward\n";
+
+fn plain(text: &str) -> Result<Acquisition, FormatError> {
+    read_any(text.as_bytes(), &Interpretation::default())
+}
+
+fn good(text: &str) -> Acquisition {
+    plain(text).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn grid(acquisition: &Acquisition) -> &AngleGrid {
+    match &acquisition.samples {
+        Samples::Grid(grid) => grid,
+        other => panic!("expected a grid, found {other:?}"),
+    }
+}
+
+fn scattered(acquisition: &Acquisition) -> &Scattered {
+    match &acquisition.samples {
+        Samples::Scattered(scattered) => scattered,
+        other => panic!("expected scattered directions, found {other:?}"),
+    }
+}
+
+fn lambdas(axis: Option<&Axis>) -> Vec<f64> {
+    match axis {
+        Some(Axis::Wavelength(grid)) => grid.values(),
+        other => panic!("{other:?}"),
+    }
+}
+
+fn says(acquisition: &Acquisition, kind: NoteKind, words: &str) -> bool {
+    acquisition.report.notes.iter().any(|note| note.kind == kind && note.message.contains(words))
+}
+
+const THETA_I: [f64; 2] = [0.0, 30.0];
+const PHI_I: [f64; 2] = [0.0, 90.0];
+const THETA_O: [f64; 3] = [10.0, 40.0, 70.0];
+const PHI_O: [f64; 4] = [0.0, 90.0, 180.0, 270.0];
+const LAMBDA: [f64; 3] = [400.0, 450.0, 550.5];
+
+/// Tells every place of the grid of these tests apart.
+fn value(place: [usize; 4], lambda: usize) -> f64 {
+    place.iter().fold(0.0, |sum, &i| sum * 10.0 + i as f64 + 1.0) / 1000.0 + lambda as f64 * 100.0
+}
+
+fn places() -> impl Iterator<Item = [usize; 4]> {
+    (0..2 * 2 * 3 * 4).map(|i| [i / 24, i / 12 % 2, i / 4 % 3, i % 4])
+}
+
+fn angles([a, b, c, d]: [usize; 4]) -> String {
+    format!("{},{},{},{}", THETA_I[a], PHI_I[b], THETA_O[c], PHI_O[d])
+}
+
+fn wide_rows() -> Vec<String> {
+    places().map(|p| format!("{},{},{},{}", angles(p), value(p, 0), value(p, 1), value(p, 2))).collect()
+}
+
+fn long_rows() -> Vec<String> {
+    let row = |p, l: usize| format!("{},{},{}", angles(p), LAMBDA[l], value(p, l));
+    places().flat_map(|p| (0..3).map(move |l| row(p, l))).collect()
+}
+
+const WIDE: &str = "theta_i,phi_i,theta_o,phi_o,v400,v450,v550.5\n";
+const LONG: &str = "theta_i,phi_i,theta_o,phi_o,wavelength,value\n";
+
+#[test]
+fn both_forms_and_any_order_of_rows_are_the_same_grid() {
+    let wide = good(&format!("{BRDF}{WIDE}{}\n", wide_rows().join("\n")));
+    assert_eq!((wide.format, wide.dialect.as_str()), (NAME, "version 1, wide form, 48 rows, a grid of directions"));
+    assert_eq!((wide.quantity, wide.unit), (Quantity::Brdf, Unit::PerSteradian));
+    let first = grid(&wide);
+    let (incoming, outgoing) = (first.incoming.as_ref().unwrap(), first.outgoing.as_ref().unwrap());
+    assert_eq!((incoming.theta.as_slice(), incoming.covers), (&THETA_I[..], (0.0, 30.0)));
+    assert_eq!((outgoing.theta.as_slice(), outgoing.covers), (&THETA_O[..], (10.0, 70.0)));
+    assert_eq!(incoming.phi.as_ref().unwrap().extent, AzimuthExtent::Sector);
+    assert_eq!(outgoing.phi.as_ref().unwrap().extent, AzimuthExtent::Circle);
+    assert_eq!(lambdas(first.spectral.as_ref()), LAMBDA);
+    let expected: Vec<f32> = places().flat_map(|p| (0..3).map(move |l| value(p, l) as f32)).collect();
+    assert_eq!(first.values, expected);
+
+    let mut backwards = wide_rows();
+    backwards.reverse();
+    let mut by_wavelength = long_rows();
+    by_wavelength.sort_by_key(|row| row.split(',').nth(4).map(str::to_owned));
+    let swapped: Vec<String> = long_rows()
+        .iter()
+        .map(|row| {
+            let cells: Vec<&str> = row.split(',').collect();
+            format!("{};x;{},{},{},{},{},{}", cells[0], cells[5], cells[3], cells[4], cells[1], cells[0], cells[2])
+                .replace(&format!("{};x;", cells[0]), "")
+        })
+        .collect();
+    for text in [
+        format!("{BRDF}{WIDE}{}", backwards.join("\n")),
+        format!("{BRDF}{LONG}{}\n", long_rows().join("\n")),
+        format!("{BRDF}{LONG}{}\n", by_wavelength.join("\n")),
+        format!("{BRDF}value,phi_o,Wavelength,PHI_I,theta_i,theta_o\n{}\n", swapped.join("\n")),
+        format!("{BRDF}{LONG}{}\n", long_rows().join(" \n# a remark\n\n").replace(',', " , ")),
+        format!("\u{feff}{BRDF}{WIDE}{}\n\u{1a}", wide_rows().join("\n")).replace('\n', "\r\n"),
+        format!("{BRDF}{WIDE}{}\n", wide_rows().join("\n")).replace('\n', "\r"),
+    ] {
+        let other = good(&text);
+        assert_eq!(grid(&other).values, expected, "{}", &text[..text.len().min(400)]);
+        assert_eq!((&grid(&other).incoming, &grid(&other).outgoing), (&first.incoming, &first.outgoing));
+    }
+    let utf16: Vec<u8> =
+        format!("\u{feff}{BRDF}{WIDE}{}\n", wide_rows().join("\n")).encode_utf16().flat_map(u16::to_le_bytes).collect();
+    assert_eq!(grid(&read_any(&utf16, &Interpretation::default()).unwrap()).values, expected);
+}
+
+#[test]
+fn pieces_make_one_table_whatever_their_borders() {
+    // More bytes than three pieces; the direction changes inside them and on their borders.
+    let mut text = format!("{BRDF}{LONG}");
+    let (directions, n) = (1000, 400);
+    for d in 0..directions {
+        for l in 0..n {
+            let _ = writeln!(text, "{},0,{},0,{},{}", d / 25, d % 25, 400 + l, d * n + l);
+        }
+    }
+    assert!(text.len() > 3 << 21);
+    let acquisition = good(&text);
+    let grid = grid(&acquisition);
+    assert_eq!(grid.values.len(), directions * n);
+    assert!(grid.values.iter().enumerate().all(|(i, &v)| v == i as f32));
+    let broken = text.replacen("399999\n", "39999x\n", 1);
+    let error = plain(&broken).unwrap_err();
+    assert_eq!(error.position, Some(Position::Text { line: 400_008, column: 15 }), "{error}");
+}
+
+#[test]
+fn isotropic_azimuths_are_relative_and_mirrored() {
+    let text = |header: &str, rows: &str| format!("{BRDF}{header}theta_i,phi_i,theta_o,phi_o,value\n{rows}");
+    let rows = "30,40,20,40,1\n30,40,20,130,2\n30,40,20,220,3\n60,350,20,350,4\n60,350,20,80,5\n60,350,20,170,6\n";
+    let acquisition = good(&text("# isotropic: true\n", rows));
+    let angles = grid(&acquisition).outgoing.as_ref().unwrap();
+    let azimuths = angles.phi.as_ref().unwrap();
+    assert_eq!((azimuths.phi.as_slice(), azimuths.extent), (&[0.0, 90.0, 180.0][..], AzimuthExtent::Mirrored));
+    assert_eq!(grid(&acquisition).values, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    assert!(grid(&acquisition).incoming.as_ref().unwrap().phi.is_none());
+    let stated = good(&text("# isotropic: true\n# phi_o_extent: sector\n# theta_o_covers: 0 90\n", rows));
+    let angles = grid(&stated).outgoing.as_ref().unwrap();
+    assert_eq!((angles.phi.as_ref().unwrap().extent, angles.covers), (AzimuthExtent::Sector, (0.0, 90.0)));
+    let without = good(&format!("{BRDF}theta_i,theta_o,phi_o,value\n30,20,0,1\n30,20,180,2\n"));
+    assert!(says(&without, NoteKind::Assumed, "no column phi_i"));
+    let narrow = plain(&text("# theta_o_covers: 30 40\n", rows)).unwrap_err();
+    assert!(narrow.message.contains("theta_o_covers"), "{narrow}");
+}
+
+#[test]
+fn poles_are_one_direction_and_holes_are_masked() {
+    let rows = "0,0,5\n30,0,1\n30,120,2\n30,240,3\n60,0,4\n60,120,\n60,240,nan\n";
+    let acquisition = good(&format!("{BRDF}theta_o,phi_o,value,theta_i\n{}", rows.replace('\n', ",10\n")));
+    let values = &grid(&acquisition).values;
+    assert_eq!(values[..7], [5.0, 5.0, 5.0, 1.0, 2.0, 3.0, 4.0]);
+    assert!(values[7].is_nan() && values[8].is_nan());
+    assert!(says(&acquisition, NoteKind::Filled, "2 samples at a pole"));
+    assert!(says(&acquisition, NoteKind::Warning, "2 of 9 places of the grid"));
+    let twice = good(&format!("{BRDF}theta_i,theta_o,phi_o,value\n10,20,0,1\n10,20,0,2\n10,20,0,6\n10,30,0,-1\n"));
+    assert_eq!(grid(&twice).values, [3.0, -1.0]);
+    assert!(says(&twice, NoteKind::Warning, "1 samples were measured more than once"));
+    assert!(says(&twice, NoteKind::Warning, "1 values are negative, down to -1"));
+}
+
+#[test]
+fn directions_without_a_grid_stay_scattered() {
+    let mut wide = format!("{BRDF}theta_i,phi_i,theta_o,phi_o,v400,v500\n");
+    let mut long = format!("{BRDF}{LONG}");
+    for i in 0..50 {
+        let angles = format!("{},{},{},{}", 1.5 * f64::from(i % 7), i * 5 % 360, i, i * 17 % 360);
+        let _ = writeln!(wide, "{angles},{i},{}", i + 100);
+        let _ = write!(long, "{angles},400,{i}\n{angles},500,{}\n", i + 100);
+    }
+    let acquisition = good(&wide);
+    let found = scattered(&acquisition);
+    assert_eq!((found.directions(), found.values.len(), found.isotropic), (50, 100, false));
+    assert_eq!((found.incoming[8], found.outgoing[8]), ([1.5, 40.0], [8.0, 136.0]));
+    assert_eq!(found.values[16..18], [8.0, 108.0]);
+    assert_eq!(scattered(&good(&long)), found);
+    // Each direction at a wavelength of its own would make a table of holes.
+    let mut sparse = format!("{BRDF}{LONG}");
+    for i in 0..50 {
+        let _ = writeln!(sparse, "{i},{},{},{},{},1", i * 2, i + 3, i * 3, 400 + i);
+    }
+    assert_eq!(plain(&sparse).unwrap_err().kind, FormatErrorKind::OverLimit);
+}
+
+#[test]
+fn cosines_are_divided_out() {
+    let text = BRDF.replace("included: false", "included: true");
+    let acquisition = good(&format!("{text}theta_i,theta_o,phi_o,value\n10,0,0,2\n10,60,0,2\n10,90,0,2\n"));
+    let values = &grid(&acquisition).values;
+    assert!(values[0] == 2.0 && (values[1] - 4.0).abs() < 1e-6 && values[2].is_nan(), "{values:?}");
+    assert!(says(&acquisition, NoteKind::Warning, "1 values at theta_o of 90"));
+    let missing = BRDF.replace("# cosine_included: false\n", "");
+    let error = plain(&format!("{missing}theta_i,theta_o,phi_o,value\n10,0,0,2\n")).unwrap_err();
+    assert!(error.message.contains("cosine_included"), "{error}");
+}
+
+#[test]
+fn emission_is_in_either_frame_and_angles_in_either_unit() {
+    let header = "# radiometric-csv: 1\n# quantity: emission\n# value_unit: cd\n# angle_unit: deg\n";
+    let lamp = good(&format!("{header}# frame: luminaire\nc,gamma,value\n0,0,9\n0,30,1\n120,30,2\n240,30,3\n"));
+    assert_eq!((lamp.quantity, lamp.unit), (Quantity::Edf, Unit::Candela));
+    let angles = grid(&lamp).outgoing.as_ref().unwrap();
+    assert_eq!((angles.theta.as_slice(), angles.covers), (&[150.0, 180.0][..], (150.0, 180.0)));
+    assert_eq!(grid(&lamp).values, [1.0, 2.0, 3.0, 9.0, 9.0, 9.0]);
+    let surface = good(&format!("{header}theta,phi,value\n180,0,9\n150,0,1\n150,120,2\n150,240,3\n"));
+    assert_eq!((&grid(&surface).outgoing, &grid(&surface).values), (&grid(&lamp).outgoing, &grid(&lamp).values));
+    let error = plain(&format!("{header}# frame: surface\nc,gamma,value\n0,0,9\n")).unwrap_err();
+    assert!(error.message.contains("header states the other"), "{error}");
+    let radians = header.replace("deg", "rad");
+    let lamp =
+        good(&format!("{radians}theta,phi,value\n3.141593,0,9\n1.5708,0,1\n1.5708,2.094395,2\n1.5708,4.18879,3\n"));
+    let angles = grid(&lamp).outgoing.as_ref().unwrap();
+    assert_eq!(angles.theta, [90.0002, 180.0]);
+    assert_eq!(angles.phi.as_ref().unwrap().phi, [0.0, 120.0, 240.0]);
+    let brdf = BRDF.replace("deg", "rad");
+    let steep = good(&format!("{brdf}theta_i,theta_o,phi_o,value\n0.5,1.5708,0,1\n"));
+    assert_eq!(grid(&steep).outgoing.as_ref().unwrap().theta, [90.0]);
+}
+
+#[test]
+fn spectra_need_no_directions() {
+    let header = "# radiometric-csv: 1\n# quantity: transmittance\n# value_unit: 1\n# wavelength_unit: um\n";
+    let long = good(&format!("{header}value,wavelength\n0.5,0.7\n0.25,0.4\n"));
+    let Samples::OnAxes { tensor, .. } = &long.samples else { panic!() };
+    assert_eq!((long.quantity, lambdas(tensor.axes().first())), (Quantity::Reflectance, vec![400.0, 700.0]));
+    assert_eq!(tensor.samples(), [0.25, 0.5]);
+    let wide = good(&format!("{header}v0.7,v0.4\n1,2\n3,4\n"));
+    let Samples::OnAxes { tensor, .. } = &wide.samples else { panic!() };
+    assert_eq!((tensor.axes()[0].len(), tensor.samples()), (2, &[2.0, 1.0, 4.0, 3.0][..]));
+    let angular = good(&format!("{header}# angle_unit: deg\ntheta_i,v0.4\n0,1\n30,2\n"));
+    assert!(grid(&angular).outgoing.is_none());
+    assert_eq!(grid(&angular).values, [1.0, 2.0]);
+    let how = Interpretation { wavelength_unit: Some("nm".to_owned()), ..Interpretation::default() };
+    let renamed = read_any(format!("{header}wavelength,value\n400,1\n").as_bytes(), &how).unwrap();
+    assert!(says(&renamed, NoteKind::Warning, "taken in nm as asked"));
+}
+
+#[test]
+fn the_users_word_goes_before_the_files() {
+    let text = format!("{BRDF}theta_i,theta_o,phi_o,value\n10,20,0,1\n");
+    let how = |quantity, unit| Interpretation { quantity, unit, ..Interpretation::default() };
+    let asked = read_any(text.as_bytes(), &how(Some(Quantity::Bsdf), Some(Unit::Relative))).unwrap();
+    assert_eq!((asked.quantity, asked.unit), (Quantity::Bsdf, Unit::Relative));
+    assert!(says(&asked, NoteKind::Warning, "taken as bsdf as asked"));
+    for (missing, quantity, unit) in
+        [("# quantity: brdf\n", Some(Quantity::Brdf), None), ("# value_unit: 1/sr\n", None, Some(Unit::PerSteradian))]
+    {
+        let text = text.replace(missing, "");
+        assert_eq!(plain(&text).unwrap_err().kind, FormatErrorKind::NeedsOption);
+        assert!(read_any(text.as_bytes(), &how(quantity, unit)).is_ok());
+    }
+}
+
+#[test]
+fn metadata_and_skipped_columns_are_told() {
+    let text = format!(
+        "# made by hand\n{BRDF}# sample: velvet-03\n# uncertainty: k=1\ntheta_i,theta_o,phi_o,value,sigma,note,s550\n"
+    );
+    let acquisition = good(&format!("{text}10,20,0,1,0.1,fine,\n"));
+    for pair in [("comment", "made by hand"), ("sample", "velvet-03"), ("uncertainty", "k=1")] {
+        assert!(acquisition.report.metadata.contains(&(pair.0.to_owned(), pair.1.to_owned())));
+    }
+    assert!(says(&acquisition, NoteKind::Skipped, "`note`") && says(&acquisition, NoteKind::Skipped, "sigma"));
+}
+
+#[test]
+fn the_first_twenty_problems_are_listed_and_all_are_counted() {
+    let mut text =
+        format!("{BRDF}theta_i,theta_o,phi_o,value\n10,x,0,1\n10,20,0\n10,20,0,1,2\n10,95,1000,1e39\n10,20,0,1 2\n");
+    let error = plain(&text).unwrap_err();
+    assert_eq!((error.kind, error.position), (FormatErrorKind::Malformed, Some(Position::Text { line: 9, column: 4 })));
+    for part in [
+        "radiometric-csv: line 9, column 4: found `x`, expected an angle from 0 to 90 degrees (theta_o)",
+        "line 10, column 8: 3 cells, expected 4",
+        "line 11, column 10: more cells than the 4 columns",
+        "line 12, column 4: found `95`, expected an angle from 0 to 90 degrees (theta_o)",
+        "line 12, column 7: found `1000`, expected an angle from -360 to 720 degrees (phi_o)",
+        "line 12, column 12: found `1e39`, expected a number within the range of float32 (value)",
+        "line 13, column 9: found `1 2`, expected one number (value)",
+    ] {
+        assert!(error.to_string().contains(part), "{part}\n{error}");
+    }
+    text.push_str(&"10,20,0,bad\n".repeat(100));
+    let error = plain(&text).unwrap_err();
+    assert_eq!(error.message.matches("line ").count(), 19, "{error}");
+    assert!(error.message.ends_with("; and 87 more problems, 107 in all"), "{error}");
+}
+
+#[test]
+fn headers_and_columns_are_checked() {
+    let body = "theta_i,theta_o,phi_o,value\n10,20,0,1\n";
+    for (text, word) in [
+        (format!("{}{body}", BRDF.replace("csv: 1", "csv: 2")), "radiometric-csv `2`, expected 1"),
+        (format!("{}{body}", BRDF.replace("brdf", "brd")), "quantity `brd`, expected spectrum"),
+        (format!("{}{body}", BRDF.replace("1/sr", "cd")), "value_unit `cd`, expected a unit of a brdf: relative, 1/sr"),
+        (format!("{}{body}", BRDF.replace("deg", "grad")), "angle_unit `grad`"),
+        (format!("{}{body}", BRDF.replace("# angle_unit: deg\n", "")), "no line `# angle_unit"),
+        (format!("{}{body}", BRDF.replace("outward", "inward")), "direction_convention `inward`"),
+        (format!("{BRDF}# angle_unit: rad\n{body}"), "`angle_unit` twice"),
+        (format!("{BRDF}# isotropic: perhaps\n{body}"), "isotropic `perhaps`"),
+        (format!("{BRDF}theta_i,theta_o,phi_o\n10,20,0\n"), "no column `value`"),
+        (format!("{BRDF}theta_i,theta_o,phi_o,value,value\n"), "a second column `value`"),
+        (format!("{BRDF}theta_i,theta_o,phi_o,value,v400\n"), "both `value` and columns"),
+        (format!("{BRDF}theta_i,theta_o,phi_o,wavelength,v400\n"), "beside columns such as"),
+        (format!("{BRDF}theta_i,theta_o,phi_o,v400,v400.0\n"), "two columns of 400 nm"),
+        (format!("{BRDF}theta_i,theta_o,phi_o,v0\n"), "expected a positive number"),
+        (format!("{BRDF}theta_i,theta_i,theta_o,phi_o,value\n"), "second column of theta_i"),
+        (format!("{BRDF}theta_i,value\n"), "the columns of angles of a brdf"),
+        (format!("{BRDF}phi_i,theta_o,value\n"), "the columns of angles of a brdf"),
+        (format!("{BRDF}{}", "theta_i,theta_o,phi_o,value\n"), "no rows of numbers"),
+        (format!("{BRDF}{}", "theta_i,theta_o,phi_o,value\n10,20,0,\n"), "every value is missing"),
+        (BRDF.to_owned(), "the file ends in its header"),
+        (format!("{BRDF}{LONG}10,20,30,40,-5,1\n"), "expected a positive wavelength"),
+        ("# radiometric-csv: 1\n# quantity: spectrum\n# value_unit: relative\nvalue\n1\n".to_owned(), "a function of"),
+    ] {
+        let error = plain(&text).unwrap_err();
+        assert_eq!((error.kind, error.format), (FormatErrorKind::Malformed, NAME), "{error}");
+        assert!(error.message.contains(word), "{word}\n{error}");
+    }
+    let long = format!("# radiometric-csv: 1\n{}", "# x\n".repeat(2000));
+    assert_eq!(plain(&long).unwrap_err().kind, FormatErrorKind::OverLimit);
+    let phase = "# radiometric-csv: 1\n# quantity: phase\n# value_unit: 1/sr\n# angle_unit: deg\ntheta,value\n0,1\n";
+    assert!(plain(phase).unwrap_err().message.contains("theta_i, theta_o and phi_o"));
+}
+
+#[test]
+fn no_cell_and_no_length_makes_it_panic() {
+    for text in [
+        format!("{BRDF}{WIDE}{}\n", wide_rows()[..6].join("\n")),
+        format!("{BRDF}{LONG}{}\n", long_rows()[..9].join("\n")),
+    ] {
+        for cut in 0..text.len() {
+            let _ = plain(&text[..cut]);
+        }
+        let lines: Vec<&str> = text.lines().collect();
+        for hostile in ["NaN", "-1", "9223372036854775808", "1e308", "", "inf", ":", "\"", "\u{0}"] {
+            for (i, line) in lines.iter().enumerate() {
+                let separator = if i < 7 { ": " } else { "," };
+                let cells: Vec<&str> = line.split(separator).collect();
+                for k in 0..cells.len() {
+                    let mut cells = cells.clone();
+                    cells[k] = hostile;
+                    let mut changed: Vec<String> = lines.iter().map(|&line| line.to_owned()).collect();
+                    changed[i] = cells.join(separator);
+                    let _ = plain(&changed.join("\n"));
+                }
+            }
+        }
+    }
+}

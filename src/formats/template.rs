@@ -1,0 +1,81 @@
+//! Templates: files to be filled in, each of which reads as it is.
+
+use serde::Serialize;
+
+/// A file to be filled in.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Template {
+    /// Its stable name: that of its format, with its form if there are several.
+    pub name: &'static str,
+    /// What it is, for people.
+    pub description: &'static str,
+    /// The media type of its text.
+    pub media_type: &'static str,
+    /// The file.
+    #[serde(skip)]
+    pub text: &'static str,
+}
+
+const CSV: &str = "text/csv; charset=utf-8";
+
+/// Every template.
+pub const TEMPLATES: &[Template] = &[
+    Template {
+        name: "radiometric-csv-long",
+        description: "one value a row",
+        media_type: CSV,
+        text: include_str!("templates/radiometric-csv-long.csv"),
+    },
+    Template {
+        name: "radiometric-csv-wide",
+        description: "one spectrum a row",
+        media_type: CSV,
+        text: include_str!("templates/radiometric-csv-wide.csv"),
+    },
+    Template {
+        name: "npy-manifest",
+        description: "the axes of an array, beside it as NAME.axes.json",
+        media_type: "application/json",
+        text: include_str!("templates/npy-manifest.json"),
+    },
+];
+
+/// The template of that name; the name of a format alone is that of its first one.
+pub fn template(name: &str) -> Option<&'static Template> {
+    let of_format = |template: &&Template| template.name.strip_prefix(name).is_some_and(|rest| rest.starts_with('-'));
+    TEMPLATES.iter().find(|template| template.name == name).or_else(|| {
+        let is_format = super::formats().iter().any(|format| format.name == name);
+        TEMPLATES.iter().find(of_format).filter(|_| is_format)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formats::{Interpretation, NoteKind, Samples, read, write_npy};
+
+    #[test]
+    fn every_template_reads_as_it_is() {
+        for template in TEMPLATES.iter().filter(|template| template.media_type == CSV) {
+            let acquisition = read(template.text.as_bytes(), &Interpretation::default()).unwrap();
+            assert!(matches!(acquisition.samples, Samples::Grid(_)), "{}", template.name);
+            let warnings: Vec<_> =
+                acquisition.report.notes.iter().filter(|note| note.kind == NoteKind::Warning).collect();
+            assert!(warnings.is_empty(), "{}: {warnings:?}", template.name);
+            assert!(acquisition.report.metadata.contains(&("sample".to_owned(), "velvet-03".to_owned())));
+        }
+        let axes = serde_json::from_str(template("npy").unwrap().text).unwrap();
+        let how = Interpretation { axes: Some(axes), ..Interpretation::default() };
+        let array = write_npy(&[3, 5, 5, 31], &[0.5; 3 * 5 * 5 * 31]);
+        assert!(matches!(read(&array, &how).unwrap().samples, Samples::Grid(_)));
+    }
+
+    #[test]
+    fn names_are_those_of_templates_and_formats() {
+        assert_eq!(template("radiometric-csv").unwrap().name, "radiometric-csv-long");
+        assert_eq!(template("radiometric-csv-wide").unwrap().description, "one spectrum a row");
+        for unknown in ["", "radiometric", "lm-63", "npy-"] {
+            assert!(template(unknown).is_none(), "{unknown}");
+        }
+    }
+}
