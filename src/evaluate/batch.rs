@@ -12,7 +12,7 @@ use crate::domain::Direction;
 use rayon::prelude::*;
 
 /// Places worked on together.
-pub(super) const BLOCK: usize = 32;
+pub(super) const BLOCK: usize = 48;
 /// Places that a thread takes at a time.
 const SHARE: usize = 4096;
 

@@ -16,7 +16,7 @@ pub struct Chosen<'a> {
     wavelengths: [f64; FEW],
     /// What samples are multiplied with: 1, and outside the measured range what `beyond` makes of it.
     factors: [f32; FEW],
-    columns: Option<Box<Columns>>,
+    columns: Option<Columns>,
 }
 
 /// A direction that was drawn, with its weights.
@@ -26,7 +26,7 @@ pub struct ChosenSample {
     pub direction: Direction,
     /// Its density in sr⁻¹.
     pub pdf: f64,
-    /// f · |cos θo| / pdf at the chosen wavelengths, in their order.
+    /// f · |cos θo| / pdf at the chosen wavelengths, in their order; 0 where f is masked.
     pub weights: [f32; Chosen::MOST],
 }
 
@@ -56,7 +56,7 @@ impl Drawings<'_> {
 
 impl Material {
     /// Chooses up to [`Chosen::MOST`] wavelengths in nm, linear between the samples of spectra, outside the measured range as
-    /// `beyond` says. RGB and monochromatic data are refused: they have no wavelengths. This allocates; what is chosen does not.
+    /// `beyond` says. RGB and monochromatic data are refused: they have no wavelengths.
     pub fn choose(&self, wavelengths: &[f64], beyond: Beyond) -> Result<Chosen<'_>, EvaluateError> {
         let Some(grid) = self.grid() else {
             return unfit(format!("wavelengths were asked for, but this {} has none", self.quantity()));
@@ -83,7 +83,7 @@ impl Material {
             };
         }
         if let Form::Planes { planes, .. } = &self.form {
-            chosen.columns = Some(Box::new(planes.columns(&chosen.wavelengths.map(|lambda| grid.position(lambda)))));
+            chosen.columns = Some(planes.columns(&chosen.wavelengths.map(|lambda| grid.position(lambda))));
         }
         Ok(chosen)
     }
@@ -159,7 +159,7 @@ impl Chosen<'_> {
         let Some((direction, pdf, values)) = drawn else { return Ok(None) };
         let cosine = if self.material.quantity().has_cosine() { direction.cos_theta().abs() } else { 1.0 };
         let share = (cosine / pdf) as f32;
-        Ok(Some(ChosenSample { direction, pdf, weights: values.map(|value| value * share) }))
+        Ok(Some(ChosenSample { direction, pdf, weights: self.weights(values, share) }))
     }
 
     /// [`Chosen::sample`] for each incoming direction `wi` (as many as there are points; `None` for quantities without) and
@@ -209,9 +209,9 @@ impl Chosen<'_> {
             }
             planes.picked_all(&rows[..length], columns, &mut values);
             for i in 0..length {
-                let values = self.held(values[i]);
-                for (weight, value) in out.weights[(start + i) * self.count..][..self.count].iter_mut().zip(values) {
-                    *weight = value * shares[i];
+                let weights = if shares[i] > 0.0 { self.weights(self.held(values[i]), shares[i]) } else { [0.0; FEW] };
+                for (to, weight) in out.weights[(start + i) * self.count..][..self.count].iter_mut().zip(weights) {
+                    *to = weight;
                 }
             }
         }
@@ -233,6 +233,15 @@ impl Chosen<'_> {
             out.weights[i * self.count..][..self.count].copy_from_slice(&weights[..self.count]);
         }
         Ok(())
+    }
+
+    /// Values times their share; 0 where they are masked, as the density takes them.
+    #[inline]
+    fn weights(&self, mut values: [f32; FEW], share: f32) -> [f32; FEW] {
+        for (value, factor) in values.iter_mut().zip(self.factors) {
+            *value = if value.is_nan() && !factor.is_nan() { 0.0 } else { *value * share };
+        }
+        values
     }
 
     /// Values with what is outside the measured range as it was asked for.

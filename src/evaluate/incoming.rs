@@ -329,10 +329,7 @@ pub(super) struct Origin {
 impl Origin {
     pub(super) fn new(direction: Vector) -> Self {
         let [x, y, z] = direction.map(|x| x as f32);
-        let square = x * x + y * y;
-        // That of the normal is 0.
-        let share = 1.0 / square.sqrt();
-        let azimuth = if square > NO_AZIMUTH { [x * share, y * share] } else { [1.0, 0.0] };
+        let azimuth = azimuth(direction).map(|x| x as f32);
         Self { direction: [x, y, z], azimuth }
     }
 }

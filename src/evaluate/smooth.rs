@@ -435,17 +435,12 @@ impl Smooth {
         self.looked_up(entry * self.node_count + node, there)
     }
 
-    /// What stands at a place, in index entry `entry`.
+    /// What stands at a place, in index entry `entry`. One place is too little for wide vectors.
     #[inline]
     pub(super) fn at(&self, entry: usize, seen: &Seen) -> Mixed {
-        wide(
-            #[inline(always)]
-            || {
-                let mut found = Lookup::NOWHERE;
-                self.look_up(entry, seen, &mut found);
-                self.gather(&found)
-            },
-        )
+        let mut found = Lookup::NOWHERE;
+        self.look_up(entry, seen, &mut found);
+        self.gather(&found)
     }
 
     /// What stands at many places, nothing where there is none; first they are all looked up, then gathered. `found` is room.

@@ -6,13 +6,13 @@ Usage: tests/benches/instructions.py        (needs cargo, valgrind)
 The caches simulated are those of the machine at hand. Valgrind knows vectors of 256 bits, not of 512.
 """
 
-import glob
 import json
 import os
 import subprocess
 import sys
 import tempfile
 
+COUNTED = "evaluate::calls::counted"
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 
@@ -30,7 +30,7 @@ def main():
     program = executable()
     with tempfile.TemporaryDirectory() as folder:
         out = os.path.join(folder, "counts")
-        options = ["--cache-sim=yes", "--collect-atstart=no", "--toggle-collect=*counted*", "--dump-after=*counted*"]
+        options = ["--cache-sim=yes", "--collect-atstart=no", f"--toggle-collect={COUNTED}", f"--dump-after={COUNTED}"]
         command = ["valgrind", "--tool=callgrind", *options, f"--callgrind-out-file={out}", program, "count"]
         run = subprocess.run(command, capture_output=True, text=True)
         if run.returncode:
@@ -42,7 +42,7 @@ def main():
             with open(f"{out}.{number}") as file:
                 lines = dict(line.split(":", 1) for line in file if line.startswith(("events:", "totals:", "summary:")))
             counts = dict(zip(lines["events"].split(), map(int, (lines.get("totals") or lines["summary"]).split())))
-            each = {key: value / int(calls) for key, value in counts.items()}
+            each = {key: counts.get(key, 0) / int(calls) for key in ("Ir", "Dr", "Dw", "D1mr", "D1mw", "DLmr", "DLmw")}
             print(
                 f"| {name} | {each['Ir']:.0f} | {each['Dr']:.0f} | {each['Dw']:.0f} "
                 f"| {each['D1mr'] + each['D1mw']:.1f} | {each['DLmr'] + each['DLmw']:.2f} |"

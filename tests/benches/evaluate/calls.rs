@@ -4,7 +4,9 @@ use super::surfaces::{Vector, brdf, compressed, direction, lamp, large, opened, 
 use std::hint::black_box;
 use std::time::Instant;
 use wavelume::domain::Direction;
-use wavelume::evaluate::{Beyond, Chosen, Density, Directions, Interpolation, Material, Pairs, Place, SampleOptions};
+use wavelume::evaluate::{
+    Beyond, Chosen, Density, Directions, Drawings, Interpolation, Material, Pairs, Place, SampleOptions,
+};
 
 const CALLS: usize = 1024;
 const RUNS: usize = 200;
@@ -16,6 +18,7 @@ const WAVELENGTHS: [f64; 4] = [412.3, 503.1, 555.5, 641.9];
 struct Questions {
     pairs: Vec<(Option<Direction>, Option<Direction>)>,
     points: Vec<[f64; 2]>,
+    coordinates_of_points: [Vec<f32>; 2],
     /// x, y, z of `wi`, then of `wo`.
     coordinates: [Vec<f32>; 6],
 }
@@ -27,6 +30,7 @@ impl Questions {
         Self {
             pairs: vectors.iter().map(|&(wi, wo)| (direction(wi), direction(wo))).collect(),
             points: (0..count).map(point).collect(),
+            coordinates_of_points: [0, 1].map(|k| (0..count).map(|i| point(i)[k] as f32).collect()),
             coordinates: std::array::from_fn(of),
         }
     }
@@ -83,6 +87,11 @@ fn calls<'a>(material: &'a Material, chosen: &'a Chosen<'a>, asked: &'a Question
             let (wi, wo) = asked.pairs[i];
             wo.and_then(|wo| material.pdf(&[], wi, wo, options).ok()).unwrap_or(0.0) as f32
         }));
+        let mut all = vec![0.0; CALLS];
+        calls.push((
+            format!("pdf, {density:?}, of a batch"),
+            Box::new(move || material.pdfs(asked.all(), options, &mut all).map_or(0.0, |()| all[7])),
+        ));
         calls.push(each(format!("direction and pdf, {density:?}"), move |i| {
             let drawn = material.draw(&[], asked.pairs[i].0, asked.points[i], options);
             drawn.ok().flatten().map_or(0.0, |(wo, _)| wo.cos_theta() as f32)
@@ -91,6 +100,16 @@ fn calls<'a>(material: &'a Material, chosen: &'a Chosen<'a>, asked: &'a Question
             let drawn = chosen.sample(&[], asked.pairs[i].0, asked.points[i], options);
             drawn.ok().flatten().map_or(0.0, |sample| sample.weights[0])
         }));
+        let [mut x, mut y, mut z, mut pdf] = [(); 4].map(|()| vec![0.0; CALLS]);
+        let mut weights = vec![0.0; 4 * CALLS];
+        calls.push((
+            format!("direction, pdf and 4 weights, {density:?}, of a batch"),
+            Box::new(move || {
+                let out = Drawings { x: &mut x, y: &mut y, z: &mut z, pdf: &mut pdf, weights: &mut weights };
+                let [u, v] = &asked.coordinates_of_points;
+                chosen.samples(&[], asked.all().wi, [u, v], options, out).map_or(0.0, |()| weights[7])
+            }),
+        ));
     }
     calls
 }
@@ -105,6 +124,14 @@ fn emission<'a>(lamp: &'a Material, spectrum: &'a Material, asked: &'a Questions
             let place = Place { index: &[], wi: None, wo: asked.pairs[i].1 };
             lamp.spectrum(place, how, &mut out).map_or(0.0, |()| out[7])
         }));
+        let mut all = vec![0.0; lambdas * CALLS];
+        calls.push((
+            format!("EDF, spectrum of {lambdas}, {how:?}, of a batch"),
+            Box::new(move || {
+                let pairs = Pairs { wi: None, ..asked.all() };
+                lamp.spectra(pairs, how, &mut all).map_or(0.0, |()| all[7])
+            }),
+        ));
     }
     let mut out = vec![0.0; lambdas];
     calls.push(each(format!("SPD, spectrum of {lambdas}"), move |_| {
