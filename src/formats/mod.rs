@@ -10,12 +10,13 @@ mod manifest;
 mod mbsdf;
 mod npy;
 mod photometry;
+mod rgl;
 mod spectral_table;
 mod text;
 
 pub use acquisition::{
-    Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, Note, NoteKind, Outside, ParseReport, Samples,
-    SpectralFactor,
+    Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, DirectionalFunction, Modelled, Note, NoteKind, Outside,
+    ParseReport, Samples, SpectralFactor,
 };
 pub use error::{FormatError, FormatErrorKind, Position};
 pub use manifest::manifest_of;
@@ -65,7 +66,8 @@ pub struct Format {
 }
 
 /// Every format that is read, in the order of probing. A new one is its file and its line here.
-const TABLE: &[Reader] = &[npy::READER, mbsdf::READER, lm63::READER, analytic::READER, spectral_table::READER];
+const TABLE: &[Reader] =
+    &[npy::READER, mbsdf::READER, rgl::READER, lm63::READER, analytic::READER, spectral_table::READER];
 
 /// A format as data, a probe and a function.
 struct Reader {

@@ -103,6 +103,7 @@ fn check_luminaire(acquisition: &Acquisition) -> Result<(), FormatError> {
         || match &acquisition.samples {
             Samples::OnAxes { tensor, .. } => tensor.axes().iter().any(Axis::is_spectral),
             Samples::Grid(grid) => grid.spectral.is_some(),
+            Samples::Function(modelled) => modelled.spectral.is_some(),
         };
     let reason = if acquisition.quantity != Quantity::Edf {
         format!("a spectrum joins an emission distribution (edf), this is a {}", acquisition.quantity)

@@ -103,6 +103,8 @@ fn pair<'a>(acquisition: &'a Acquisition, measurement: &Measurement) -> Option<P
                 channels,
             })
         }
+        // A function has no samples of its own.
+        Samples::Function(_) => None,
         Samples::OnAxes { tensor, .. } => {
             let own = Layout::of(acquisition.quantity, tensor.axes()).ok()?;
             let own_role = |axis: Option<usize>| axis.map(|i| &tensor.axes()[i]);

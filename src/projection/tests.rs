@@ -64,7 +64,7 @@ fn whole(step: f64) -> Angles {
 fn grid_of(acquisition: &mut Acquisition) -> &mut AngleGrid {
     match &mut acquisition.samples {
         Samples::Grid(grid) => grid,
-        Samples::OnAxes { .. } => panic!("a grid"),
+        _ => panic!("a grid"),
     }
 }
 

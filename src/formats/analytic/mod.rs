@@ -194,6 +194,7 @@ fn fill(acquisition: &mut Acquisition, document: &Document) -> Result<(), Format
             *tensor = Tensor::new(tensor.axes().to_vec(), values).map_err(|e| malformed(e.to_string()))?;
         }
         Samples::Grid(grid) => grid.values = values,
+        Samples::Function(_) => {}
     }
     Ok(())
 }
@@ -229,6 +230,7 @@ fn axes_of(acquisition: &Acquisition) -> Result<Axes, FormatError> {
                 spectral: grid.spectral.clone(),
             })
         }
+        Samples::Function(_) => Err(malformed("axes: a function has none, expected directions and wavelengths")),
     }
 }
 

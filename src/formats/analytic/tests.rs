@@ -16,6 +16,7 @@ fn samples(json: &str) -> Vec<f32> {
     match read(json).unwrap().samples {
         Samples::OnAxes { tensor, .. } => tensor.into_samples(),
         Samples::Grid(grid) => grid.values,
+        Samples::Function(_) => Vec::new(),
     }
 }
 

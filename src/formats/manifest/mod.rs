@@ -196,7 +196,7 @@ mod tests {
     fn axes_of(acquisition: &Acquisition) -> Vec<Axis> {
         match &acquisition.samples {
             Samples::OnAxes { tensor, .. } => tensor.axes().to_vec(),
-            Samples::Grid(_) => Vec::new(),
+            _ => Vec::new(),
         }
     }
 
