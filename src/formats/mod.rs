@@ -22,6 +22,7 @@ pub use error::{FormatError, FormatErrorKind, Position};
 pub use manifest::manifest_of;
 pub use npy::write_npy;
 pub use photometry::attach_spectrum;
+pub use rgl::{RglGrid, WrittenRgl, write_rgl};
 
 use crate::domain::{Quantity, Unit};
 use serde::{Deserialize, Serialize};

@@ -104,11 +104,14 @@ fn incoming(modelled: &Modelled, level: Option<u8>) -> Result<Incoming<'_>, Proj
 }
 
 /// Lowers chosen levels, the finer one first, until the tensor is within its limit; what the user named stays.
+#[allow(clippy::if_same_then_else, reason = "the order in which they are lowered differs")]
 fn lower_to_fit(incoming: &mut Incoming<'_>, outgoing: &mut Choice, channels: usize) {
     while incoming.len().saturating_mul(outgoing.mesh.len()).saturating_mul(channels) > MAX_CHOSEN_SAMPLES {
-        let incoming_first = incoming.len() > outgoing.mesh.len();
-        let lowered =
-            if incoming_first { incoming.lower() || outgoing.lower() } else { outgoing.lower() || incoming.lower() };
+        let lowered = if incoming.len() > outgoing.mesh.len() {
+            incoming.lower() || outgoing.lower()
+        } else {
+            outgoing.lower() || incoming.lower()
+        };
         if !lowered {
             return;
         }

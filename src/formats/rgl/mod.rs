@@ -9,6 +9,9 @@ mod model;
 #[cfg(test)]
 mod tests;
 mod warp;
+mod write;
+
+pub use write::{RglGrid, WrittenRgl, write_rgl};
 
 use super::acquisition::{Acquisition, Angles, AzimuthExtent, Azimuths, Modelled, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
@@ -30,7 +33,7 @@ pub(super) const READER: Reader = Reader {
         description: "RGL/EPFL measured material, a tensor file (.bsdf)",
         extensions: &["bsdf"],
         reads: true,
-        writes: false,
+        writes: true,
     },
     options: &[],
     probe: |sample: &Sample<'_>| if sample.bytes.starts_with(b"tensor_file") { 100 } else { 0 },

@@ -71,7 +71,9 @@ impl DirectionalFunction for Model {
         });
         // D or σ of 0 say nothing about the surface there.
         let factor = if factor.is_finite() { factor / wo[2] } else { f64::NAN };
-        values.iter_mut().for_each(|value| *value *= factor);
+        for value in values {
+            *value *= factor;
+        }
     }
 }
 
