@@ -92,6 +92,9 @@ fn at(modelled: &Modelled, wi: (f64, f64), wo: (f64, f64)) -> Vec<f64> {
     values
 }
 
+/// What makes a file wrong.
+type Change = fn(&mut File);
+
 fn refusal(file: &File) -> FormatError {
     match file.read() {
         Err(error) => error,
@@ -262,7 +265,6 @@ fn fields_must_be_there_and_fit_each_other() {
         let error = refusal(&file);
         assert!(error.kind == Malformed && error.message.contains(&format!("without `{name}")), "{error}");
     }
-    type Change = fn(&mut File);
     let cases: &[(Change, &str)] = &[
         (|f| f.set("theta_i", 11, &[2], vec![0; 16]), "f64 with the shape [2], expected f32"),
         (|f| f.floats("theta_i", &[2, 1], &[0.0, 1.0]), "expected f32 with 1 dimensions"),

@@ -284,6 +284,9 @@ mod tests {
         }
     }
 
+    /// What makes a grid wrong.
+    type Change = fn(&mut RglGrid);
+
     #[derive(Debug)]
     struct Nothing(f64);
 
@@ -354,7 +357,6 @@ mod tests {
     #[test]
     fn grids_that_no_reader_would_take_are_refused() {
         use FormatErrorKind::{Malformed, NeedsOption, OverLimit};
-        type Change = fn(&mut RglGrid);
         let cases: &[(Change, FormatErrorKind)] = &[
             (|g| g.theta_i.clear(), NeedsOption),
             (|g| g.theta_i[0] = -1.0, NeedsOption),
