@@ -83,7 +83,10 @@ fn type_c(horizontal: &str) -> Vec<u8> {
 #[test]
 fn the_table_names_every_format_once() {
     let names: Vec<&str> = formats().iter().map(|format| format.name).collect();
-    assert_eq!(names, ["npy", "mbsdf", "lm-63", "eulumdat", "radiometric-csv", "tm-27", "virtual", "spectral-table"]);
+    assert_eq!(
+        names,
+        ["npy", "mbsdf", "rgl", "lm-63", "eulumdat", "radiometric-csv", "tm-27", "virtual", "spectral-table"]
+    );
 }
 
 #[test]

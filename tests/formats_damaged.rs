@@ -42,7 +42,7 @@ fn cut_and_flipped_files_never_panic() {
     let files = good_files();
     assert!(files.len() > 40, "{}", files.len());
     for (name, bytes, how) in files {
-        let binary = [b"\x93NUMPY".as_slice(), b"NVIDIA"].iter().any(|magic| bytes.starts_with(magic));
+        let binary = [b"\x93NUMPY".as_slice(), b"NVIDIA", b"tensor_file"].iter().any(|magic| bytes.starts_with(magic));
         for i in 0..50 {
             let cut = bytes.len() * i / 50;
             let outcome = read(&bytes[..cut], &how);
@@ -72,9 +72,12 @@ fn declared_sizes_do_not_allocate() {
     npy.extend_from_slice(array.as_bytes());
     let mut mbsdf = b"NVIDIA ARC MBSDF V1\nMBSDF_DATA=\n".to_vec();
     mbsdf.extend([0_u32, 8192, 4].iter().flat_map(|word| word.to_le_bytes()));
+    let mut tensor = b"tensor_file\0\x01\0\x01\0\0\0\x04\0vndf\x01\0\x0a".to_vec();
+    tensor.extend([40_u64, 1 << 28].iter().flat_map(|word| word.to_le_bytes()));
     for bytes in [
         kilobyte(&npy),
         kilobyte(&mbsdf),
+        kilobyte(&tensor),
         b"IESNA91\nTILT=NONE\n1 -1 1 16384 16384 1 2 0 0 0 1 1 1 0 90 0".to_vec(),
         b"IESNA91\nTILT=INCLUDE\n1 1000000000 0 1\n".to_vec(),
     ] {
@@ -112,6 +115,8 @@ proptest! {
             b"\x93NUMPY\x01\0\x40\0{'descr': '<f4', 'fortran_order': False, 'shape': (",
             b"NVIDIA ARC MBSDF V1\n",
             b"NVIDIA ARC MBSDF V1\nMBSDF_DATA=\n",
+            b"tensor_file\0\x01\0\x02\0\0\0",
+            b"tensor_file\0\x01\0\x01\0\0\0\x07\0theta_i\x01\0\x0a",
             b"IESNA:LM-63-2002\nTILT=NONE\n",
             b"IESNA91\nTILT=INCLUDE\n1 2 ",
             b"nm,v\n400,1\n",

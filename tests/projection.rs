@@ -152,3 +152,29 @@ fn a_measured_car_paint_keeps_its_elevations() {
         }
     }
 }
+
+#[test]
+fn measured_materials_become_averages_of_their_own_function_and_compress() {
+    use wavelume::compress::Target;
+    use wavelume::domain::Silent;
+    use wavelume::pipeline::{self, Input, Request};
+    for (name, shape) in [
+        ("isotropic-spectral-jacobian-1", [3, 64, 5]),
+        ("anisotropic-spectral-jacobian-1", [16, 64, 5]),
+        ("half-turn-rgb-jacobian-1", [16, 64, 3]),
+        ("quarter-turn-spectral-jacobian-0", [16, 64, 5]),
+    ] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/fixtures/rgl/{name}.bsdf"));
+        let bytes = std::fs::read(&path).unwrap();
+        let interpretation = Interpretation::default();
+        let source = pipeline::read(&Input { bytes: &bytes, spectrum: None, interpretation: &interpretation }).unwrap();
+        let incoming_level = (shape[0] == 16).then_some(1);
+        let request = Request { incoming_level, outgoing_level: Some(2), ..Request::to(Target::ErL2(0.01)) };
+        let projected = pipeline::project(&source.acquisition, &request).unwrap();
+        let tensor = &projected.measurement.tensor;
+        assert_eq!((tensor.shape(), tensor.masked()), (shape.to_vec(), 0), "{name}");
+        assert!(tensor.range().unwrap().0 > 0.0);
+        let report = pipeline::compress(&source, &request, &Silent).unwrap().report;
+        assert!(report.errors.er_l2 <= 0.01 && report.format == "rgl", "{name}");
+    }
+}

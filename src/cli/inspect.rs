@@ -149,6 +149,13 @@ fn measured_on(samples: &Samples) -> Vec<String> {
             let directions = format!("{} scattered directions", scattered.directions());
             [directions].into_iter().chain(scattered.spectral.iter().map(Axis::describe)).collect()
         }
+        Samples::Function(modelled) => {
+            let mut axes = angle_axes("i", &modelled.incoming);
+            // Two digits: the spacing is a mean.
+            axes.push(format!("outgoing directions every {:.2} deg", modelled.outgoing_spacing));
+            axes.extend(modelled.spectral.iter().map(Axis::describe));
+            axes
+        }
     }
 }
 

@@ -62,7 +62,7 @@ fn table(name: &str, what: &str, known: impl Iterator<Item = &'static str>) -> R
     let read = formats::read(&bytes, &Interpretation::default()).map_err(|e| Failure::failed(e).about(path))?;
     match read.samples {
         Samples::OnAxes { tensor, .. } => Ok(tensor),
-        Samples::Grid(_) | Samples::Scattered(_) => {
+        Samples::Grid(_) | Samples::Scattered(_) | Samples::Function(_) => {
             Err(Failure::usage(format!("this is a {} of directions, expected a spectral table", read.quantity))
                 .about(path))
         }

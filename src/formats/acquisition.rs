@@ -1,7 +1,9 @@
 //! What every parser gives: samples as the instrument took them, and a report of all that was assumed.
 
-use crate::domain::{Axis, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
+use crate::domain::{Axis, Direction, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
 use serde::Serialize;
+use std::fmt::Debug;
+use std::sync::Arc;
 
 /// One measurement as read from a file, before projection.
 #[derive(Clone, Debug)]
@@ -37,6 +39,8 @@ pub enum Samples {
     Grid(AngleGrid),
     /// At directions of their own, which make no grid.
     Scattered(Scattered),
+    /// A function that the file's own model evaluates anywhere.
+    Function(Modelled),
 }
 
 /// Samples at directions of their own, in degrees of the surface frame as `[theta, phi]`; values row-major
@@ -60,6 +64,31 @@ impl Scattered {
     pub fn directions(&self) -> usize {
         self.incoming.len().max(self.outgoing.len())
     }
+}
+
+/// A BRDF as the function that its file defines, and what is known of where that function was measured.
+#[derive(Clone, Debug)]
+pub struct Modelled {
+    /// Incoming angles at which the file holds data; without azimuth the function is isotropic, and evaluated at these
+    /// elevations.
+    pub incoming: Angles,
+    /// The mean distance between neighbouring outgoing directions of the file, in degrees.
+    pub outgoing_spacing: f64,
+    /// Wavelengths or colour channels.
+    pub spectral: Option<Axis>,
+    /// How many numbers the function interpolates.
+    pub numbers: usize,
+    /// How many of them are missing.
+    pub missing: usize,
+    /// The function.
+    pub function: Arc<dyn DirectionalFunction>,
+}
+
+/// A function of two directions above the surface.
+pub trait DirectionalFunction: Debug + Send + Sync {
+    /// Writes f(wi, wo) in the acquisition's unit, one value a channel of its spectral axis (one without); a BRDF is
+    /// without the cosine. NaN = missing.
+    fn evaluate(&self, wi: Direction, wo: Direction, values: &mut [f64]);
 }
 
 /// A full grid of angles; values row-major in the order

@@ -40,11 +40,6 @@ const TABLE: &[Foreign] = &[
         matches: |s| s.bytes.starts_with(b"ARROW1") || s.bytes.starts_with(b"\xff\xff\xff\xff"),
     },
     Foreign {
-        name: "an RGL or pBRDF tensor file (.bsdf)",
-        advice: CONVERT,
-        matches: |s| s.bytes.starts_with(b"tensor_file"),
-    },
-    Foreign {
         name: "a PNG image",
         advice: "pictures are no measurements",
         matches: |s| s.bytes.starts_with(b"\x89PNG"),
@@ -188,7 +183,6 @@ mod tests {
             (b"PAR1\x15\x04".to_vec(), "Parquet"),
             (b"ARROW1\0\0".to_vec(), "Arrow"),
             (b"\xff\xff\xff\xff\x10\0\0\0".to_vec(), "Arrow"),
-            (b"tensor_file\0\x01\0".to_vec(), "tensor file"),
             (b"\x89PNG\r\n\x1a\n".to_vec(), "PNG"),
             (b"\xff\xd8\xff\xe0".to_vec(), "JPEG"),
             (b"%PDF-1.7".to_vec(), "PDF"),

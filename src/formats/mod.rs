@@ -12,6 +12,7 @@ mod mbsdf;
 mod npy;
 mod photometry;
 mod radiometric_csv;
+mod rgl;
 mod spectral_table;
 mod template;
 mod text;
@@ -19,13 +20,14 @@ mod tm27;
 mod type_c;
 
 pub use acquisition::{
-    Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, Note, NoteKind, Outside, ParseReport, Samples, Scattered,
-    SpectralFactor,
+    Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, DirectionalFunction, Modelled, Note, NoteKind, Outside,
+    ParseReport, Samples, Scattered, SpectralFactor,
 };
 pub use error::{FormatError, FormatErrorKind, Position};
 pub use manifest::manifest_of;
 pub use npy::write_npy;
 pub use photometry::attach_spectrum;
+pub use rgl::{RglGrid, WrittenRgl, write_rgl};
 pub use template::{TEMPLATES, Template, template};
 
 use crate::domain::{Quantity, Unit};
@@ -74,6 +76,7 @@ pub struct Format {
 const TABLE: &[Reader] = &[
     npy::READER,
     mbsdf::READER,
+    rgl::READER,
     lm63::READER,
     eulumdat::READER,
     radiometric_csv::READER,

@@ -104,6 +104,7 @@ fn check_luminaire(acquisition: &Acquisition) -> Result<(), FormatError> {
             Samples::OnAxes { tensor, .. } => tensor.axes().iter().any(Axis::is_spectral),
             Samples::Grid(grid) => grid.spectral.is_some(),
             Samples::Scattered(scattered) => scattered.spectral.is_some(),
+            Samples::Function(modelled) => modelled.spectral.is_some(),
         };
     let reason = if acquisition.quantity != Quantity::Edf {
         format!("a spectrum joins an emission distribution (edf), this is a {}", acquisition.quantity)

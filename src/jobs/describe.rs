@@ -1,7 +1,7 @@
 //! What was understood of a measurement, for the user to see before anything is compressed.
 
 use crate::domain::{Axis, WavelengthGrid};
-use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, NoteKind, Outside, Samples};
+use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Modelled, NoteKind, Outside, Samples};
 use serde_json::{Map, Value, json};
 
 /// Header fields of a file that are kept beside its measurement.
@@ -9,7 +9,7 @@ const MAX_FIELDS: usize = 200;
 
 /// Format, dialect, quantity, unit, axes, samples, range, coverage, warnings and header fields of an acquisition.
 pub(crate) fn describe(acquisition: &Acquisition) -> Map<String, Value> {
-    let (mut axes, samples, coverage) = match &acquisition.samples {
+    let (mut axes, values, coverage) = match &acquisition.samples {
         Samples::OnAxes { tensor, sampling } => {
             let axes: Vec<Value> = tensor.axes().iter().map(axis).collect();
             (axes, tensor.samples(), json!({ "sampling": sampling, "outside": "masked" }))
@@ -20,15 +20,20 @@ pub(crate) fn describe(acquisition: &Acquisition) -> Map<String, Value> {
             axes.extend(scattered.spectral.as_ref().map(axis));
             (axes, scattered.values.as_slice(), json!({ "outside": "masked" }))
         }
+        // The range of a function is known once it is projected.
+        Samples::Function(modelled) => (function_axes(modelled), &[][..], function_coverage(modelled)),
     };
-    let mut range = extremes(samples.iter().map(|&s| f64::from(s)));
+    let (samples, missing) = match &acquisition.samples {
+        Samples::Function(modelled) => (modelled.numbers, modelled.missing),
+        _ => (values.len(), values.iter().filter(|s| s.is_nan()).count()),
+    };
+    let mut range = extremes(values.iter().map(|&s| f64::from(s)));
     if let Some(factor) = &acquisition.spectral_factor {
         axes.push(wavelengths(&factor.grid));
         // value = sample · factor is bilinear: its extremes are products of extremes.
         let factors = extremes(factor.factors.iter().copied());
         range = range.zip(factors).and_then(|((a, b), (c, d))| extremes([a * c, a * d, b * c, b * d]));
     }
-    let missing = samples.iter().filter(|s| s.is_nan()).count();
     let fields: Vec<Value> = acquisition
         .report
         .metadata
@@ -42,7 +47,7 @@ pub(crate) fn describe(acquisition: &Acquisition) -> Map<String, Value> {
         "quantity": acquisition.quantity,
         "unit": acquisition.unit,
         "axes": axes,
-        "samples": samples.len(),
+        "samples": samples,
         "range": range.map(|(low, high)| [low, high]),
         "coverage": merged(coverage, json!({ "missing_samples": missing })),
         "warnings": acquisition.report.notes,
@@ -93,14 +98,26 @@ fn angles(kind: &str, values: &[f64]) -> Value {
 fn grid_axes(grid: &AngleGrid) -> Vec<Value> {
     let mut axes: Vec<Value> = grid.index.iter().map(axis).collect();
     for (direction, theta, phi) in [(&grid.incoming, "theta_i", "phi_i"), (&grid.outgoing, "theta_o", "phi_o")] {
-        let Some(direction) = direction else { continue };
-        axes.push(angles(theta, &direction.theta));
-        if let Some(azimuths) = &direction.phi {
-            axes.push(angles(phi, &azimuths.phi));
-        }
+        axes.extend(direction.iter().flat_map(|direction| direction_axes(direction, theta, phi)));
     }
     axes.extend(grid.spectral.as_ref().map(axis));
     axes
+}
+
+fn direction_axes(direction: &Angles, theta: &str, phi: &str) -> Vec<Value> {
+    let azimuths = direction.phi.iter().map(|azimuths| angles(phi, &azimuths.phi));
+    std::iter::once(angles(theta, &direction.theta)).chain(azimuths).collect()
+}
+
+fn function_axes(modelled: &Modelled) -> Vec<Value> {
+    let mut axes = direction_axes(&modelled.incoming, "theta_i", "phi_i");
+    axes.push(json!({ "kind": "outgoing", "spacing": modelled.outgoing_spacing, "unit": "degree" }));
+    axes.extend(modelled.spectral.as_ref().map(axis));
+    axes
+}
+
+fn function_coverage(modelled: &Modelled) -> Value {
+    json!({ "incoming": direction_coverage(&modelled.incoming), "outside": "masked" })
 }
 
 fn grid_coverage(grid: &AngleGrid) -> Value {

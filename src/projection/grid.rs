@@ -132,7 +132,7 @@ fn outgoing_side(quantity: Quantity, angles: Option<&Angles>, level: Option<u8>)
 }
 
 /// A tensor on chosen levels has at most this many samples (128 MiB): finer ones are for who asks for them.
-const MAX_CHOSEN_SAMPLES: usize = 1 << 25;
+pub(super) const MAX_CHOSEN_SAMPLES: usize = 1 << 25;
 
 /// Lowers chosen levels, the finer one first, until the tensor is within its limit; what the user named stays.
 fn lower_to_fit<'a>(incoming: &mut Side<'a>, outgoing: &mut Side<'a>, others: usize) {

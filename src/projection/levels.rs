@@ -30,13 +30,33 @@ pub(super) fn choose(
     requested: Option<u8>,
 ) -> Result<Choice, ProjectionError> {
     let (theta, phi) = mean_spacing(angles);
-    let level = requested.unwrap_or_else(|| natural_level(theta, phi));
-    let mesh = TriangleMesh::new(domain, level)
-        .ok_or_else(|| ProjectionError::Unfit(format!("{what}_level: {level} is above the limit of {MAX_LEVEL}")))?;
     let spacing = match phi {
         Some(phi) => format!("{}° × {}°", rounded(theta), rounded(phi)),
         None => format!("{}° of theta", rounded(theta)),
     };
+    at_level(what, domain, natural_level(theta, phi), requested, spacing)
+}
+
+/// As [`choose`], for samples that lie `spacing` degrees from their neighbours in every direction.
+pub(super) fn choose_by_distance(
+    what: &str,
+    domain: Domain,
+    spacing: f64,
+    requested: Option<u8>,
+) -> Result<Choice, ProjectionError> {
+    at_level(what, domain, natural_level(spacing, None), requested, format!("{}°", rounded(spacing)))
+}
+
+fn at_level(
+    what: &str,
+    domain: Domain,
+    natural: u8,
+    requested: Option<u8>,
+    spacing: String,
+) -> Result<Choice, ProjectionError> {
+    let level = requested.unwrap_or(natural);
+    let mesh = TriangleMesh::new(domain, level)
+        .ok_or_else(|| ProjectionError::Unfit(format!("{what}_level: {level} is above the limit of {MAX_LEVEL}")))?;
     Ok(Choice { mesh, requested: requested.is_some(), wanted: level, spacing })
 }
 

@@ -5,6 +5,7 @@ mod averages;
 mod bands;
 mod grid;
 mod levels;
+mod modelled;
 mod on_axes;
 mod resampling;
 mod samples;
@@ -70,8 +71,8 @@ pub enum ProjectionError {
 /// Projects `acquisition` onto the axes of `request`.
 ///
 /// Samples on angles become averages of their bilinear interpolant over triangles (isotropic incoming elevations stay
-/// as they are); samples on final axes stay, or become averages over coarser triangles; wavelengths asked for become
-/// averages over their bands. The result is `[index…, incoming, outgoing, spectral]`, NaN where nothing was measured.
+/// as they are); samples on final axes stay, or become averages over coarser triangles; a function of the file is averaged
+/// over triangles, by |cos θ| of the outgoing direction; wavelengths asked for become averages over their bands. The result is `[index…, incoming, outgoing, spectral]`, NaN where nothing was measured.
 pub fn project(acquisition: &Acquisition, request: &AxesRequest) -> Result<Projected, ProjectionError> {
     match &acquisition.samples {
         Samples::OnAxes { tensor, sampling } => on_axes::project(acquisition, tensor, *sampling, request),
@@ -81,5 +82,6 @@ pub fn project(acquisition: &Acquisition, request: &AxesRequest) -> Result<Proje
              (every theta_o and phi_o at every theta_i and phi_i; samples may be missing)",
             scattered.directions()
         ))),
+        Samples::Function(modelled) => modelled::project(acquisition, modelled, request),
     }
 }

@@ -78,7 +78,7 @@ impl Channels {
         }
     }
 
-    fn write(&self, row: &[f64], out: &mut [f32]) {
+    pub(super) fn write(&self, row: &[f64], out: &mut [f32]) {
         match self {
             Self::Kept(_) => out.iter_mut().zip(row).for_each(|(o, &v)| *o = sample(v)),
             Self::Banded { bands, .. } => {

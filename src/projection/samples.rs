@@ -103,6 +103,8 @@ fn pair<'a>(acquisition: &'a Acquisition, measurement: &Measurement) -> Option<P
                 channels,
             })
         }
+        // A function has no samples of its own.
+        Samples::Function(_) | Samples::Scattered(_) => None,
         Samples::OnAxes { tensor, .. } => {
             let own = Layout::of(acquisition.quantity, tensor.axes()).ok()?;
             let own_role = |axis: Option<usize>| axis.map(|i| &tensor.axes()[i]);
@@ -125,7 +127,6 @@ fn pair<'a>(acquisition: &'a Acquisition, measurement: &Measurement) -> Option<P
             let shape = (length(own.incoming), length(own.outgoing), width);
             Some(Pairing { values: tensor.samples(), shape, outer, incoming, outgoing, channels })
         }
-        Samples::Scattered(_) => None,
     }
 }
 

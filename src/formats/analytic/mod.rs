@@ -195,6 +195,7 @@ fn fill(acquisition: &mut Acquisition, document: &Document) -> Result<(), Format
         }
         Samples::Grid(grid) => grid.values = values,
         Samples::Scattered(scattered) => scattered.values = values,
+        Samples::Function(_) => {}
     }
     Ok(())
 }
@@ -231,6 +232,7 @@ fn axes_of(acquisition: &Acquisition) -> Result<Axes, FormatError> {
             })
         }
         Samples::Scattered(_) => Err(malformed("axes: scattered directions, expected axes or angles")),
+        Samples::Function(_) => Err(malformed("axes: a function has none, expected directions and wavelengths")),
     }
 }
 

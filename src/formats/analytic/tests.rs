@@ -17,6 +17,7 @@ fn samples(json: &str) -> Vec<f32> {
         Samples::OnAxes { tensor, .. } => tensor.into_samples(),
         Samples::Grid(grid) => grid.values,
         Samples::Scattered(scattered) => scattered.values,
+        Samples::Function(_) => Vec::new(),
     }
 }
 

@@ -77,7 +77,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let what = match &samples {
         Samples::OnAxes { .. } => "spectra",
         Samples::Grid(_) => "a grid of directions",
-        Samples::Scattered(_) => "scattered directions",
+        Samples::Scattered(_) | Samples::Function(_) => "scattered directions",
     };
     Ok(Acquisition {
         format: NAME,

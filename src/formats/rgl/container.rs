@@ -1,0 +1,213 @@
+//! The tensor-file container: named arrays behind a table of their types, shapes and places, all little-endian.
+//!
+//! `tensor_file\0`, version 1.0 as two bytes, u32 number of fields; for each field u16 length of its name, the name, u16
+//! number of dimensions, u8 type, u64 offset from the beginning of the file, one u64 a dimension. Arrays are row-major,
+//! at any offset.
+
+use super::super::error::{FormatError, FormatErrorKind};
+use super::super::text::snippet;
+use super::{NAME, malformed, over_limit};
+use crate::domain::limits::{MAX_AXES, MAX_SAMPLES};
+
+/// The first bytes of every tensor file.
+pub(super) const MAGIC: &[u8; 12] = b"tensor_file\0";
+
+const MAX_FIELDS: u32 = 64;
+const MAX_NAME: u16 = 256;
+
+/// The types of numbers by their code, with their sizes in bytes; 0 is invalid.
+const TYPES: [(&str, usize); 12] = [
+    ("invalid", 0),
+    ("u8", 1),
+    ("i8", 1),
+    ("u16", 2),
+    ("i16", 2),
+    ("u32", 4),
+    ("i32", 4),
+    ("u64", 8),
+    ("i64", 8),
+    ("f16", 2),
+    ("f32", 4),
+    ("f64", 8),
+];
+
+/// One array whose place in the file was checked.
+pub(super) struct Field<'a> {
+    pub(super) name: &'a str,
+    /// Where its entry in the table starts.
+    pub(super) entry: usize,
+    pub(super) shape: Vec<usize>,
+    /// Where its data start.
+    pub(super) at: usize,
+    kind: &'static str,
+    data: &'a [u8],
+}
+
+/// All fields of a file.
+pub(super) struct Fields<'a> {
+    fields: Vec<Field<'a>>,
+    /// Where the table ends.
+    end: usize,
+}
+
+impl<'a> Fields<'a> {
+    /// Reads the table; every array lies within `bytes`, and nothing is allocated for them.
+    pub(super) fn read(bytes: &'a [u8]) -> Result<Self, FormatError> {
+        let mut cursor = Cursor { bytes, at: 0 };
+        let magic = cursor.take::<12>("the signature")?;
+        if magic != *MAGIC {
+            let found = String::from_utf8_lossy(&magic).into_owned();
+            return Err(malformed(0, format!("found {}, expected `tensor_file` and a zero byte", snippet(&found))));
+        }
+        let [major, minor] = cursor.take::<2>("the version")?;
+        if (major, minor) != (1, 0) {
+            let message = format!("version {major}.{minor} of the tensor file, expected 1.0");
+            return Err(FormatError::at_byte(FormatErrorKind::Unsupported, NAME, 12, message));
+        }
+        let count = u32::from_le_bytes(cursor.take("the number of fields")?);
+        if count > MAX_FIELDS {
+            return Err(over_limit(14, format!("{count} fields, expected at most {MAX_FIELDS}")));
+        }
+        let mut fields: Vec<Field<'a>> = Vec::with_capacity(count as usize);
+        for _ in 0..count {
+            let field = cursor.field()?;
+            if fields.iter().any(|other| other.name == field.name) {
+                let message = format!("the field {} twice, expected each once", snippet(field.name));
+                return Err(malformed(field.entry, message));
+            }
+            fields.push(field);
+        }
+        Ok(Self { fields, end: cursor.at })
+    }
+
+    /// The field `name`, if there is one.
+    pub(super) fn get(&self, name: &str) -> Option<&Field<'a>> {
+        self.fields.iter().find(|field| field.name == name)
+    }
+
+    /// The field `name`.
+    pub(super) fn require(&self, name: &str) -> Result<&Field<'a>, FormatError> {
+        self.get(name).ok_or_else(|| self.missing(name))
+    }
+
+    /// What is said where the field `name` is missing.
+    pub(super) fn missing(&self, name: &str) -> FormatError {
+        malformed(self.end, format!("the table of fields ends without `{name}`, expected it"))
+    }
+
+    /// All names, in the order of the file.
+    pub(super) fn names(&self) -> impl Iterator<Item = &'a str> {
+        self.fields.iter().map(|field| field.name)
+    }
+}
+
+impl<'a> Field<'a> {
+    /// Refuses a field that is no f32 array of `rank` dimensions with something in it, before anything is allocated.
+    pub(super) fn check(&self, kind: &str, rank: usize) -> Result<(), FormatError> {
+        let Self { name, entry, shape, .. } = self;
+        if self.kind != kind || shape.len() != rank {
+            let message = format!(
+                "`{name}` is an array of {} with the shape {shape:?}, expected {kind} with {rank} dimensions",
+                self.kind
+            );
+            return Err(malformed(*entry, message));
+        }
+        if shape.contains(&0) {
+            return Err(malformed(*entry, format!("`{name}` has the shape {shape:?} with nothing in it")));
+        }
+        let count = shape.iter().try_fold(1_usize, |n, &length| n.checked_mul(length));
+        if count.is_none_or(|n| n > MAX_SAMPLES) {
+            let message = format!("`{name}` has the shape {shape:?}, more than the limit of {MAX_SAMPLES} numbers");
+            return Err(over_limit(*entry, message));
+        }
+        Ok(())
+    }
+
+    /// Refuses a field whose shape is not `expected`.
+    pub(super) fn check_shape(&self, expected: &[usize], why: &str) -> Result<(), FormatError> {
+        if self.shape == expected {
+            return Ok(());
+        }
+        let Self { name, shape, .. } = self;
+        Err(malformed(self.entry, format!("`{name}` has the shape {shape:?}, expected {expected:?} ({why})")))
+    }
+
+    /// The data of an array of bytes.
+    pub(super) fn bytes(&self) -> Result<&'a [u8], FormatError> {
+        if self.kind == "u8" && self.shape.len() == 1 {
+            return Ok(self.data);
+        }
+        let Self { name, entry, shape, kind, .. } = self;
+        Err(malformed(*entry, format!("`{name}` is an array of {kind} with the shape {shape:?}, expected u8 in a row")))
+    }
+
+    /// The numbers of a checked f32 array, in order.
+    pub(super) fn floats(&self) -> impl ExactSizeIterator<Item = f32> + Clone {
+        self.data.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes))
+    }
+}
+
+struct Cursor<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Cursor<'a> {
+    fn take<const N: usize>(&mut self, what: &str) -> Result<[u8; N], FormatError> {
+        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        let Some(chunk) = rest.first_chunk::<N>() else {
+            return Err(malformed(self.at, format!("the file ends in {what}: {} bytes, expected {N}", rest.len())));
+        };
+        self.at += N;
+        Ok(*chunk)
+    }
+
+    fn field(&mut self) -> Result<Field<'a>, FormatError> {
+        let entry = self.at;
+        let length = u16::from_le_bytes(self.take("the length of a field's name")?);
+        if length > MAX_NAME {
+            return Err(over_limit(entry, format!("a name of {length} bytes, expected at most {MAX_NAME}")));
+        }
+        let start = self.at;
+        let name = self.bytes.get(start..start + usize::from(length)).ok_or_else(|| {
+            malformed(start, format!("the file ends in a field's name: expected {length} bytes more than {start}"))
+        })?;
+        let name = std::str::from_utf8(name).map_err(|e| {
+            malformed(start + e.valid_up_to(), "a byte in a field's name that is not UTF-8, expected text")
+        })?;
+        self.at = start + usize::from(length);
+        let rank = u16::from_le_bytes(self.take("the number of a field's dimensions")?);
+        if usize::from(rank) > MAX_AXES {
+            let message = format!("{} has {rank} dimensions, expected at most {MAX_AXES}", snippet(name));
+            return Err(over_limit(self.at - 2, message));
+        }
+        let [code] = self.take("the type of a field")?;
+        let Some(&(kind, size)) = TYPES.get(usize::from(code)).filter(|(_, size)| *size > 0) else {
+            let message = format!("{} has the type {code}, expected 1 (u8) to 11 (f64)", snippet(name));
+            return Err(malformed(self.at - 1, message));
+        };
+        let offset = u64::from_le_bytes(self.take("the offset of a field")?);
+        let mut lengths = Vec::with_capacity(usize::from(rank));
+        for _ in 0..rank {
+            lengths.push(u64::from_le_bytes(self.take("the shape of a field")?));
+        }
+        let data = self.data(&lengths, size, offset).ok_or_else(|| {
+            let message = format!(
+                "{} has the shape {lengths:?} of {kind} at byte {offset}, expected it within the file's {} bytes",
+                snippet(name),
+                self.bytes.len()
+            );
+            malformed(entry, message)
+        })?;
+        // Each length fits where all of them fit the file, unless one of them is 0.
+        let shape = lengths.iter().map(|&n| usize::try_from(n).unwrap_or(usize::MAX)).collect();
+        Ok(Field { name, entry, shape, at: offset as usize, kind, data })
+    }
+
+    /// The bytes of an array, if they lie within the file.
+    fn data(&self, lengths: &[u64], size: usize, offset: u64) -> Option<&'a [u8]> {
+        let count = lengths.iter().try_fold(size as u64, |product, &n| product.checked_mul(n))?;
+        let end = offset.checked_add(count)?;
+        self.bytes.get(usize::try_from(offset).ok()?..usize::try_from(end).ok()?)
+    }
+}

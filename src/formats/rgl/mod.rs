@@ -1,0 +1,342 @@
+//! Tensor files (`.bsdf`) of the RGL material database (EPFL): BRDFs in the adaptive parameterisation, isotropic or not,
+//! spectral or RGB.
+//!
+//! The file is a function (Dupuy & Jakob 2018), not a grid of directions: it is read as one, and evaluated where a
+//! projection needs it. Its numbers, times D / 4σ where `jacobian` is 1, are f · cos θo; what is evaluated is f.
+
+mod container;
+mod model;
+#[cfg(test)]
+mod tests;
+mod warp;
+mod write;
+
+pub use write::{RglGrid, WrittenRgl, write_rgl};
+
+use super::acquisition::{Acquisition, Angles, AzimuthExtent, Azimuths, Modelled, NoteKind, ParseReport, Samples};
+use super::error::{FormatError, FormatErrorKind};
+use super::text::snippet;
+use super::{Format, Interpretation, Reader, Sample};
+use crate::domain::limits::MAX_WAVELENGTHS;
+use crate::domain::{Axis, Quantity, Unit, WavelengthGrid};
+use container::{Field, Fields};
+use model::{Model, Reduction};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::sync::Arc;
+use warp::{Map, Warp};
+
+const NAME: &str = "rgl";
+
+pub(super) const READER: Reader = Reader {
+    about: Format {
+        name: NAME,
+        description: "RGL/EPFL measured material, a tensor file (.bsdf)",
+        extensions: &["bsdf"],
+        reads: true,
+        writes: true,
+    },
+    options: &[],
+    probe: |sample: &Sample<'_>| if sample.bytes.starts_with(b"tensor_file") { 100 } else { 0 },
+    read,
+};
+
+/// Larger numbers are no measurement.
+const LARGEST: f32 = 1e12;
+/// How far angles in f32 may be off, in radians.
+const TOLERANCE: f64 = 1e-4;
+/// The longest description.
+const MAX_TEXT: usize = 1 << 16;
+/// The spacing assumed where the values say nothing about it, and the limits of what is believed, in degrees.
+const SPACING: (f64, f64, f64) = (0.2, 5.0, 45.0);
+/// The fields that are read; others are named in the report.
+const KNOWN: [&str; 11] = [
+    "description",
+    "phi_i",
+    "theta_i",
+    "wavelengths",
+    "ndf",
+    "sigma",
+    "vndf",
+    "luminance",
+    "spectra",
+    "rgb",
+    "jacobian",
+];
+
+fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
+    let fields = Fields::read(bytes)?;
+    if fields.get("M").is_some() && fields.get("wvls").is_some() {
+        let message = "this is a KAIST polarimetric pBRDF, which is not read: only RGL materials are";
+        return Err(FormatError::new(FormatErrorKind::Unsupported, NAME, message));
+    }
+    let needs = |message: String| Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
+    if how.unit.is_some_and(|unit| unit != Unit::PerSteradian) {
+        return needs("a unit was asked for that this format does not have, its values are in 1/sr".to_owned());
+    }
+    if let Some(quantity) = how.quantity.filter(|&quantity| quantity != Quantity::Brdf) {
+        return needs(format!("quantity {quantity} was asked for, the file holds a brdf"));
+    }
+    let mut report = ParseReport::default();
+    describe(&fields, &mut report)?;
+    let skipped: Vec<String> = fields.names().filter(|name| !KNOWN.contains(name)).map(snippet).collect();
+    if !skipped.is_empty() {
+        report.note(NoteKind::Skipped, format!("fields that say nothing about values: {}", skipped.join(", ")));
+    }
+    let (model, spectral) = model(&fields, &mut report)?;
+    let modelled = modelled(model, spectral, &mut report);
+    Ok(Acquisition {
+        format: NAME,
+        dialect: dialect(&fields, &modelled),
+        quantity: Quantity::Brdf,
+        unit: Unit::PerSteradian,
+        samples: Samples::Function(modelled),
+        spectral_factor: None,
+        report,
+    })
+}
+
+fn malformed(offset: usize, message: impl Into<String>) -> FormatError {
+    FormatError::at_byte(FormatErrorKind::Malformed, NAME, offset, message)
+}
+
+fn over_limit(offset: usize, message: impl Into<String>) -> FormatError {
+    FormatError::at_byte(FormatErrorKind::OverLimit, NAME, offset, message)
+}
+
+fn describe(fields: &Fields<'_>, report: &mut ParseReport) -> Result<(), FormatError> {
+    let field = fields.require("description")?;
+    let text = field.bytes()?;
+    if text.len() > MAX_TEXT {
+        let message = format!("a description of {} bytes, expected at most {MAX_TEXT}", text.len());
+        return Err(over_limit(field.entry, message));
+    }
+    let text = String::from_utf8_lossy(text).trim_matches(|c: char| c == '\0' || c.is_whitespace()).to_owned();
+    report.metadata.push(("description".to_owned(), text));
+    Ok(())
+}
+
+/// Everything that evaluation needs, each shape checked before its numbers are read; and the axis of the values.
+fn model(fields: &Fields<'_>, report: &mut ParseReport) -> Result<(Model, Axis), FormatError> {
+    let theta = angles(fields.require("theta_i")?)?;
+    let phi = angles(fields.require("phi_i")?)?;
+    check_elevations(fields.require("theta_i")?, &theta)?;
+    let isotropic = phi.len() <= 2;
+    let reduction = if isotropic { Reduction::None } else { reduction(fields.require("phi_i")?, &phi, report)? };
+    if isotropic && phi.len() == 2 {
+        report.note(NoteKind::Assumed, "two incident azimuths are an isotropic material, evaluated at azimuth 0");
+    }
+
+    let (values, spectral) = match (fields.get("spectra"), fields.get("rgb")) {
+        (Some(spectra), rgb) => {
+            if rgb.is_some() {
+                report.note(NoteKind::Skipped, "the field `rgb` beside the spectra");
+            }
+            (spectra, Axis::Wavelength(wavelengths(fields.require("wavelengths")?)?))
+        }
+        (None, Some(rgb)) => (rgb, Axis::Rgb),
+        (None, None) => return Err(fields.missing("spectra` or `rgb")),
+    };
+    values.check("f32", 5)?;
+    let side = values.shape[4];
+    check_nodes(values, side)?;
+    let why = "incident azimuths, elevations, channels, and a square of values";
+    values.check_shape(&[phi.len(), theta.len(), spectral.len(), side, side], why)?;
+    let luminance = fields.require("luminance")?;
+    luminance.check("f32", 4)?;
+    luminance.check_shape(&[phi.len(), theta.len(), side, side], "one map beside each square of values")?;
+
+    let visible = fields.require("vndf")?;
+    visible.check("f32", 4)?;
+    let (rows, columns) = (visible.shape[2], visible.shape[3]);
+    check_nodes(visible, rows.min(columns))?;
+    visible.check_shape(&[phi.len(), theta.len(), rows, columns], "one density for each incident direction")?;
+    let visible_values = densities(visible)?;
+    let visible_warp = Warp::new(rows, columns, visible_values).map_err(|slice| {
+        let message = format!("slice {slice} of `vndf` is 0 everywhere, expected a density");
+        malformed(visible.at + 4 * slice * rows * columns, message)
+    })?;
+
+    let (normals, area) = (map(fields.require("ndf")?)?, map(fields.require("sigma")?)?);
+    let microfacets = jacobian(fields.require("jacobian")?)?.then_some((normals, area));
+    let model = Model {
+        microfacets,
+        visible: visible_warp,
+        isotropic,
+        reduction,
+        side,
+        channels: spectral.len(),
+        values: channels_last(values, side * side, spectral.len(), report)?,
+        phi,
+        theta,
+    };
+    Ok((model, spectral))
+}
+
+/// Angles in radians: finite and increasing.
+fn angles(field: &Field<'_>) -> Result<Vec<f64>, FormatError> {
+    field.check("f32", 1)?;
+    let angles: Vec<f64> = field.floats().map(f64::from).collect();
+    for (i, &angle) in angles.iter().enumerate() {
+        let previous = i.checked_sub(1).map_or(f64::NEG_INFINITY, |before| angles[before]);
+        if !(angle.is_finite() && angle.abs() <= TAU + TOLERANCE && angle > previous) {
+            let message =
+                format!("`{}`: angle {i} is {angle}, expected radians within a turn, strictly increasing", field.name);
+            return Err(malformed(field.at + 4 * i, message));
+        }
+    }
+    Ok(angles)
+}
+
+fn check_elevations(field: &Field<'_>, theta: &[f64]) -> Result<(), FormatError> {
+    let Some(i) = theta.iter().position(|t| !(0.0..=FRAC_PI_2 + TOLERANCE).contains(t)) else { return Ok(()) };
+    let message = format!("`theta_i`: elevation {i} is {}, expected 0 to π/2", theta[i]);
+    Err(malformed(field.at + 4 * i, message))
+}
+
+/// The symmetry that the stored azimuths imply.
+fn reduction(field: &Field<'_>, phi: &[f64], report: &mut ParseReport) -> Result<Reduction, FormatError> {
+    let (first, last) = (phi[0], phi[phi.len() - 1]);
+    let degrees = |radians: f64| libm::round(radians.to_degrees() * 100.0) / 100.0;
+    let found = format!("incident azimuths from {}° to {}°", degrees(first), degrees(last));
+    let (reduction, end) = match libm::round(TAU / (last - first)) {
+        1.0 => (Reduction::None, PI),
+        2.0 => (Reduction::Half, 0.0),
+        4.0 => (Reduction::Quarter, -FRAC_PI_2),
+        _ => (Reduction::None, f64::NEG_INFINITY),
+    };
+    if first < -PI - TOLERANCE || last > end + TOLERANCE {
+        let message = format!("{found}, expected -180° to 180°, -180° to 0° or -180° to -90°");
+        return Err(FormatError::at_byte(FormatErrorKind::Unsupported, NAME, field.at, message));
+    }
+    match reduction {
+        Reduction::None => {}
+        Reduction::Half => report.note(NoteKind::Assumed, format!("{found}: the same when turned by 180°")),
+        Reduction::Quarter => {
+            report.note(NoteKind::Assumed, format!("{found}: its own mirror image along x and along y"));
+        }
+    }
+    if first > -PI + TOLERANCE || last < end - TOLERANCE {
+        report.note(NoteKind::Assumed, format!("{found}: held from the first and the last to the ends of the turn"));
+    }
+    Ok(reduction)
+}
+
+fn wavelengths(field: &Field<'_>) -> Result<WavelengthGrid, FormatError> {
+    field.check("f32", 1)?;
+    if field.shape[0] > MAX_WAVELENGTHS {
+        let message = format!("{} wavelengths are more than the limit of {MAX_WAVELENGTHS}", field.shape[0]);
+        return Err(over_limit(field.entry, message));
+    }
+    let values = field.floats().map(f64::from).collect();
+    WavelengthGrid::listed(values).map_err(|e| malformed(field.at, format!("`wavelengths`: {e}")))
+}
+
+fn check_nodes(field: &Field<'_>, least: usize) -> Result<(), FormatError> {
+    if least >= 2 {
+        return Ok(());
+    }
+    let message = format!("`{}` has the shape {:?}, expected at least 2 × 2 nodes", field.name, field.shape);
+    Err(malformed(field.entry, message))
+}
+
+/// The numbers of a checked field that must be 0 or more.
+fn densities(field: &Field<'_>) -> Result<Vec<f32>, FormatError> {
+    if let Some((i, value)) = field.floats().enumerate().find(|(_, v)| !(0.0..=LARGEST).contains(v)) {
+        let message = format!("`{}`: number {i} is {value:e}, expected 0 to {LARGEST:e}", field.name);
+        return Err(malformed(field.at + 4 * i, message));
+    }
+    Ok(field.floats().collect())
+}
+
+fn map(field: &Field<'_>) -> Result<Map, FormatError> {
+    field.check("f32", 2)?;
+    let (rows, columns) = (field.shape[0], field.shape[1]);
+    check_nodes(field, rows.min(columns))?;
+    Ok(Map::new(rows, columns, densities(field)?))
+}
+
+fn jacobian(field: &Field<'_>) -> Result<bool, FormatError> {
+    match field.bytes()? {
+        [0] => Ok(false),
+        [1] => Ok(true),
+        other => {
+            let found = if other.len() == 1 { other[0].to_string() } else { format!("{} bytes", other.len()) };
+            Err(malformed(field.at, format!("`jacobian` is {found}, expected one byte, 0 or 1")))
+        }
+    }
+}
+
+/// `[slice, channel, node]` to `[slice, node, channel]`: one query needs all channels of a few nodes.
+fn channels_last(
+    field: &Field<'_>,
+    nodes: usize,
+    channels: usize,
+    report: &mut ParseReport,
+) -> Result<Vec<f32>, FormatError> {
+    let (mut missing, mut negative, mut lowest) = (0_usize, 0_usize, 0.0_f32);
+    let mut values = vec![0.0_f32; field.floats().len()];
+    for (i, value) in field.floats().enumerate() {
+        if value.is_nan() {
+            missing += 1;
+        } else if value.abs() > LARGEST {
+            let message = format!(
+                "`{}`: number {i} is {value:e}, expected at most {LARGEST:e}, or NaN where nothing was measured",
+                field.name
+            );
+            return Err(malformed(field.at + 4 * i, message));
+        } else if value < 0.0 {
+            negative += 1;
+            lowest = lowest.min(value);
+        }
+        let (slice, rest) = (i / (nodes * channels), i % (nodes * channels));
+        values[(slice * nodes + rest % nodes) * channels + rest / nodes] = value;
+    }
+    let all = values.len();
+    if missing > 0 {
+        let message =
+            format!("{missing} of {all} numbers are missing (NaN); what would be interpolated from them is masked");
+        report.note(NoteKind::Warning, message);
+    }
+    if negative > 0 {
+        let message = format!("{negative} of {all} numbers are negative, down to {lowest:e}; kept as they are");
+        report.note(NoteKind::Warning, message);
+    }
+    Ok(values)
+}
+
+fn modelled(model: Model, spectral: Axis, report: &mut ParseReport) -> Modelled {
+    let degrees = |radians: &f64| radians.to_degrees();
+    // π/2 in f32 is a little more than a right angle.
+    let theta: Vec<f64> = model.theta.iter().map(|t| degrees(t).min(90.0)).collect();
+    if let Some(&last) = theta.last().filter(|&&last| last < 90.0) {
+        let message = format!("incident elevations from {}° on are held to 90°", libm::round(last * 100.0) / 100.0);
+        report.note(NoteKind::Assumed, message);
+    }
+    let phi = (!model.isotropic).then(|| Azimuths {
+        phi: model.phi.iter().map(|phi| degrees(phi).clamp(-180.0, 180.0)).collect(),
+        extent: AzimuthExtent::Sector,
+    });
+    let spacing = model.spacing().map_or(SPACING.1, |degrees| degrees.clamp(SPACING.0, SPACING.2));
+    Modelled {
+        incoming: Angles { theta, covers: (0.0, 90.0), phi },
+        outgoing_spacing: spacing,
+        spectral: Some(spectral),
+        numbers: model.values.len(),
+        missing: model.values.iter().filter(|v| v.is_nan()).count(),
+        function: Arc::new(model),
+    }
+}
+
+fn dialect(fields: &Fields<'_>, modelled: &Modelled) -> String {
+    let shape = |name: &str| fields.get(name).map_or(&[][..], |field| &field.shape);
+    let side = shape("luminance").last().copied().unwrap_or_default();
+    let incident = match &modelled.incoming.phi {
+        None => format!("isotropic, {} elevations", modelled.incoming.theta.len()),
+        Some(azimuths) => format!("anisotropic, {} × {} incident", azimuths.phi.len(), modelled.incoming.theta.len()),
+    };
+    let channels = match &modelled.spectral {
+        Some(Axis::Wavelength(grid)) => format!("{} wavelengths", grid.len()),
+        _ => "RGB".to_owned(),
+    };
+    format!("{incident}, {side} × {side} outgoing, {channels}")
+}

@@ -1,0 +1,383 @@
+//! A BRDF as a tensor file that the readers of RGL materials accept, without any fitting.
+//!
+//! `ndf` is 4 and `sigma` 1 everywhere, so that the numbers are f · cos θo under any reader, `jacobian` or not. The density
+//! that plays the visible normals' part is half uniform and half the lobe's own light, so that narrow lobes have nodes.
+
+use super::super::acquisition::DirectionalFunction;
+use super::super::error::{FormatError, FormatErrorKind};
+use super::container::MAGIC;
+use super::warp::{Warp, unit_to_azimuth, unit_to_elevation};
+use super::{LARGEST, MAX_TEXT, NAME};
+use crate::domain::limits::{MAX_SAMPLES, MAX_WAVELENGTHS};
+use crate::domain::vector::{Vector, dot, scale, sub, unit};
+use crate::domain::{Direction, WavelengthGrid};
+use rayon::prelude::*;
+
+/// Where a function is sampled for a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RglGrid {
+    /// Incident elevations in degrees, 0..=90, strictly increasing.
+    pub theta_i: Vec<f64>,
+    /// Incident azimuths in degrees from −180 to 180, both among them, strictly increasing; empty for an isotropic function,
+    /// which is evaluated at azimuth 0.
+    pub phi_i: Vec<f64>,
+    /// Wavelengths in nm; `None` for the three channels of RGB.
+    pub wavelengths: Option<WavelengthGrid>,
+    /// Nodes along a side of the square of values for each incident direction, at least 2; 32 to 128 are usual.
+    pub side: usize,
+    /// A text that readers show.
+    pub description: String,
+}
+
+/// A file, and what the function did not say.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WrittenRgl {
+    /// The file.
+    pub bytes: Vec<u8>,
+    /// Numbers that are 0 because the function has none there (the format has no mask that renderers know).
+    pub filled: usize,
+}
+
+/// Nodes along a side of the density.
+const DENSITY_SIDE: usize = 64;
+/// The part of the density that is uniform.
+const UNIFORM: f64 = 0.5;
+/// How far below the horizon f · cos is continued, as the cosine: interpolation at the horizon needs its neighbours.
+const BELOW: f64 = 0.15;
+/// The cosine that stands for the horizon itself.
+const HORIZON: f64 = 1e-3;
+
+/// Writes `function`, which has as many channels as `grid`.
+///
+/// Between nodes readers interpolate; the more nodes, the nearer to the function.
+pub fn write_rgl(grid: &RglGrid, function: &dyn DirectionalFunction) -> Result<WrittenRgl, FormatError> {
+    let channels = grid.wavelengths.as_ref().map_or(3, WavelengthGrid::len);
+    check(grid, channels)?;
+    let azimuths = if grid.phi_i.is_empty() { vec![0.0] } else { grid.phi_i.clone() };
+    let incident: Vec<(f64, f64)> =
+        azimuths.iter().flat_map(|&phi| grid.theta_i.iter().map(move |&theta| (theta, phi))).collect();
+    let sampler = Sampler { grid, function, channels };
+    let slices: Vec<Slice> =
+        incident.into_par_iter().map(|(theta, phi)| sampler.slice(theta, phi)).collect::<Result<_, _>>()?;
+
+    let (p, t, n, d) = (azimuths.len(), grid.theta_i.len(), grid.side, DENSITY_SIDE);
+    let radians = |degrees: &[f64]| degrees.iter().map(|d| d.to_radians() as f32).collect::<Vec<f32>>();
+    let joined = |part: fn(&Slice) -> &[f32]| slices.iter().flat_map(part).copied().collect::<Vec<f32>>();
+    let mut file = Tensors::default();
+    file.add("description", 1, &[grid.description.len()], grid.description.as_bytes().to_vec());
+    file.floats("phi_i", &[p], &radians(&azimuths));
+    file.floats("theta_i", &[t], &radians(&grid.theta_i));
+    if let Some(wavelengths) = &grid.wavelengths {
+        let values: Vec<f32> = wavelengths.values().into_iter().map(|nm| nm as f32).collect();
+        file.floats("wavelengths", &[channels], &values);
+    }
+    file.floats("ndf", &[2, 2], &[4.0; 4]);
+    file.floats("sigma", &[2, 2], &[1.0; 4]);
+    file.floats("vndf", &[p, t, d, d], &joined(|slice| &slice.density));
+    file.floats("luminance", &[p, t, n, n], &joined(|slice| &slice.luminance));
+    let name = if grid.wavelengths.is_some() { "spectra" } else { "rgb" };
+    file.floats(name, &[p, t, channels, n, n], &joined(|slice| &slice.values));
+    file.add("jacobian", 1, &[1], vec![1]);
+    Ok(WrittenRgl { bytes: file.finish(), filled: slices.iter().map(|slice| slice.filled).sum() })
+}
+
+fn refuse(kind: FormatErrorKind, message: String) -> FormatError {
+    FormatError::new(kind, NAME, message)
+}
+
+fn check(grid: &RglGrid, channels: usize) -> Result<(), FormatError> {
+    let malformed = |message: String| Err(refuse(FormatErrorKind::NeedsOption, message));
+    let increasing = |values: &[f64]| values.array_windows().all(|[a, b]| (*a as f32) < (*b as f32));
+    let theta = &grid.theta_i;
+    if theta.is_empty() || !increasing(theta) || theta.iter().any(|t| !(0.0..=90.0).contains(t)) {
+        return malformed("incident elevations, expected at least one, 0° to 90°, strictly increasing".to_owned());
+    }
+    let phi = &grid.phi_i;
+    let whole = phi.len() >= 3 && phi.first() == Some(&-180.0) && phi.last() == Some(&180.0);
+    let usable = phi.is_empty() || (whole && increasing(phi));
+    if !usable {
+        return malformed("incident azimuths, expected at least 3 from -180° to 180°, strictly increasing".to_owned());
+    }
+    if channels > MAX_WAVELENGTHS || grid.wavelengths.as_ref().is_some_and(|grid| !increasing(&grid.values())) {
+        return malformed("wavelengths, expected them to differ in f32".to_owned());
+    }
+    if grid.side < 2 {
+        return malformed(format!("{} nodes along a side, expected at least 2", grid.side));
+    }
+    if grid.description.len() > MAX_TEXT {
+        let message = format!("a description of {} bytes, expected at most {MAX_TEXT}", grid.description.len());
+        return Err(refuse(FormatErrorKind::OverLimit, message));
+    }
+    let slices = phi.len().max(1).checked_mul(theta.len());
+    let numbers = slices.and_then(|slices| {
+        let values = channels.checked_mul(grid.side)?.checked_mul(grid.side)?;
+        slices.checked_mul(values.max(DENSITY_SIDE * DENSITY_SIDE))
+    });
+    if numbers.is_none_or(|n| n > MAX_SAMPLES) {
+        let message = format!(
+            "{} × {} incident directions with {channels} channels of {} × {} are more than {MAX_SAMPLES} numbers",
+            phi.len().max(1),
+            theta.len(),
+            grid.side,
+            grid.side
+        );
+        return Err(refuse(FormatErrorKind::OverLimit, message));
+    }
+    Ok(())
+}
+
+struct Sampler<'a> {
+    grid: &'a RglGrid,
+    function: &'a dyn DirectionalFunction,
+    channels: usize,
+}
+
+/// The numbers of one incident direction.
+struct Slice {
+    density: Vec<f32>,
+    luminance: Vec<f32>,
+    /// `[channel, row, column]`.
+    values: Vec<f32>,
+    filled: usize,
+}
+
+impl Sampler<'_> {
+    fn slice(&self, theta: f64, phi: f64) -> Result<Slice, FormatError> {
+        // Isotropic functions are stored relative to the incident azimuth, which is 0 then.
+        let wi = Direction::from_degrees(theta, phi);
+        let mut values = vec![0.0; self.channels];
+        let density = self.density(wi, &mut values);
+        let warp = Warp::new(DENSITY_SIDE, DENSITY_SIDE, density.clone())
+            .map_err(|_| refuse(FormatErrorKind::Malformed, format!("no density at theta_i {theta}°, a bug")))?;
+        let n = self.grid.side;
+        let nodes = n * n;
+        let mut slice =
+            Slice { density, luminance: vec![0.0; nodes], values: vec![0.0; nodes * self.channels], filled: 0 };
+        for node in 0..nodes {
+            let at = |i: usize| i as f64 / (n - 1) as f64;
+            let (u, density) = warp.warp(&[(0, 1.0)], [at(node % n), at(node / n)]);
+            let (wo, weight) = outgoing(wi.vector(), u);
+            slice.filled += self.light(wi, wo, &mut values);
+            for (channel, &value) in values.iter().enumerate() {
+                let value = value as f32;
+                if value.is_nan() || value.abs() > LARGEST {
+                    let message = format!("the function times the cosine is {value:e}, expected at most {LARGEST:e}");
+                    return Err(refuse(FormatErrorKind::Malformed, message));
+                }
+                slice.values[channel * nodes + node] = value;
+            }
+            // Sampling by luminance after the warp: what the density does not account for; never 0 everywhere.
+            let rest = mean(&values).max(0.0) * weight / density.max(1e-6);
+            slice.luminance[node] = (rest + 1e-6) as f32;
+        }
+        Ok(slice)
+    }
+
+    /// The density of outgoing light over the square, one part uniform.
+    fn density(&self, wi: Direction, values: &mut [f64]) -> Vec<f32> {
+        let d = DENSITY_SIDE;
+        let light: Vec<f64> = (0..d * d)
+            .map(|node| {
+                let at = |i: usize| i as f64 / (d - 1) as f64;
+                let (wo, weight) = outgoing(wi.vector(), [at(node % d), at(node / d)]);
+                if wo[2] <= 0.0 {
+                    return 0.0;
+                }
+                self.light(wi, wo, values);
+                mean(values).max(0.0) * weight
+            })
+            .collect();
+        let total = light.iter().sum::<f64>() / light.len() as f64;
+        let scale = if total > 0.0 && total.is_finite() { (1.0 - UNIFORM) / total } else { 0.0 };
+        // Values that are not finite are refused with their node later.
+        let density = |value: f64| if value.is_finite() { UNIFORM + value * scale } else { UNIFORM };
+        light.into_iter().map(|value| density(value) as f32).collect()
+    }
+
+    /// f · cos θo for a unit `wo`, continued below the horizon with the slope that it has there; how many were missing.
+    fn light(&self, wi: Direction, wo: Vector, values: &mut [f64]) -> usize {
+        let above = if wo[2] >= HORIZON { wo } else { unit([wo[0], wo[1], HORIZON]) };
+        self.function.evaluate(wi, Direction::from_unit(above), values);
+        let cosine = wo[2].max(-BELOW);
+        let mut missing = 0;
+        for value in values.iter_mut() {
+            if value.is_nan() {
+                missing += 1;
+                *value = 0.0;
+            } else {
+                *value *= cosine;
+            }
+        }
+        missing
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// The outgoing direction whose microfacet lies at `u`, and its solid angle per area of the square, up to a factor.
+fn outgoing(wi: Vector, u: [f64; 2]) -> (Vector, f64) {
+    let theta = unit_to_elevation(u[0]);
+    let m = Direction::from_radians(theta, unit_to_azimuth(u[1])).vector();
+    let cosine = dot(wi, m);
+    (unit(sub(scale(m, 2.0 * cosine), wi)), u[0] * libm::sin(theta) * cosine.max(0.0))
+}
+
+/// A tensor file in the making.
+#[derive(Default)]
+struct Tensors {
+    fields: Vec<(&'static str, u8, Vec<usize>, Vec<u8>)>,
+}
+
+impl Tensors {
+    fn add(&mut self, name: &'static str, code: u8, shape: &[usize], data: Vec<u8>) {
+        self.fields.push((name, code, shape.to_vec(), data));
+    }
+
+    fn floats(&mut self, name: &'static str, shape: &[usize], values: &[f32]) {
+        debug_assert_eq!(values.len(), shape.iter().product::<usize>(), "{name}");
+        self.add(name, 10, shape, values.iter().flat_map(|v| v.to_le_bytes()).collect());
+    }
+
+    /// The table, then the arrays at multiples of 8 bytes.
+    fn finish(self) -> Vec<u8> {
+        let entry = |(name, _, shape, _): &(&str, u8, Vec<usize>, Vec<u8>)| 13 + name.len() + 8 * shape.len();
+        let table = 18 + self.fields.iter().map(entry).sum::<usize>();
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend([1, 0]);
+        bytes.extend((self.fields.len() as u32).to_le_bytes());
+        let mut at = table;
+        for (name, code, shape, data) in &self.fields {
+            at = at.next_multiple_of(8);
+            bytes.extend((name.len() as u16).to_le_bytes());
+            bytes.extend(name.as_bytes());
+            bytes.extend((shape.len() as u16).to_le_bytes());
+            bytes.push(*code);
+            bytes.extend((at as u64).to_le_bytes());
+            bytes.extend(shape.iter().flat_map(|&n| (n as u64).to_le_bytes()));
+            at += data.len();
+        }
+        for (.., data) in self.fields {
+            bytes.resize(bytes.len().next_multiple_of(8), 0);
+            bytes.extend(data);
+        }
+        bytes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::{Interpretation, Samples};
+    use super::super::read;
+    use super::*;
+
+    /// A rough lobe and a base, anisotropic, two channels' worth of colour.
+    #[derive(Debug)]
+    struct Lobe;
+
+    impl DirectionalFunction for Lobe {
+        fn evaluate(&self, wi: Direction, wo: Direction, values: &mut [f64]) {
+            let [x, y, z] = unit(crate::domain::vector::add(wi.vector(), wo.vector()));
+            let lobe = libm::exp(-6.0 * (x * x + 0.5 * y * y) / (z * z));
+            values.iter_mut().enumerate().for_each(|(i, v)| *v = 0.2 + (1.0 + i as f64) * lobe);
+        }
+    }
+
+    /// What makes a grid wrong.
+    type Change = fn(&mut RglGrid);
+
+    #[derive(Debug)]
+    struct Nothing(f64);
+
+    impl DirectionalFunction for Nothing {
+        fn evaluate(&self, _: Direction, _: Direction, values: &mut [f64]) {
+            values.fill(self.0);
+        }
+    }
+
+    fn grid(side: usize) -> RglGrid {
+        RglGrid {
+            theta_i: vec![0.0, 20.0, 40.0, 60.0, 80.0],
+            phi_i: (0..=12).map(|i| f64::from(30 * i - 180)).collect(),
+            wavelengths: Some(WavelengthGrid::even(400.0, 100.0, 2).unwrap()),
+            side,
+            description: "a lobe".to_owned(),
+        }
+    }
+
+    #[test]
+    fn what_is_written_reads_back_as_the_function() {
+        let mut before = f64::MAX;
+        for side in [16, 32, 64] {
+            let written = write_rgl(&grid(side), &Lobe).unwrap();
+            assert_eq!(written.filled, 0);
+            let acquisition = read(&written.bytes, &Interpretation::default()).unwrap();
+            let Samples::Function(modelled) = acquisition.samples else { panic!("a function") };
+            let (mut squared, mut signal) = (0.0, 0.0);
+            for k in 0..2000 {
+                let k = f64::from(k);
+                // At the slices themselves: between them the error is that of the incident grid.
+                let wi = Direction::from_degrees([0.0, 20.0, 40.0, 60.0][k as usize % 4], 30.0 * (k % 12.0) - 180.0);
+                let wo = Direction::from_degrees((k * 37.3) % 80.0, (k * 71.7) % 360.0);
+                let (mut found, mut expected) = ([0.0; 2], [0.0; 2]);
+                modelled.function.evaluate(wi, wo, &mut found);
+                Lobe.evaluate(wi, wo, &mut expected);
+                squared += (found[0] - expected[0]).powi(2);
+                signal += expected[0].powi(2);
+            }
+            let error = (squared / signal).sqrt();
+            assert!(error < 0.45 * before, "{side}: {error} after {before}");
+            before = error;
+        }
+        assert!(before < 4e-3, "{before}");
+    }
+
+    #[test]
+    fn isotropic_and_rgb_files_have_their_fields() {
+        let iso = RglGrid { phi_i: Vec::new(), wavelengths: None, ..grid(8) };
+        let written = write_rgl(&iso, &Nothing(0.5)).unwrap();
+        let acquisition = read(&written.bytes, &Interpretation::default()).unwrap();
+        assert_eq!(acquisition.dialect, "isotropic, 5 elevations, 8 × 8 outgoing, RGB");
+        let Samples::Function(modelled) = acquisition.samples else { panic!("a function") };
+        let mut values = [0.0; 3];
+        // Nodes below the horizon continue f · cos.
+        for theta in [0.0, 45.0, 75.0] {
+            modelled.function.evaluate(
+                Direction::from_degrees(20.0, 100.0),
+                Direction::from_degrees(theta, 30.0),
+                &mut values,
+            );
+            assert!((values[0] - 0.5).abs() < 0.05, "{theta}: {values:?}");
+        }
+        let missing = write_rgl(&iso, &Nothing(f64::NAN)).unwrap();
+        assert_eq!(missing.filled, 5 * 64 * 3);
+    }
+
+    #[test]
+    fn grids_that_no_reader_would_take_are_refused() {
+        use FormatErrorKind::{Malformed, NeedsOption, OverLimit};
+        let cases: &[(Change, FormatErrorKind)] = &[
+            (|g| g.theta_i.clear(), NeedsOption),
+            (|g| g.theta_i[0] = -1.0, NeedsOption),
+            (|g| g.theta_i[4] = f64::NAN, NeedsOption),
+            (|g| g.theta_i[1] = 40.0, NeedsOption),
+            (|g| g.phi_i.truncate(5), NeedsOption),
+            (|g| g.phi_i[3] = 100.0, NeedsOption),
+            (|g| g.wavelengths = WavelengthGrid::even(400.0, 1e-9, 2).ok(), NeedsOption),
+            (|g| g.side = 1, NeedsOption),
+            (|g| g.side = 1 << 13, OverLimit),
+            (|g| g.side = usize::MAX, OverLimit),
+        ];
+        for (change, kind) in cases {
+            let mut grid = grid(4);
+            change(&mut grid);
+            assert_eq!(write_rgl(&grid, &Lobe).unwrap_err().kind, *kind, "{grid:?}");
+        }
+        for huge in [1e30, f64::INFINITY] {
+            assert_eq!(write_rgl(&grid(4), &Nothing(huge)).unwrap_err().kind, Malformed);
+        }
+        let long = RglGrid { description: "x".repeat(MAX_TEXT + 1), ..grid(4) };
+        assert_eq!(write_rgl(&long, &Lobe).unwrap_err().kind, OverLimit);
+    }
+}

@@ -1,0 +1,366 @@
+//! A function of the file's own model → averages over triangles.
+
+use super::angles::{check, mean_spacing};
+use super::averages::OCTANT_DEGREES;
+use super::grid::MAX_CHOSEN_SAMPLES;
+use super::levels::{self, Choice};
+use super::{AxesRequest, Coverage, Projected, ProjectionError, on_axes, spectral};
+use crate::domain::{
+    Axis, Direction, Domain, Layout, Measurement, Sampling, Tensor, TriangleMesh, Vertices, centroid, check_axes,
+    child, solid_angle,
+};
+use crate::formats::{Acquisition, Modelled};
+use rayon::prelude::*;
+
+/// How often an incoming cell is split in four at least: the function is piecewise linear in its angles.
+const INCOMING_DIVISIONS: u32 = 1;
+/// How often an outgoing cell is split in four at least.
+const OUTGOING_DIVISIONS: u32 = 2;
+/// The level of parts below which cells are not split for the sake of narrow spacings.
+const FINEST_LEVEL: u32 = 9;
+/// What one evaluation costs besides its channels, in channels.
+const OVERHEAD: usize = 64;
+/// Channels that are evaluated at most, where cells may be split less for it: some ten seconds.
+const MAX_WORK: u64 = 1 << 33;
+/// Spectra that one task works through at a time.
+const BLOCK: usize = 16;
+
+/// The incoming directions of the tensor.
+enum Incoming<'a> {
+    /// The elevations of the file.
+    Elevations(&'a [f64]),
+    Triangles(Choice),
+}
+
+/// A direction within a cell, and what its value counts.
+type Part = (Direction, f64);
+
+/// Projects `modelled`, the function of `acquisition`.
+pub(super) fn project(
+    acquisition: &Acquisition,
+    modelled: &Modelled,
+    request: &AxesRequest,
+) -> Result<Projected, ProjectionError> {
+    check("incoming", &modelled.incoming)?;
+    let mut incoming = incoming(modelled, request.incoming_level)?;
+    let spacing = modelled.outgoing_spacing;
+    let mut outgoing = levels::choose_by_distance("outgoing", Domain::Hemisphere, spacing, request.outgoing_level)?;
+    let spectral =
+        spectral::plan(modelled.spectral.as_ref(), acquisition.spectral_factor.as_ref(), request.wavelengths.as_ref())?;
+    let channels = spectral.channels;
+    lower_to_fit(&mut incoming, &mut outgoing, channels.to());
+    let mut axes = vec![incoming.axis(), Axis::Triangles(outgoing.mesh)];
+    axes.extend(spectral.axis);
+    Layout::of(acquisition.quantity, &axes)?;
+    let count = check_axes(&axes)?;
+
+    let mut notes = Vec::new();
+    let pairs = incoming.len() * outgoing.mesh.len();
+    let wanted = [incoming.divisions(modelled), divisions(outgoing.mesh, spacing, OUTGOING_DIVISIONS)];
+    let [divisions_in, divisions_out] = affordable(wanted, pairs, channels.from());
+    let parts_in = incoming.parts(divisions_in, &mut notes);
+    let vertices = outgoing.mesh.all_vertices();
+    notes.push(outgoing.note("outgoing"));
+    notes.push(format!(
+        "outgoing cells are averages of the file's own interpolant over {} parts each, weighted by the cosine, so that a \
+         cell keeps the light that it reflects",
+        1_u64 << (2 * divisions_out)
+    ));
+    notes.extend(spectral.notes);
+
+    let n_out = outgoing.mesh.len();
+    let (width, out_width) = (channels.from(), channels.to());
+    let mut samples = vec![0.0_f32; count];
+    samples.par_chunks_mut(BLOCK * out_width).enumerate().for_each_init(
+        || Mean::new(width),
+        |mean, (block, rows)| {
+            for (i, row) in rows.chunks_mut(out_width).enumerate() {
+                let pair = block * BLOCK + i;
+                mean.parts.clear();
+                split(vertices[pair % n_out], divisions_out, &mut mean.parts, Direction::cos_theta);
+                mean.over(modelled, &parts_in[pair / n_out]);
+                channels.write(&mean.sums, row);
+            }
+        },
+    );
+    let cells = (parts_in.len() * n_out) as u64;
+    let empty = samples.chunks(out_width).filter(|spectrum| spectrum.iter().all(|s| s.is_nan())).count() as u64;
+    let coverage = Coverage { cells, measured: 0, interpolated: cells - empty, empty, notes };
+    let tensor = Tensor::new(axes, samples)?;
+    let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Average, tensor)?;
+    Ok(Projected { measurement, coverage })
+}
+
+fn incoming(modelled: &Modelled, level: Option<u8>) -> Result<Incoming<'_>, ProjectionError> {
+    let angles = &modelled.incoming;
+    match (&angles.phi, level) {
+        (None, None) => Ok(Incoming::Elevations(&angles.theta)),
+        (None, Some(_)) => {
+            let reason = on_axes::isotropic(angles.theta.len(), "incoming");
+            Err(ProjectionError::Unfit(format!("incoming_level: {reason}")))
+        }
+        (Some(_), level) => Ok(Incoming::Triangles(levels::choose("incoming", Domain::Hemisphere, angles, level)?)),
+    }
+}
+
+/// Lowers chosen levels, the finer one first, until the tensor is within its limit; what the user named stays.
+#[allow(clippy::if_same_then_else, reason = "the order in which they are lowered differs")]
+fn lower_to_fit(incoming: &mut Incoming<'_>, outgoing: &mut Choice, channels: usize) {
+    while incoming.len().saturating_mul(outgoing.mesh.len()).saturating_mul(channels) > MAX_CHOSEN_SAMPLES {
+        let lowered = if incoming.len() > outgoing.mesh.len() {
+            incoming.lower() || outgoing.lower()
+        } else {
+            outgoing.lower() || incoming.lower()
+        };
+        if !lowered {
+            return;
+        }
+    }
+}
+
+impl Incoming<'_> {
+    fn lower(&mut self) -> bool {
+        match self {
+            Self::Elevations(_) => false,
+            Self::Triangles(choice) => choice.lower(),
+        }
+    }
+
+    fn len(&self) -> usize {
+        match self {
+            Self::Elevations(theta) => theta.len(),
+            Self::Triangles(choice) => choice.mesh.len(),
+        }
+    }
+
+    fn axis(&self) -> Axis {
+        match self {
+            Self::Elevations(theta) => Axis::Elevation(theta.to_vec()),
+            Self::Triangles(choice) => Axis::Triangles(choice.mesh),
+        }
+    }
+
+    /// How often each cell is split in four.
+    fn divisions(&self, modelled: &Modelled) -> u32 {
+        match self {
+            Self::Elevations(_) => 0,
+            Self::Triangles(choice) => {
+                let (theta, phi) = mean_spacing(&modelled.incoming);
+                divisions(choice.mesh, phi.map_or(theta, |phi| theta.min(phi)), INCOMING_DIVISIONS)
+            }
+        }
+    }
+
+    /// The directions that stand for each entry, and what was chosen, for the user.
+    fn parts(&self, divisions: u32, notes: &mut Vec<String>) -> Vec<Vec<Part>> {
+        match self {
+            Self::Elevations(theta) => {
+                notes.push(format!("incoming: the {} elevations of the file (isotropic)", theta.len()));
+                theta.iter().map(|&theta| vec![(Direction::from_degrees(theta, 0.0), 1.0)]).collect()
+            }
+            Self::Triangles(choice) => {
+                notes.push(choice.note("incoming"));
+                notes.push(format!(
+                    "incoming cells are averages of the file's own interpolant over {} parts each",
+                    1_u64 << (2 * divisions)
+                ));
+                let cell = |vertices| {
+                    let mut parts = Vec::new();
+                    split(vertices, divisions, &mut parts, |_| 1.0);
+                    parts
+                };
+                choice.mesh.all_vertices().into_iter().map(cell).collect()
+            }
+        }
+    }
+}
+
+/// How often each triangle is split in four, so that the parts are at most half as large as the spacing.
+fn divisions(mesh: TriangleMesh, spacing: f64, least: u32) -> u32 {
+    let wanted = libm::ceil(libm::log2(2.0 * OCTANT_DEGREES / spacing)).clamp(0.0, f64::from(FINEST_LEVEL));
+    (wanted as u32).saturating_sub(u32::from(mesh.level())).max(least)
+}
+
+/// Divisions of incoming and outgoing cells lowered, the finer one first, until their work is within its limit.
+fn affordable([mut incoming, mut outgoing]: [u32; 2], pairs: usize, channels: usize) -> [u32; 2] {
+    let work = |divisions: u32| {
+        (pairs as u64).saturating_mul((channels + OVERHEAD) as u64).saturating_mul(1_u64 << (2 * divisions).min(63))
+    };
+    while incoming + outgoing > 0 && work(incoming + outgoing) > MAX_WORK {
+        let finer = if incoming > outgoing { &mut incoming } else { &mut outgoing };
+        *finer -= 1;
+    }
+    [incoming, outgoing]
+}
+
+/// The parts of a triangle by their centroids, each counting its solid angle times `factor`.
+fn split(vertices: Vertices, divisions: u32, parts: &mut Vec<Part>, factor: impl Fn(Direction) -> f64 + Copy) {
+    if divisions > 0 {
+        for c in 0..4 {
+            split(child(vertices, c), divisions - 1, parts, factor);
+        }
+    } else {
+        let direction = centroid(vertices);
+        parts.push((direction, solid_angle(vertices) * factor(direction)));
+    }
+}
+
+/// The mean over pairs of directions; what is missing drops out (normalised averaging, Knutsson & Westin 1993).
+struct Mean {
+    /// The outgoing directions.
+    parts: Vec<Part>,
+    sums: Vec<f64>,
+    weights: Vec<f64>,
+    values: Vec<f64>,
+}
+
+impl Mean {
+    fn new(width: usize) -> Self {
+        Self { parts: Vec::new(), sums: vec![0.0; width], weights: vec![0.0; width], values: vec![0.0; width] }
+    }
+
+    fn over(&mut self, modelled: &Modelled, incoming: &[Part]) {
+        let Self { parts, sums, weights, values } = self;
+        sums.fill(0.0);
+        weights.fill(0.0);
+        for &(wi, weight_in) in incoming {
+            for &(wo, weight_out) in &*parts {
+                modelled.function.evaluate(wi, wo, values);
+                let weight = weight_in * weight_out;
+                for ((sum, total), &value) in sums.iter_mut().zip(&mut *weights).zip(&*values) {
+                    if !value.is_nan() {
+                        *sum += weight * value;
+                        *total += weight;
+                    }
+                }
+            }
+        }
+        // Without any weight 0 / 0: masked.
+        sums.iter_mut().zip(&*weights).for_each(|(sum, total)| *sum /= total);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::{Quantity, Unit};
+    use crate::formats::{Angles, AzimuthExtent, Azimuths, DirectionalFunction, ParseReport, Samples};
+    use std::sync::Arc;
+
+    #[derive(Debug)]
+    struct Surface(fn(Direction, Direction) -> f64);
+
+    impl DirectionalFunction for Surface {
+        fn evaluate(&self, wi: Direction, wo: Direction, values: &mut [f64]) {
+            values.iter_mut().enumerate().for_each(|(i, value)| *value = (i + 1) as f64 * self.0(wi, wo));
+        }
+    }
+
+    fn acquisition(azimuths: Option<Vec<f64>>, spacing: f64, f: fn(Direction, Direction) -> f64) -> Acquisition {
+        let phi = azimuths.map(|phi| Azimuths { phi, extent: AzimuthExtent::Sector });
+        Acquisition {
+            format: "test",
+            dialect: String::new(),
+            quantity: Quantity::Brdf,
+            unit: Unit::PerSteradian,
+            samples: Samples::Function(Modelled {
+                incoming: Angles { theta: vec![0.0, 30.0, 60.0], covers: (0.0, 90.0), phi },
+                outgoing_spacing: spacing,
+                spectral: Some(Axis::Rgb),
+                numbers: 0,
+                missing: 0,
+                function: Arc::new(Surface(f)),
+            }),
+            spectral_factor: None,
+            report: ParseReport::default(),
+        }
+    }
+
+    fn projected(acquisition: &Acquisition, incoming: Option<u8>, outgoing: Option<u8>) -> Projected {
+        let request = AxesRequest { incoming_level: incoming, outgoing_level: outgoing, wavelengths: None };
+        super::super::project(acquisition, &request).unwrap()
+    }
+
+    fn mesh(axis: &Axis) -> TriangleMesh {
+        match axis {
+            Axis::Triangles(mesh) => *mesh,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn constants_stay_on_the_elevations_of_the_file() {
+        let projected = projected(&acquisition(None, 10.0, |_, _| 0.25), None, None);
+        let tensor = &projected.measurement.tensor;
+        assert_eq!(tensor.axes()[0], Axis::Elevation(vec![0.0, 30.0, 60.0]));
+        // Cells of 9° are nearest to 10°.
+        assert_eq!((mesh(&tensor.axes()[1]).level(), tensor.shape()), (3, vec![3, 256, 3]));
+        assert!(tensor.samples().chunks(3).all(|s| s == [0.25, 0.5, 0.75]));
+        assert_eq!((projected.coverage.cells, projected.coverage.interpolated), (768, 768));
+        assert_eq!(projected.measurement.sampling, Sampling::Average);
+    }
+
+    #[test]
+    fn cells_keep_the_light_that_they_reflect() {
+        // f · cos is 1 everywhere: f grows without bounds at the horizon, its light does not.
+        let projected = projected(&acquisition(None, 10.0, |_, wo| 1.0 / wo.cos_theta()), None, Some(3));
+        let mesh = mesh(&projected.measurement.tensor.axes()[1]);
+        let samples = projected.measurement.tensor.samples();
+        for cell in 0..mesh.len() {
+            let light = f64::from(samples[3 * cell]) * mesh.projected_solid_angle(cell);
+            assert!((light / mesh.solid_angle(cell) - 1.0).abs() < 2e-3, "{cell}: {light}");
+        }
+    }
+
+    #[test]
+    fn both_directions_of_anisotropic_data_are_averaged() {
+        let turn = (0..=12).map(|i| f64::from(30 * i - 180)).collect();
+        let acquired = acquisition(Some(turn), 10.0, |wi, wo| wi.xyz()[0] + 2.0 * wo.xyz()[1]);
+        let projected = projected(&acquired, Some(1), Some(2));
+        let tensor = &projected.measurement.tensor;
+        let (coarse, fine) = (mesh(&tensor.axes()[0]), mesh(&tensor.axes()[1]));
+        assert_eq!(tensor.shape(), [16, 64, 3]);
+        for (i, row) in tensor.samples().chunks(3).enumerate() {
+            let expected = coarse.centroid(i / 64).xyz()[0] + 2.0 * fine.centroid(i % 64).xyz()[1];
+            assert!((f64::from(row[0]) - expected).abs() < 0.12, "{i}: {} {expected}", row[0]);
+        }
+    }
+
+    #[test]
+    fn what_is_missing_drops_out() {
+        let hole = |_: Direction, wo: Direction| if wo.xyz()[0] < 0.1 { f64::NAN } else { 2.0 };
+        let projected = projected(&acquisition(None, 5.0, hole), None, Some(2));
+        let samples = projected.measurement.tensor.samples();
+        assert!(samples.iter().all(|s| s.is_nan() || (s % 2.0).abs() < 1e-6));
+        assert!(projected.coverage.empty > 0 && projected.coverage.interpolated > 0);
+        assert_eq!(projected.coverage.empty as usize * 3, projected.measurement.tensor.masked());
+    }
+
+    #[test]
+    fn levels_that_mean_nothing_are_refused_and_chosen_ones_fit() {
+        let request = AxesRequest { incoming_level: Some(1), ..AxesRequest::default() };
+        let error = super::super::project(&acquisition(None, 5.0, |_, _| 1.0), &request).unwrap_err();
+        assert!(matches!(&error, ProjectionError::Unfit(reason) if reason.contains("isotropic (3 elevations)")));
+        let request = AxesRequest { outgoing_level: Some(9), ..AxesRequest::default() };
+        let error = super::super::project(&acquisition(None, 5.0, |_, _| 1.0), &request).unwrap_err();
+        assert!(matches!(error, ProjectionError::Unfit(_)));
+
+        let choice = |level| levels::choose_by_distance("outgoing", Domain::Hemisphere, 1.0, level).unwrap();
+        let (mut incoming, mut outgoing) = (Incoming::Triangles(choice(None)), choice(None));
+        lower_to_fit(&mut incoming, &mut outgoing, 8);
+        assert_eq!((incoming.len(), outgoing.mesh.len()), (4096, 1024));
+        let (mut incoming, mut outgoing) = (Incoming::Elevations(&[0.0; 64]), choice(Some(8)));
+        lower_to_fit(&mut incoming, &mut outgoing, 1 << 20);
+        assert_eq!(outgoing.mesh.level(), 8);
+    }
+
+    #[test]
+    fn cells_are_split_less_where_there_are_too_many() {
+        assert_eq!(affordable([1, 3], 1 << 12, 64), [1, 3]);
+        assert_eq!(affordable([1, 3], 1 << 25, 1), [0, 0]);
+        assert_eq!(affordable([1, 9], 1 << 16, 64), [1, 4]);
+        assert_eq!(affordable([0, 0], usize::MAX, 64), [0, 0]);
+        let level_5 = TriangleMesh::new(Domain::Hemisphere, 5).unwrap();
+        assert_eq!((divisions(level_5, 2.2, 2), divisions(level_5, 0.2, 2), divisions(level_5, 45.0, 1)), (2, 4, 1));
+    }
+}
