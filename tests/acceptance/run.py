@@ -40,7 +40,6 @@ MALFORMED = [
     "tests/fixtures/ies/test_file_format_error.ies",
     "tests/fixtures/mbsdf/test_file_format_error.mbsdf",
     "tests/fixtures/spectra/Invalid.spdx",
-    "tests/fixtures/ldt/absolute.ldt",
 ]
 
 failures = []
@@ -155,6 +154,12 @@ def npy(descr="<f4", shape="(2, 3)", body=b"\0" * 24, fortran="False"):
     return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header.encode() + body
 
 
+def start_of(path, count):
+    """The first bytes of a file."""
+    with open(os.path.join(ROOT, path), "rb") as file:
+        return file.read(count)
+
+
 def hostile(scratch):
     """Files that lie about their size, their type or themselves."""
     made = {
@@ -162,6 +167,9 @@ def hostile(scratch):
         "zeros": b"\0" * 4096,
         "random": np.random.default_rng(7).bytes(4096),
         "prose.txt": b"It was a bright cold day in April, and the clocks were striking thirteen.\n" * 20,
+        "scan.h5": b"\x89HDF\r\n\x1a\n" + b"\0" * 504,
+        "cut.bsdf": start_of("tests/fixtures/rgl/isotropic-spectral-jacobian-1.bsdf", 1500),
+        "cut.ldt": start_of("tests/fixtures/ldt/example.ldt", 300),
         "huge.npy": npy(shape="(100000000000,)"),
         "overflow.npy": npy(shape="(4294967296, 4294967296, 4294967296)"),
         "negative.npy": npy(shape="(-2, 3)"),
