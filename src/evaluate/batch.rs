@@ -3,16 +3,17 @@
 //! A block of places is first located, then gathered, then expanded: the gathers of different places do not wait for one
 //! another, which hides most of the memory's latency where a material is larger than the caches.
 
+use super::kernel::{BLOCK, Vectors, set_vector, vector_of};
 use super::located::OUTSIDE;
 use super::material::Form;
 use super::planes::Planes;
-use super::smooth::{Lookup, Mixed, Smooth};
+use super::smooth::{Mixed, Smooth};
+use super::staged::Room;
 use super::{EvaluateError, Interpolation, Material, Place, unfit};
-use crate::domain::Direction;
+use crate::domain::vector::{norm, scale};
+use crate::domain::{Direction, wide};
 use rayon::prelude::*;
 
-/// Places worked on together.
-pub(super) const BLOCK: usize = 48;
 /// Places that a thread takes at a time.
 const SHARE: usize = 4096;
 
@@ -43,8 +44,34 @@ impl<'a> Directions<'a> {
         )
     }
 
-    fn part(&self, from: usize, to: usize) -> Directions<'a> {
+    pub(super) fn part(&self, from: usize, to: usize) -> Directions<'a> {
         Directions { x: &self.x[from..to], y: &self.y[from..to], z: &self.z[from..to] }
+    }
+
+    /// Writes up to [`BLOCK`] of them as unit vectors, and the last one again in what is left.
+    pub(super) fn write_block(&self, to: &mut Vectors) -> Result<(), EvaluateError> {
+        for (to, coordinates) in to.iter_mut().zip([self.x, self.y, self.z]) {
+            to.iter_mut().zip(coordinates).for_each(|(to, &coordinate)| *to = f64::from(coordinate));
+            to[self.len()..].fill(coordinates.last().map_or(1.0, |&last| f64::from(last)));
+        }
+        let mut is_bad = 0;
+        wide(
+            #[inline(always)]
+            || {
+                for i in 0..BLOCK {
+                    let d = vector_of(to, i);
+                    let length = norm(d);
+                    is_bad |=
+                        u32::from(length <= 0.0) | u32::from(length.is_nan()) | u32::from(length == f64::INFINITY);
+                    set_vector(to, i, scale(d, 1.0 / length));
+                }
+            },
+        );
+        if is_bad != 0 {
+            // One of them tells what is wrong.
+            (0..self.len()).try_for_each(|i| self.at(i).map(|_| ()))?;
+        }
+        Ok(())
     }
 
     pub(super) fn check(&self, name: &str, count: usize) -> Result<(), EvaluateError> {
@@ -116,26 +143,29 @@ impl Material {
         let entry = self.entry(pairs.index)?;
         let [n_in, n_out, _] = self.shape;
         let (mut incoming, mut outgoing) = ([0; BLOCK], [0; BLOCK]);
-        let (mut seen, mut found) = ([None; BLOCK], [Lookup::NOWHERE; BLOCK]);
-        let mut mixed = [Mixed::NOTHING; BLOCK];
+        let (mut room, mut mixed) = (Room::NEW, [Mixed::NOTHING; BLOCK]);
         for start in (0..count).step_by(BLOCK) {
             let length = BLOCK.min(count - start);
             let part = pairs.part(start, start + length);
             let (incoming, outgoing) = (&mut incoming[..length], &mut outgoing[..length]);
-            self.incoming_entries(part, incoming)?;
             match how {
                 Interpolation::Constant => {
+                    self.incoming_entries(part, incoming)?;
                     self.outgoing_entries(part, outgoing)?;
                     for (mixed, (wi, wo)) in mixed.iter_mut().zip(incoming.iter().zip(&*outgoing)) {
                         let cell = (entry * n_in + *wi as usize) * n_out + *wo as usize;
                         *mixed = if *wo == OUTSIDE { Mixed::NOTHING } else { planes.mixed(cell) };
                     }
                 }
+                Interpolation::Smooth if !self.is_isotropic() && part.wo.is_some() => {
+                    self.arrive(entry, part.wi, length, &mut room.arrived)?;
+                    self.smooth_rows_at(smooth, entry, part.wo, &mut room, &mut mixed[..length])?;
+                }
                 Interpolation::Smooth => {
-                    for (i, seen) in seen[..length].iter_mut().enumerate() {
-                        *seen = self.seen(smooth, Some(incoming[i] as usize), part.place(i)?)?;
+                    for (i, mixed) in mixed[..length].iter_mut().enumerate() {
+                        let seen = self.seen(smooth, None, part.place(i)?)?;
+                        *mixed = seen.map_or(Mixed::NOTHING, |seen| smooth.at(entry, &seen));
                     }
-                    smooth.at_all(entry, &seen[..length], &mut found, &mut mixed);
                 }
             }
             work(start, &mixed[..length]);

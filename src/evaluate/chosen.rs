@@ -1,9 +1,11 @@
 //! A few wavelengths chosen once, as a renderer does for a path, and used for many places.
 
-use super::batch::{BLOCK, Directions};
+use super::batch::Directions;
+use super::kernel::BLOCK;
 use super::material::Form;
 use super::planes::{Columns, FEW};
 use super::smooth::Mixed;
+use super::staged::Room;
 use super::{Beyond, Density, EvaluateError, Interpolation, Material, Pairs, Place, SampleOptions, unfit};
 use crate::domain::Direction;
 
@@ -47,10 +49,9 @@ pub struct Drawings<'a> {
 }
 
 impl Drawings<'_> {
-    #[inline]
-    fn write(&mut self, i: usize, drawn: Option<(Direction, f64)>) {
-        let ([x, y, z], pdf) = drawn.map_or(([0.0; 3], 0.0), |(wo, pdf)| (wo.xyz(), pdf));
-        (self.x[i], self.y[i], self.z[i], self.pdf[i]) = (x as f32, y as f32, z as f32, pdf as f32);
+    /// Coordinates and densities of some of them.
+    fn part(&mut self, from: usize, to: usize) -> [&mut [f32]; 4] {
+        [&mut self.x[from..to], &mut self.y[from..to], &mut self.z[from..to], &mut self.pdf[from..to]]
     }
 }
 
@@ -70,7 +71,7 @@ impl Material {
             beyond,
             count: wavelengths.len(),
             wavelengths: [first; FEW],
-            factors: [1.0; FEW],
+            factors: [0.0; FEW],
             columns: None,
         };
         chosen.wavelengths[..wavelengths.len()].copy_from_slice(wavelengths);
@@ -101,12 +102,23 @@ impl Chosen<'_> {
     /// The values at a place, in the order of the wavelengths; 0 beyond them. As [`Material::at_wavelengths`].
     #[inline]
     pub fn at(&self, place: Place<'_>, how: Interpolation) -> Result<[f32; Chosen::MOST], EvaluateError> {
+        self.at_known(place, how, None)
+    }
+
+    /// The same where the entry of the incoming axis may be known.
+    #[inline]
+    fn at_known(
+        &self,
+        place: Place<'_>,
+        how: Interpolation,
+        incoming: Option<usize>,
+    ) -> Result<[f32; Chosen::MOST], EvaluateError> {
         let (Form::Planes { planes, smooth }, Some(columns)) = (&self.material.form, &self.columns) else {
             let mut out = [0.0; FEW];
             self.material.at_wavelengths(place, how, self.beyond, self.wavelengths(), &mut out[..self.count])?;
             return Ok(out);
         };
-        self.material.with_row(planes, smooth, place, how, |row, presence| {
+        self.material.with_row(planes, smooth, place, how, incoming, |row, presence| {
             let mut values = [presence; FEW];
             if presence > 0.0 {
                 values = planes.picked(row, presence, columns);
@@ -148,12 +160,12 @@ impl Chosen<'_> {
         u: [f64; 2],
         options: impl Into<SampleOptions>,
     ) -> Result<Option<ChosenSample>, EvaluateError> {
-        let drawn = self.material.drawn_with(index, wi, u, options.into(), |place, how, cell| {
+        let drawn = self.material.drawn_with(index, wi, u, options.into(), |place, how, incoming, cell| {
             match (&self.material.form, &self.columns, cell) {
                 (Form::Planes { planes, .. }, Some(columns), Some(cell)) if planes.presence(cell) > 0.0 => {
                     Ok(self.held(planes.picked(planes.row(cell), 1.0, columns)))
                 }
-                _ => self.at(place, how),
+                _ => self.at_known(place, how, Some(incoming)),
             }
         })?;
         let Some((direction, pdf, values)) = drawn else { return Ok(None) };
@@ -187,32 +199,32 @@ impl Chosen<'_> {
         let pairs = Pairs { index, wi, wo: None };
         wi.map_or(Ok(()), |wi| wi.check("wi", count))?;
         let material = self.material;
-        let (Form::Planes { planes, .. }, Some(columns)) = (&material.form, &self.columns) else {
-            return self.sample_each(pairs, u, options, out);
+        let (Form::Planes { planes, smooth }, Some(columns)) = (&material.form, &self.columns) else {
+            return self.sample_each(pairs, u, options, &mut out);
         };
-        if options.density == Density::Linear || material.is_isotropic() {
-            return self.sample_each(pairs, u, options, out);
+        if !material.is_staged(options) {
+            return self.sample_each(pairs, u, options, &mut out);
         }
+        let warps = &material.mean_trees()?.warps;
         let entry = material.sampled_entry(index, options)?;
-        let cosine = |wo: Direction| if material.quantity().has_cosine() { wo.cos_theta().abs() } else { 1.0 };
-        let (mut incoming, mut rows) = ([0; BLOCK], [Mixed::NOTHING; BLOCK]);
-        let (mut values, mut shares) = ([[0.0; FEW]; BLOCK], [0.0; BLOCK]);
+        let has_cosine = material.quantity().has_cosine();
+        let (mut room, mut rows) = (Room::NEW, [Mixed::NOTHING; BLOCK]);
+        let mut values = [[0.0; FEW]; BLOCK];
         for start in (0..count).step_by(BLOCK) {
-            let length = BLOCK.min(count - start);
-            material.incoming_entries(pairs.part(start, start + length), &mut incoming[..length])?;
-            for i in 0..length {
-                let u = [f64::from(u[0][start + i]), f64::from(u[1][start + i])];
-                let drawn = material.draw_in(entry, incoming[i] as usize, u, options)?;
-                (rows[i], shares[i]) = drawn
-                    .map_or((Mixed::NOTHING, 0.0), |(wo, pdf, cell)| (planes.mixed(cell), (cosine(wo) / pdf) as f32));
-                out.write(start + i, drawn.map(|(wo, pdf, _)| (wo, pdf)));
+            let end = count.min(start + BLOCK);
+            let rows = &mut rows[..end - start];
+            material.arrive(entry, wi.map(|wi| wi.part(start, end)), rows.len(), &mut room.arrived)?;
+            material.draw_block(warps, u.map(|u| &u[start..end]), options.density, &mut room)?;
+            match options.density {
+                Density::Uniform => material.rows_of_leaves(planes, &room, rows),
+                Density::Linear => Material::rows_at_draws(smooth, entry, &mut room, rows),
             }
-            planes.picked_all(&rows[..length], columns, &mut values);
-            for i in 0..length {
-                let weights = if shares[i] > 0.0 { self.weights(self.held(values[i]), shares[i]) } else { [0.0; FEW] };
-                for (to, weight) in out.weights[(start + i) * self.count..][..self.count].iter_mut().zip(weights) {
-                    *to = weight;
-                }
+            planes.picked_all(rows, columns, &mut values);
+            let shares = room.draws.write(has_cosine, out.part(start, end));
+            let weights = out.weights[start * self.count..end * self.count].chunks_exact_mut(self.count.max(1));
+            for ((to, values), share) in weights.zip(values).zip(shares) {
+                let weights = if share > 0.0 { self.weights(self.held(values), share) } else { [0.0; FEW] };
+                to.iter_mut().zip(weights).for_each(|(to, weight)| *to = weight);
             }
         }
         Ok(())
@@ -223,12 +235,13 @@ impl Chosen<'_> {
         pairs: Pairs<'_>,
         u: [&[f32]; 2],
         options: SampleOptions,
-        mut out: Drawings<'_>,
+        out: &mut Drawings<'_>,
     ) -> Result<(), EvaluateError> {
         for i in 0..u[0].len() {
             let u = [f64::from(u[0][i]), f64::from(u[1][i])];
             let drawn = self.sample(pairs.index, pairs.wi_at(i)?, u, options)?;
-            out.write(i, drawn.map(|drawn| (drawn.direction, drawn.pdf)));
+            let ([x, y, z], pdf) = drawn.map_or(([0.0; 3], 0.0), |drawn| (drawn.direction.xyz(), drawn.pdf));
+            (out.x[i], out.y[i], out.z[i], out.pdf[i]) = (x as f32, y as f32, z as f32, pdf as f32);
             let weights = drawn.map_or([0.0; FEW], |drawn| drawn.weights);
             out.weights[i * self.count..][..self.count].copy_from_slice(&weights[..self.count]);
         }

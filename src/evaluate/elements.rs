@@ -5,6 +5,7 @@
 //! regular lattice; each carries a quadratic through its corners and the middles of its edges. Neighbouring patches share
 //! the nodes of their edge, across octants too, so that the whole is continuous.
 
+use super::number::Number;
 use crate::domain::vector::{Vector, unit};
 use crate::domain::{Domain, TriangleMesh};
 use wide::f32x4;
@@ -21,23 +22,18 @@ pub(super) struct Patch {
     pub(super) weights: [f32; NODES],
 }
 
-/// The patches of four directions, lane by lane.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Patches {
-    pub(super) nodes: [[i32; 4]; NODES],
-    pub(super) weights: [[f32; 4]; NODES],
+/// The patches of `N` directions, lane by lane.
+#[derive(Clone, Debug)]
+pub(super) struct Patches<const N: usize> {
+    pub(super) nodes: [[u32; N]; NODES],
+    pub(super) weights: [[f32; N]; NODES],
     /// Barycentric coordinates between the first three nodes.
-    pub(super) corners: [[f32; 4]; 3],
+    pub(super) corners: [[f32; N]; 3],
 }
 
-impl Patches {
+impl<const N: usize> Patches<N> {
     pub(super) const NOWHERE: Self =
-        Self { nodes: [[0; 4]; NODES], weights: [[0.0; 4]; NODES], corners: [[0.0; 4]; 3] };
-
-    /// The patch of one of the four.
-    fn patch(&self, lane: usize) -> Patch {
-        Patch { nodes: self.nodes.map(|node| node[lane] as u32), weights: self.weights.map(|weight| weight[lane]) }
-    }
+        Self { nodes: [[0; N]; NODES], weights: [[0.0; N]; NODES], corners: [[0.0; N]; 3] };
 }
 
 /// The lattice of a domain.
@@ -84,48 +80,48 @@ impl Elements {
 
     /// The patch around the direction (x, y, z), which need not be a unit vector; the sign of z matters on a sphere alone.
     pub(super) fn at(self, d: [f32; 3]) -> Patch {
-        let mut patches = Patches::NOWHERE;
-        self.write(d.map(f32x4::splat), &mut patches);
-        patches.patch(0)
+        let mut patches = Patches::<1>::NOWHERE;
+        self.write(d, &mut patches, 0);
+        Patch { nodes: patches.nodes.map(|[node]| node), weights: patches.weights.map(|[weight]| weight) }
     }
 
-    /// Writes the patches around four of them.
+    /// Writes the patches around one of them or four, from lane `at` on.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
-    pub(super) fn write(self, [x, y, z]: [f32x4; 3], to: &mut Patches) {
-        let (zero, one) = (f32x4::ZERO, f32x4::ONE);
-        let size = f32x4::splat(self.octant as f32);
-        let mut base = x.simd_lt(zero).bitselect(size, zero) + y.simd_lt(zero).bitselect(size + size, zero);
+    pub(super) fn write<T: Number, const N: usize>(self, [x, y, z]: [T; 3], to: &mut Patches<N>, at: usize) {
+        let (zero, one) = (T::of(0.0), T::of(1.0));
+        let size = self.octant as f32;
+        let mut base = T::choose(x.less(zero), T::of(size), zero) + T::choose(y.less(zero), T::of(2.0 * size), zero);
         if self.domain == Domain::Sphere {
-            base += z.simd_lt(zero).bitselect(f32x4::splat(4.0) * size, zero);
+            base = base + T::choose(z.less(zero), T::of(4.0 * size), zero);
         }
         let n = self.patches as f32;
-        let (gx, gy, gz) = (arc_of_four(x.abs()), arc_of_four(y.abs()), arc_of_four(z.abs()));
-        let scale = f32x4::splat(n * WITHIN) / (gx + gy + gz).fast_max(f32x4::splat(1e-20));
+        let (gx, gy, gz) = (arc(x.size()), arc(y.size()), arc(z.size()));
+        let scale = T::of(n * WITHIN) / (gx + gy + gz).larger(T::of(1e-20));
         let (u, v) = (gx * scale, gy * scale);
-        let round = f32x4::splat(ROUND);
-        let half = f32x4::splat(0.5);
+        let round = T::of(ROUND);
+        let half = T::of(0.5);
         let (i, j) = ((u - half + round) - round, (v - half + round) - round);
         let (s, t) = (u - i, v - j);
-        let up = (s + t).simd_le(one);
-        let b0 = up.bitselect((one - s - t).fast_max(zero), s + t - one);
-        let (b1, b2) = (up.bitselect(s, one - s), up.bitselect(t, one - t));
-        // Numbers of nodes are exact in f32: there are fewer than 2²⁴.
+        let up = (s + t).at_most(one);
+        let b0 = T::choose(up, (one - s - t).larger(zero), s + t - one);
+        let (b1, b2) = (T::choose(up, s, one - s), T::choose(up, t, one - t));
+        // Numbers of nodes are exact in f32: there are fewer than 2²³.
         let (p, q) = (i + i, j + j);
-        let rows = f32x4::splat(2.0 * n);
+        let rows = T::of(2.0 * n);
         let row0 = base + q + p * (rows + one) - half * (p * p - p);
         let row1 = row0 + rows + one - p;
         let row2 = row1 + rows - p;
-        let two = f32x4::splat(2.0);
+        let two = T::of(2.0);
         let nodes = [
-            up.bitselect(row0, row2 + two),
-            up.bitselect(row2, row0 + two),
-            up.bitselect(row0 + two, row2),
-            up.bitselect(row1, row1 + two),
-            up.bitselect(row0 + one, row2 + one),
+            T::choose(up, row0, row2 + two),
+            T::choose(up, row2, row0 + two),
+            T::choose(up, row0 + two, row2),
+            T::choose(up, row1, row1 + two),
+            T::choose(up, row0 + one, row2 + one),
             row1 + one,
         ];
-        let four = f32x4::splat(4.0);
+        let four = T::of(4.0);
         let weights = [
             b0 * (b0 + b0 - one),
             b1 * (b1 + b1 - one),
@@ -135,20 +131,21 @@ impl Elements {
             four * b1 * b2,
         ];
         for (to, nodes) in to.nodes.iter_mut().zip(nodes) {
-            *to = nodes.fast_trunc_int().to_array();
+            nodes.write_integer(to, at);
         }
         for (to, weights) in to.weights.iter_mut().zip(weights) {
-            *to = weights.to_array();
+            weights.write(to, at);
         }
         for (to, corners) in to.corners.iter_mut().zip([b0, b1, b2]) {
-            *to = corners.to_array();
+            corners.write(to, at);
         }
     }
 }
 
 /// The patch of a lattice with `n` patches along an edge of the octant, in which the direction with these absolute values
 /// lies: row, column, and whether it points up. A direction within rounding of a side may fall to either.
-#[inline]
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "a call in a loop over places would keep it from becoming vector code")]
 pub(super) fn patch_of([x, y, z]: [f32; 3], n: f32) -> (u32, u32, bool) {
     let [gx, gy, gz] = [arc(x), arc(y), arc(z)];
     let scale = n * WITHIN / (gx + gy + gz);
@@ -162,7 +159,7 @@ pub(super) fn patch_of([x, y, z]: [f32; 3], n: f32) -> (u32, u32, bool) {
 /// patches that point up and those that point down in turn. Numbers are exact in f32.
 #[inline]
 pub(super) fn slots_of_four([x, y, z]: [f32x4; 3], n: f32) -> [i32; 4] {
-    let (gx, gy, gz) = (arc_of_four(x), arc_of_four(y), arc_of_four(z));
+    let (gx, gy, gz) = (arc(x), arc(y), arc(z));
     let scale = f32x4::splat(n * WITHIN) / (gx + gy + gz);
     let (u, v) = (gx * scale, gy * scale);
     let (round, half) = (f32x4::splat(ROUND), f32x4::splat(0.5));
@@ -196,16 +193,11 @@ impl Lattice {
     }
 }
 
-#[inline]
-fn arc(x: f32) -> f32 {
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "as for the patch")]
+fn arc<T: Number>(x: T) -> T {
     let xx = x * x;
-    x * (1.0 + xx * (0.15 + 0.42 * xx))
-}
-
-#[inline]
-fn arc_of_four(x: f32x4) -> f32x4 {
-    let xx = x * x;
-    x * (f32x4::ONE + xx * (f32x4::splat(0.15) + f32x4::splat(0.42) * xx))
+    x * (T::of(1.0) + xx * (T::of(0.15) + T::of(0.42) * xx))
 }
 
 /// The direction of the first octant with these barycentric coordinates.
@@ -290,8 +282,9 @@ mod tests {
                 let d = random_in(mesh.domain(), &mut random);
                 let patch = elements.at(d.map(|x| x as f32));
                 assert!((patch.weights.iter().sum::<f32>() - 1.0).abs() < 1e-5);
-                let mut four = Patches::NOWHERE;
-                elements.write(d.map(|x| f32x4::splat(x as f32)), &mut four);
+                let mut four = Patches::<4>::NOWHERE;
+                elements.write(d.map(|x| f32x4::splat(x as f32)), &mut four, 0);
+                assert!(four.nodes.iter().zip(patch.nodes).all(|(four, node)| *four == [node; 4]));
                 assert!(four.corners.iter().flatten().all(|b| (-1e-6..=1.000_001).contains(b)));
                 let found: f64 =
                     patch.nodes.iter().zip(patch.weights).map(|(&n, w)| values[n as usize] * f64::from(w)).sum();

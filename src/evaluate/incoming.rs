@@ -1,6 +1,7 @@
 //! The incoming directions as nodes: which three lie around a direction, and where a lobe seen from one is seen from another.
 
 use super::lookup::{MeshLookup, elevation};
+use super::number::Number;
 use super::reconstruct::Cells;
 use crate::domain::Domain;
 use crate::domain::vector::{Vector, add, cross, dot, scale, sub, unit};
@@ -258,9 +259,12 @@ impl Triangles {
         // Left of a ray and right of the next: one of the six, but for the centroid itself.
         let next = (left >> 1) | ((left & 1) << 5);
         let sector = &fan.sectors[((left & !next & 63).trailing_zeros() as usize).min(5)];
-        let parts = sector.duals.map(|dual| (dual[0] * x + dual[1] * y + dual[2] * z).max(0.0));
-        let sum = parts[0] + parts[1] + parts[2];
-        let weights = if sum > 0.0 { parts.map(|part| part / sum) } else { [1.0, 0.0, 0.0] };
+        let [dx, dy, dz] = sector.duals.map(f32x4::new);
+        let parts = (dx * f32x4::splat(x) + dy * f32x4::splat(y) + dz * f32x4::splat(z)).fast_max(f32x4::ZERO);
+        let [a, b, c, _] = parts.to_array();
+        let sum = a + b + c;
+        let [a, b, c, _] = (parts / f32x4::splat(sum)).to_array();
+        let weights = if sum > 0.0 { [a, b, c] } else { [1.0, 0.0, 0.0] };
         Around { nodes: sector.nodes, weights, count: 3 }
     }
 }
@@ -278,8 +282,9 @@ struct Fan {
 #[derive(Clone, Copy, Debug)]
 struct Sector {
     nodes: [u32; 3],
-    /// Their inner products with a direction are in proportion to its barycentric coordinates.
-    duals: [[f32; 3]; 3],
+    /// Vectors whose inner products with a direction are in proportion to its barycentric coordinates: their x, their y,
+    /// their z.
+    duals: [[f32; 4]; 3],
 }
 
 impl Fan {
@@ -312,7 +317,8 @@ impl Fan {
             };
             let [a, b, c] = nodes.map(|node| positions[node as usize]);
             let orientation = dot(a, cross(b, c)).signum();
-            let duals = [cross(b, c), cross(c, a), cross(a, b)].map(|dual| dual.map(|x| (orientation * x) as f32));
+            let planes = [cross(b, c), cross(c, a), cross(a, b), [0.0; 3]];
+            let duals = [0, 1, 2].map(|axis| planes.map(|plane| (orientation * plane[axis]) as f32));
             Sector { nodes, duals }
         });
         Self { rays, sectors }
@@ -321,16 +327,26 @@ impl Fan {
 
 /// A node's direction as queries need it, with its azimuth's cosine and sine; that of the normal is 0.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Origin {
-    direction: [f32; 3],
-    azimuth: [f32; 2],
+pub(super) struct Origin<T = f32> {
+    pub(super) direction: [T; 3],
+    pub(super) azimuth: [T; 2],
 }
 
+#[allow(clippy::inline_always, reason = "a call in a loop over places would keep it from becoming vector code")]
 impl Origin {
+    #[inline(always)]
     pub(super) fn new(direction: Vector) -> Self {
         let [x, y, z] = direction.map(|x| x as f32);
         let azimuth = azimuth(direction).map(|x| x as f32);
         Self { direction: [x, y, z], azimuth }
+    }
+
+    fn four(of: [Self; 4]) -> Origin<f32x4> {
+        let lanes = |number: &dyn Fn(&Self) -> f32| f32x4::new([0, 1, 2, 3].map(|k| number(&of[k])));
+        Origin {
+            direction: [0, 1, 2].map(|axis| lanes(&|origin| origin.direction[axis])),
+            azimuth: [0, 1].map(|axis| lanes(&|origin| origin.azimuth[axis])),
+        }
     }
 }
 
@@ -351,52 +367,64 @@ pub(super) fn carried_to_four(
     to: [Origin; 4],
     wo: Vector,
 ) -> ([f32x4; 3], f32x4) {
-    let [x, y, z] = wo.map(|x| x as f32);
-    let stays = [x, y, z].map(f32x4::splat);
-    if alignment == Alignment::None {
-        return (stays, f32x4::ONE);
-    }
-    let lower = domain == Domain::Sphere && z < 0.0;
+    let stays = wo.map(|x| f32x4::splat(x as f32));
+    let lower = domain == Domain::Sphere && wo[2] < 0.0;
     // What goes through a surface turns.
     let alignment = if lower { Alignment::Rotation } else { alignment };
-    let lanes = |of: fn(&Origin) -> f32| f32x4::new([of(&to[0]), of(&to[1]), of(&to[2]), of(&to[3])]);
-    let [tx, ty, tz] = [lanes(|o| o.direction[0]), lanes(|o| o.direction[1]), lanes(|o| o.direction[2])];
+    let is_free = domain == Domain::Sphere && alignment == Alignment::Rotation && !lower;
+    carried_to(alignment, is_free, Origin::four([wi; 4]), Origin::four(to), stays)
+}
+
+/// The same where the alignment is known; `is_free` where there is no horizon.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
+pub(super) fn carried_to<T: Number>(
+    alignment: Alignment,
+    is_free: bool,
+    wi: Origin<T>,
+    to: Origin<T>,
+    wo: [T; 3],
+) -> ([T; 3], T) {
+    let (zero, one, worthless) = (T::of(0.0), T::of(1.0), T::of(WORTHLESS));
+    if alignment == Alignment::None {
+        return (wo, one);
+    }
+    let [tx, ty, tz] = to.direction;
     let [wx, wy, wz] = wi.direction;
+    let [x, y, z] = wo;
     let (moved, is_there) = if alignment == Alignment::Rotation {
-        let [ix, iy, iz] = wi.direction.map(f32x4::splat);
-        let axis = [iy * tz - iz * ty, iz * tx - ix * tz, ix * ty - iy * tx];
-        let cos = ix * tx + iy * ty + iz * tz;
-        let cross = |a: [f32x4; 3], b: [f32x4; 3]| {
-            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-        };
-        let once = cross(axis, stays);
+        let axis = [wy * tz - wz * ty, wz * tx - wx * tz, wx * ty - wy * tx];
+        let cos = wx * tx + wy * ty + wz * tz;
+        let cross =
+            |a: [T; 3], b: [T; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        let once = cross(axis, wo);
         let twice = cross(axis, once);
-        let share = f32x4::ONE / (f32x4::ONE + cos);
-        ([0, 1, 2].map(|k| stays[k] + once[k] + share * twice[k]), cos.simd_ge(f32x4::splat(NEARLY_BACK)))
+        let share = one / (one + cos);
+        let moved = [x + once[0] + share * twice[0], y + once[1] + share * twice[1], z + once[2] + share * twice[2]];
+        (moved, T::of(NEARLY_BACK).at_most(cos))
     } else {
-        let h = [wx + x, wy + y, wz + z];
-        let square = h[0] * h[0] + h[1] * h[1] + h[2] * h[2];
-        let [mut hx, mut hy, hz] = h.map(f32x4::splat);
+        let [mut hx, mut hy, hz] = [wx + x, wy + y, wz + z];
+        let square = hx * hx + hy * hy + hz * hz;
         if alignment == Alignment::TurnedHalfVector {
-            let [ca, sa] = [lanes(|o| o.azimuth[0]), lanes(|o| o.azimuth[1])];
-            let [cb, sb] = wi.azimuth.map(f32x4::splat);
+            let ([ca, sa], [cb, sb]) = (to.azimuth, wi.azimuth);
             let (cos, sin) = (ca * cb + sa * sb, sa * cb - ca * sb);
             (hx, hy) = (cos * hx - sin * hy, sin * hx + cos * hy);
         }
         let there = tx * hx + ty * hy + tz * hz;
-        let along = there * f32x4::splat(2.0 / square.max(NO_HALF_VECTOR));
-        let is_there = there.simd_gt(f32x4::splat(if square > NO_HALF_VECTOR { 0.0 } else { f32::INFINITY }));
-        ([along * hx - tx, along * hy - ty, along * hz - tz], is_there)
+        let nothing = T::of(NO_HALF_VECTOR);
+        let along = there * (T::of(2.0) / square.larger(nothing));
+        let bound = T::choose(nothing.less(square), zero, T::of(f32::INFINITY));
+        ([along * hx - tx, along * hy - ty, along * hz - tz], bound.less(there))
     };
-    let (one, worthless) = (f32x4::ONE, f32x4::splat(WORTHLESS));
-    let moved: [f32x4; 3] = std::array::from_fn(|k| is_there.bitselect(moved[k], stays[k]));
-    if domain == Domain::Sphere && alignment == Alignment::Rotation && !lower {
-        return (moved, is_there.bitselect(one, worthless));
+    let choose = |k: usize| T::choose(is_there, moved[k], wo[k]);
+    let [mx, my, mz] = [choose(0), choose(1), choose(2)];
+    if is_free {
+        return ([mx, my, mz], T::choose(is_there, one, worthless));
     }
-    let side = f32x4::splat(if z >= 0.0 { 1.0 } else { -1.0 });
-    let height = side * moved[2];
-    let worth = (height * f32x4::splat(1.0 / LOW)).fast_max(worthless).fast_min(one);
-    ([moved[0], moved[1], side * height.fast_max(f32x4::ZERO)], is_there.bitselect(worth, worthless))
+    let side = T::choose(zero.at_most(z), one, T::of(-1.0));
+    let height = side * mz;
+    let worth = (height * T::of(1.0 / LOW)).larger(worthless).smaller(one);
+    ([mx, my, side * height.larger(zero)], T::choose(is_there, worth, worthless))
 }
 
 /// The way of outgoing directions from one incoming direction to another, wherever it leads.
@@ -410,8 +438,10 @@ pub(super) struct Carrier {
     turn: [f64; 2],
 }
 
+#[allow(clippy::inline_always, reason = "a call in a loop over places would keep it from becoming vector code")]
+#[allow(clippy::needless_bitwise_bool, reason = "loops over places without branches become vector code")]
 impl Carrier {
-    #[inline]
+    #[inline(always)]
     pub(super) fn new(alignment: Alignment, wi: Vector, to: Vector) -> Self {
         let mut carrier = Self { alignment, wi, to, turn: [1.0, 0.0] };
         if alignment == Alignment::TurnedHalfVector {
@@ -422,40 +452,40 @@ impl Carrier {
         carrier
     }
 
-    #[inline]
+    #[inline(always)]
     fn turned(&self, d: Vector) -> Vector {
         let [cos, sin] = self.turn;
         [cos * d[0] - sin * d[1], sin * d[0] + cos * d[1], d[2]]
     }
 
     /// Twice the half vector, its square, and its inner product with the direction it is carried to.
-    #[inline]
+    #[inline(always)]
     fn half_vector(&self, wo: Vector) -> (Vector, f64, f64) {
         let h = add(self.wi, self.turned(wo));
         (h, dot(h, h), dot(self.to, h))
     }
 
     /// Whether `wo` is carried anywhere.
-    #[inline]
+    #[inline(always)]
     pub(super) fn carries(&self, wo: Vector) -> bool {
         match self.alignment {
             Alignment::None => true,
             Alignment::HalfVector | Alignment::TurnedHalfVector => {
                 let (_, square, there) = self.half_vector(wo);
-                square > f64::from(NO_HALF_VECTOR) && there > 0.0
+                (square > f64::from(NO_HALF_VECTOR)) & (there > 0.0)
             }
             Alignment::Rotation => dot(self.wi, self.to) >= f64::from(NEARLY_BACK),
         }
     }
 
     /// Whether `wo` is carried to the side of the horizon where z has this sign, or to the horizon; to any if that is 0.
-    #[inline]
+    #[inline(always)]
     pub(super) fn carries_to(&self, side: f64, wo: Vector) -> bool {
         match self.alignment {
             Alignment::HalfVector | Alignment::TurnedHalfVector => {
                 let (h, square, there) = self.half_vector(wo);
                 let is_beside = side * (2.0 * there * h[2] - self.to[2] * square) >= 0.0;
-                is_beside && square > f64::from(NO_HALF_VECTOR) && there > 0.0
+                is_beside & (square > f64::from(NO_HALF_VECTOR)) & (there > 0.0)
             }
             _ => self.carry(wo).is_some_and(|(there, _)| side * there[2] >= 0.0),
         }
@@ -463,13 +493,13 @@ impl Carrier {
 
     /// Where `wo` is carried, and the solid angle of what is there in parts of that of what is here; `None` where there is
     /// no way.
-    #[inline]
+    #[inline(always)]
     pub(super) fn carry(&self, wo: Vector) -> Option<(Vector, f64)> {
         match self.alignment {
             Alignment::None => Some((wo, 1.0)),
             Alignment::HalfVector | Alignment::TurnedHalfVector => {
                 let (h, square, there) = self.half_vector(wo);
-                if square <= f64::from(NO_HALF_VECTOR) || there <= 0.0 {
+                if (square <= f64::from(NO_HALF_VECTOR)) | (there <= 0.0) {
                     return None;
                 }
                 // Around one half vector a solid angle is 4 |w · h| of its own (Walter et al. 2007, section 4.2).
@@ -490,7 +520,8 @@ impl Carrier {
 }
 
 /// Cosine and sine of the azimuth; of 0 for the normal.
-#[inline]
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "as for a carrier")]
 fn azimuth(d: Vector) -> [f64; 2] {
     let length = (d[0] * d[0] + d[1] * d[1]).sqrt();
     if length * length > f64::from(NO_AZIMUTH) { [d[0] / length, d[1] / length] } else { [1.0, 0.0] }

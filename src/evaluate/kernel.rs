@@ -5,6 +5,28 @@
 /// Wavelengths that are worked on together.
 pub(super) const LANES: usize = 16;
 
+/// Places that are worked on together: step by step, each step for all of them before the next, so that they do not wait for
+/// one another and loops become vector code.
+pub(super) const BLOCK: usize = 48;
+/// A number for each place of a block.
+pub(super) type Block = [f64; BLOCK];
+/// A vector for each place of a block: x, y, z.
+pub(super) type Vectors = [Block; 3];
+
+/// The vector of one place of a block.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "a call in the loop over places would keep it from becoming vector code")]
+pub(super) fn vector_of([x, y, z]: &Vectors, i: usize) -> [f64; 3] {
+    [x[i], y[i], z[i]]
+}
+
+/// Sets it.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "as for reading it")]
+pub(super) fn set_vector([x, y, z]: &mut Vectors, i: usize, to: [f64; 3]) {
+    [x[i], y[i], z[i]] = to;
+}
+
 /// eˣ to 2 units in the last place for −87 … 88; 0 below and the largest finite power above.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "a call in the loop over lanes would keep it from becoming vector code")]

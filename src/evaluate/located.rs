@@ -2,8 +2,10 @@
 
 use super::batch::{Directions, Pairs};
 use super::elements::slots_of_four;
+use super::kernel::{BLOCK, Vectors, set_vector, vector_of};
 use super::lookup::MeshLookup;
 use super::{EvaluateError, Material};
+use crate::domain::wide;
 use std::hint::select_unpredictable;
 use wide::f32x4;
 
@@ -11,6 +13,32 @@ use wide::f32x4;
 pub(super) const OUTSIDE: u32 = u32::MAX;
 
 impl MeshLookup {
+    /// Writes the triangles that hold unit vectors, or [`OUTSIDE`]; the same as [`MeshLookup::locate_vector`].
+    pub(super) fn locate_block(&self, d: &Vectors, to: &mut [u32; BLOCK]) {
+        wide(
+            #[inline(always)]
+            || {
+                let (mut folded, mut slots) = (*d, [0; BLOCK]);
+                for i in 0..BLOCK {
+                    let [x, y, z] = vector_of(d, i);
+                    let [left, back, down] = [x, y, z].map(|c| (c.to_bits() >> 63) as u32);
+                    let is_odd = left != back;
+                    let (x, y) = (x.abs(), y.abs());
+                    let octant = [if is_odd { y } else { x }, if is_odd { x } else { y }, z.abs()];
+                    set_vector(&mut folded, i, octant);
+                    slots[i] = self.slot(octant);
+                    to[i] = self.triangle((left ^ back) + 2 * back, down);
+                }
+                for (i, to) in to.iter_mut().enumerate() {
+                    *to += self.leaf_at(slots[i] as usize, vector_of(&folded, i)) as u32;
+                }
+                for (i, to) in to.iter_mut().enumerate() {
+                    *to = if self.holds(vector_of(d, i)) { *to } else { OUTSIDE };
+                }
+            },
+        );
+    }
+
     /// Writes the triangles that hold directions of any length, or [`OUTSIDE`]; whether all of them are directions, of
     /// lengths whose squares these numbers hold.
     fn locate_all(&self, d: Directions<'_>, to: &mut [u32]) -> bool {
@@ -31,9 +59,9 @@ impl MeshLookup {
             let folded = folded.map(f32x4::to_array);
             let [left, back, down] = [x, y, z].map(|c| c.is_sign_negative().to_bitmask());
             for (k, to) in to[start..].iter_mut().take(4).enumerate() {
-                let [left, back, down] = [left, back, down].map(|mask| (mask >> k) as usize & 1);
+                let [left, back, down] = [left, back, down].map(|mask| (mask >> k) & 1);
                 let leaf = self.leaf_at(slots[k] as usize, folded.map(|c| f64::from(c[k])));
-                let held = self.triangle((left ^ back) + 2 * back, down, leaf) as u32;
+                let held = self.triangle((left ^ back) + 2 * back, down) + leaf as u32;
                 *to = select_unpredictable(self.holds([0.0, 0.0, f64::from(d.z[lanes[k]])]), held, OUTSIDE);
             }
         }

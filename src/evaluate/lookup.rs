@@ -49,7 +49,9 @@ pub(super) struct MeshLookup {
     /// 1 on the upper hemisphere, −1 on the lower, 0 on the sphere: the sign of z, if any.
     up: f64,
     /// The number of the first octant below the horizon where there are both sides, else 0.
-    below: usize,
+    below: u32,
+    /// The binary logarithm of the number of leaves in an octant.
+    shift: u32,
     /// For each inner node, level by level: the three planes that cut off its corners, positive on the corner's side.
     cuts: Vec<Vector>,
     /// For each leaf: the inner product of entry k with a direction is in proportion to its k-th barycentric coordinate.
@@ -109,9 +111,9 @@ impl Finder {
 
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "the first step of every query")]
-    fn slot(&self, d: Vector) -> usize {
+    fn slot(&self, d: Vector) -> u32 {
         let (i, j, up) = patch_of(d.map(|x| x as f32), self.side as f32);
-        slot(i, j, up, self.side)
+        slot(i, j, up, self.side) as u32
     }
 }
 
@@ -193,7 +195,7 @@ impl MeshLookup {
             Domain::Lower => (-1.0, 0),
             Domain::Sphere => (0.0, 4),
         };
-        Self { mesh, up, below, cuts, opposite, corners, starts, around, finder }
+        Self { mesh, up, below, shift: 2 * u32::from(mesh.level()), cuts, opposite, corners, starts, around, finder }
     }
 
     pub(super) fn mesh(&self) -> TriangleMesh {
@@ -221,7 +223,8 @@ impl MeshLookup {
     }
 
     /// Whether the unit vector `d` is in the domain.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a call in a loop over places would keep it from becoming vector code")]
     pub(super) fn holds(&self, [_, _, z]: Vector) -> bool {
         z * self.up >= 0.0
     }
@@ -232,6 +235,7 @@ impl MeshLookup {
     }
 
     /// The vertex numbers of a triangle.
+    #[inline]
     pub(super) fn corners(&self, triangle: usize) -> [u32; 3] {
         self.corners[triangle]
     }
@@ -273,12 +277,19 @@ impl MeshLookup {
             return None;
         }
         // From the signs alone: which octant it is cannot be predicted. On an edge between two it may be either.
-        let [left, back, down] = [x, y, z].map(|c| (c.to_bits() >> 63) as usize);
+        let [left, back, down] = [x, y, z].map(|c| (c.to_bits() >> 63) as u32);
         let is_odd = left ^ back;
         let sides = [x.abs(), y.abs()];
-        let folded = [sides[is_odd], sides[is_odd ^ 1], z.abs()];
-        let leaf = self.leaf_at(self.finder.slot(folded), folded);
-        Some((self.triangle(is_odd + 2 * back, down, leaf), folded))
+        let folded = [sides[is_odd as usize], sides[is_odd as usize ^ 1], z.abs()];
+        let leaf = self.leaf_at(self.slot(folded) as usize, folded);
+        Some((self.triangle(is_odd + 2 * back, down) as usize + leaf, folded))
+    }
+
+    /// The patch of the finder in which a unit vector of the first octant lies.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a call in a loop over places would keep it from becoming vector code")]
+    pub(super) fn slot(&self, folded: Vector) -> u32 {
+        self.finder.slot(folded)
     }
 
     /// The patches of the finder along a side of the octant.
@@ -286,14 +297,16 @@ impl MeshLookup {
         self.finder.side
     }
 
-    /// The number of a leaf of the octant in one of the quadrants, above or below the horizon.
-    #[inline]
-    pub(super) fn triangle(&self, quadrant: usize, down: usize, leaf: usize) -> usize {
-        (quadrant + self.below * down) * self.opposite.len() + leaf
+    /// The number of the first leaf of the octant in one of the quadrants, above or below the horizon.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "as for the patch")]
+    pub(super) fn triangle(&self, quadrant: u32, down: u32) -> u32 {
+        (quadrant + self.below * down) << self.shift
     }
 
     /// The leaf of the first octant that holds `folded`, of any length, which lies in a patch of the finder.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "as for the patch")]
     pub(super) fn leaf_at(&self, slot: usize, folded: Vector) -> usize {
         let place = self.finder.places[slot];
         if place.plane == Place::ANYWHERE.plane {
@@ -304,6 +317,7 @@ impl MeshLookup {
     }
 
     /// The leaf of the first octant that holds `folded`, from the top.
+    #[cold]
     fn leaf(&self, folded: Vector) -> usize {
         let (mut node, mut offset, mut width) = (0, 0, 1);
         for _ in 0..self.mesh.level() {

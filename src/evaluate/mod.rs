@@ -25,6 +25,7 @@
 
 mod albedo;
 mod batch;
+mod carried;
 mod chosen;
 mod elements;
 mod incoming;
@@ -32,12 +33,14 @@ mod kernel;
 mod located;
 mod lookup;
 mod material;
+mod number;
 pub mod physics;
 mod planes;
 mod reconstruct;
 mod sampling;
 mod smooth;
 mod spectrum;
+mod staged;
 pub mod warp;
 
 pub use albedo::Side;

@@ -8,21 +8,24 @@
 //! density, which goes with the smooth form, are carried along, and their density with them; a uniform one goes with the
 //! piecewise constant form, which does not move within a cell.
 
-use super::batch::{BLOCK, Pairs};
-use super::incoming::{Alignment, Carrier};
+use super::batch::Pairs;
+use super::carried::{Carried, Way};
+use super::incoming::Alignment;
+use super::kernel::BLOCK;
 use super::located::OUTSIDE;
 use super::lookup::MeshLookup;
 use super::material::{Form, turned};
+use super::staged::Room;
 use super::warp::{BELOW_ONE, Density, Measure, SampleOptions, WarpMesh, Warps};
 use super::{DirectionSample, EvaluateError, Interpolation, Material, Place, unfit};
-use crate::domain::vector::{Vector, unit};
+use crate::domain::vector::unit;
 use crate::domain::{Direction, Domain};
 use std::sync::Arc;
 
 /// The warps of all incoming cells.
 #[derive(Debug)]
 pub(super) struct Trees {
-    warps: Warps,
+    pub(super) warps: Warps,
     has_cosine: bool,
     /// What the value is made of: a weight for each sample of a spectrum.
     weights: Vec<f32>,
@@ -60,69 +63,6 @@ impl Trees {
     pub(super) fn memory(&self) -> usize {
         self.warps.memory() + self.warps.mesh().memory() + size_of_val(&*self.weights)
     }
-}
-
-/// Where a cell's directions are seen under another incoming direction, and back.
-struct Carried {
-    out: Carrier,
-    back: Carrier,
-    /// The sign of z on the outgoing hemisphere; 0 on the sphere.
-    side: f64,
-}
-
-impl Carried {
-    /// The direction of the cell's `wo` under the incoming direction asked for, and the part of its density that comes from
-    /// there, for a density `pdf` at `wo`: what goes below the horizon comes up again, and what has no way stays.
-    #[inline]
-    fn out(&self, wo: Vector, pdf: f64) -> (Vector, f64, Way) {
-        match self.out.carry(wo) {
-            None => (wo, pdf, Way::Stayed),
-            Some((moved, solid_angle)) if self.side * moved[2] < 0.0 => {
-                ([moved[0], moved[1], -moved[2]], pdf / solid_angle, Way::Crossed)
-            }
-            Some((moved, solid_angle)) => (moved, pdf / solid_angle, Way::Straight),
-        }
-    }
-
-    /// The cell's direction that is carried to `wo` that way, and its solid angle in parts of that at `wo`.
-    #[inline]
-    fn origin(&self, way: Way, wo: Vector) -> Option<(Vector, f64)> {
-        let [x, y, z] = wo;
-        let back = |wo: Vector| if self.back.carries_to(self.side, wo) { self.back.carry(wo) } else { None };
-        match way {
-            Way::Straight => back(wo),
-            Way::Crossed if self.side == 0.0 => None,
-            Way::Crossed => back([x, y, -z]),
-            Way::Stayed => (!self.out.carries(wo)).then_some((wo, 1.0)),
-        }
-    }
-
-    /// The density at `wo` of directions of the cell's density `pdf` that came by any way but `known`.
-    #[inline]
-    fn density(&self, wo: Vector, known: Option<Way>, pdf: impl Fn(Direction) -> f64) -> f64 {
-        let mut sum = 0.0;
-        for way in Way::ALL {
-            if known != Some(way)
-                && let Some((there, part)) = self.origin(way, wo)
-            {
-                sum += pdf(Direction::from_unit(unit(there))) * part;
-            }
-        }
-        sum
-    }
-}
-
-/// How a direction was carried.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Way {
-    Straight,
-    /// Over the horizon and up again.
-    Crossed,
-    Stayed,
-}
-
-impl Way {
-    const ALL: [Self; 3] = [Self::Straight, Self::Crossed, Self::Stayed];
 }
 
 /// Draws from a material by its values at one wavelength; as [`Material::sample`] and its kin do by the mean.
@@ -222,13 +162,20 @@ impl Material {
         let count = pairs.check(out.len(), 1)?;
         let trees = self.mean_trees()?;
         let entry = self.sampled_entry(pairs.index, options)?;
-        if !(options == SampleOptions { density: Density::Uniform, ..SampleOptions::default() }) || self.is_isotropic()
-        {
+        if !self.is_staged(options) {
             return out.iter_mut().enumerate().try_for_each(|(i, out)| {
                 let Place { index, wi, wo } = pairs.place(i)?;
                 let Some(wo) = wo else { return self.outgoing(wi, wo).map(|_| ()) };
                 *out = self.pdf_by(trees, index, wi, wo, options)? as f32;
                 Ok(())
+            });
+        }
+        if let (Density::Linear, Some(wo)) = (options.density, pairs.wo) {
+            let mut room = Room::NEW;
+            return (0..count).step_by(BLOCK).zip(out.chunks_mut(BLOCK)).try_for_each(|(start, out)| {
+                let end = start + out.len();
+                self.arrive(entry, pairs.wi.map(|wi| wi.part(start, end)), out.len(), &mut room.arrived)?;
+                self.linear_densities(&trees.warps, wo.part(start, end), &mut room, out)
             });
         }
         let (mut incoming, mut outgoing) = ([0; BLOCK], [0; BLOCK]);
@@ -300,7 +247,7 @@ impl Material {
     }
 
     /// A direction drawn by the mean over wavelengths, its density, and what `value` makes of where the function is taken: the
-    /// place, the form, and the cell where that is known.
+    /// place, the form, the entry of the incoming axis, and the cell where that is known.
     #[inline]
     pub(super) fn drawn_with<T>(
         &self,
@@ -308,16 +255,17 @@ impl Material {
         wi: Option<Direction>,
         u: [f64; 2],
         options: SampleOptions,
-        value: impl FnOnce(Place<'_>, Interpolation, Option<usize>) -> Result<T, EvaluateError>,
+        value: impl FnOnce(Place<'_>, Interpolation, usize, Option<usize>) -> Result<T, EvaluateError>,
     ) -> Result<Option<(Direction, f64, T)>, EvaluateError> {
         let trees = self.mean_trees()?;
-        if options.density == Density::Linear {
-            let Some((wo, pdf)) = self.draw_by(trees, index, wi, u, options)? else { return Ok(None) };
-            let value = value(Place { index, wi, wo: Some(wo) }, Interpolation::Smooth, None)?;
-            return Ok(Some((wo, pdf, value)));
-        }
         let cell = self.sampled_cell(index, wi, options)?;
         check_point(u)?;
+        let incoming = cell % self.shape[0];
+        if options.density == Density::Linear {
+            let Some((wo, pdf)) = self.draw_from(trees, cell, wi, u, options) else { return Ok(None) };
+            let value = value(Place { index, wi, wo: Some(wo) }, Interpolation::Smooth, incoming, None)?;
+            return Ok(Some((wo, pdf, value)));
+        }
         let Some(drawn) = trees.warps.sample(cell, u, &options).filter(|drawn| drawn.pdf > 0.0) else {
             return Ok(None);
         };
@@ -327,7 +275,7 @@ impl Material {
             wo = turned(wo, cos, sin);
         }
         let cell = cell * self.shape[1] + drawn.leaf;
-        let value = value(Place { index, wi, wo: Some(wo) }, Interpolation::Constant, Some(cell))?;
+        let value = value(Place { index, wi, wo: Some(wo) }, Interpolation::Constant, incoming, Some(cell))?;
         Ok(Some((wo, drawn.pdf, value)))
     }
 
@@ -343,20 +291,33 @@ impl Material {
     ) -> Result<Option<(Direction, f64)>, EvaluateError> {
         let cell = self.sampled_cell(index, wi, options)?;
         check_point(u)?;
+        Ok(self.draw_from(trees, cell, wi, u, options))
+    }
+
+    /// The same from a known cell.
+    #[inline]
+    fn draw_from(
+        &self,
+        trees: &Trees,
+        cell: usize,
+        wi: Option<Direction>,
+        u: [f64; 2],
+        options: SampleOptions,
+    ) -> Option<(Direction, f64)> {
         let [cos, sin] = self.azimuth(wi);
         let Some(carried) = self.carried_to(cell, wi, options.density) else {
             let drawn = trees.warps.sample(cell, u, &options);
-            return Ok(drawn.map(|drawn| (turned(drawn.direction, cos, sin), drawn.pdf)).filter(is_drawn));
+            return drawn.map(|drawn| (turned(drawn.direction, cos, sin), drawn.pdf)).filter(is_drawn);
         };
         let (by_tree, own) = trees.without_defence(cell, options);
         if options.defensive > 0.0 && u[0] >= by_tree {
             let u = [((u[0] - by_tree) / (1.0 - by_tree)).min(BELOW_ONE), u[1]];
             let direction = trees.warps.draw_background(u);
             let pdf = Self::carried_pdf(trees, cell, &carried, direction, options);
-            return Ok((pdf > 0.0).then(|| (turned(direction, cos, sin), pdf)));
+            return (pdf > 0.0).then(|| (turned(direction, cos, sin), pdf));
         }
         let drawn = trees.warps.sample(cell, [(u[0] / by_tree).min(1.0), u[1]], &own);
-        Ok(drawn
+        drawn
             .map(|drawn| {
                 let (wo, density, way) = carried.out(drawn.direction.xyz(), drawn.pdf);
                 let tree = density + carried.density(wo, Some(way), |there| trees.warps.pdf(cell, there, &own));
@@ -364,7 +325,7 @@ impl Material {
                 let background = if by_tree < 1.0 { trees.warps.background(direction) } else { 0.0 };
                 (turned(direction, cos, sin), by_tree * tree + (1.0 - by_tree) * background)
             })
-            .filter(is_drawn))
+            .filter(is_drawn)
     }
 
     /// The density at `wo` where directions are carried.
@@ -382,21 +343,24 @@ impl Material {
         if density == Density::Uniform {
             return None;
         }
+        let (alignment, side) = self.carries()?;
+        let from = self.incoming_directions[cell % self.shape[0]];
+        let to = self.wi_in_plane(wi);
+        Some(Carried::new(alignment, side, from, to))
+    }
+
+    /// How directions drawn with a linear density are carried, and the sign of z on the outgoing hemisphere, 0 on the sphere;
+    /// `None` where they stay.
+    pub(super) fn carries(&self) -> Option<(Alignment, f64)> {
         let Form::Planes { smooth, .. } = &self.form else { return None };
         let domain = self.outgoing.as_ref()?.mesh().domain();
         let both = domain == Domain::Sphere && smooth.alignment != Alignment::Rotation;
-        if smooth.alignment == Alignment::None || both {
-            return None;
-        }
         let side = match domain {
             Domain::Hemisphere => 1.0,
             Domain::Lower => -1.0,
             Domain::Sphere => 0.0,
         };
-        let from = self.incoming_directions[cell % self.shape[0]];
-        let to = self.wi_in_plane(wi);
-        let (out, back) = (Carrier::new(smooth.alignment, from, to), Carrier::new(smooth.alignment, to, from));
-        Some(Carried { out, back, side })
+        (smooth.alignment != Alignment::None && !both).then_some((smooth.alignment, side))
     }
 
     #[inline]
@@ -462,23 +426,7 @@ impl Material {
         self.entry(index)
     }
 
-    /// The directions that cells draw, with their density and cell, where nothing is carried or turned and the incoming
-    /// entries are known; `None` where nothing is drawn.
-    #[inline]
-    pub(super) fn draw_in(
-        &self,
-        entry: usize,
-        incoming: usize,
-        u: [f64; 2],
-        options: SampleOptions,
-    ) -> Result<Option<(Direction, f64, usize)>, EvaluateError> {
-        check_point(u)?;
-        let cell = entry * self.shape[0] + incoming;
-        let drawn = self.mean_trees()?.warps.sample(cell, u, &options).filter(|drawn| drawn.pdf > 0.0);
-        Ok(drawn.map(|drawn| (drawn.direction, drawn.pdf, cell * self.shape[1] + drawn.leaf)))
-    }
-
-    fn mean_trees(&self) -> Result<&Trees, EvaluateError> {
+    pub(super) fn mean_trees(&self) -> Result<&Trees, EvaluateError> {
         self.trees.as_ref().map_or_else(|| self.nothing_to_sample(), Ok)
     }
 
@@ -492,7 +440,7 @@ fn is_drawn((_, pdf): &(Direction, f64)) -> bool {
     *pdf > 0.0
 }
 
-fn check_point(u: [f64; 2]) -> Result<(), EvaluateError> {
+pub(super) fn check_point(u: [f64; 2]) -> Result<(), EvaluateError> {
     if u.iter().all(|u| (0.0..=1.0).contains(u)) {
         return Ok(());
     }

@@ -36,7 +36,7 @@ impl Material {
         }
         match &self.form {
             Form::Planes { planes, smooth } => {
-                self.with_row(planes, smooth, place, how, |row, presence| planes.expand(row, presence, out))?;
+                self.with_row(planes, smooth, place, how, None, |row, presence| planes.expand(row, presence, out))?;
             }
             Form::Samples { samples, .. } if self.cells() == 1 && self.layout().incoming.is_none() => {
                 self.cell_of(place)?;
@@ -70,7 +70,7 @@ impl Material {
             return unfit(format!("room for {} samples, expected {}: one a wavelength", out.len(), wavelengths.len()));
         }
         match &self.form {
-            Form::Planes { planes, smooth } => self.with_row(planes, smooth, place, how, |row, presence| {
+            Form::Planes { planes, smooth } => self.with_row(planes, smooth, place, how, None, |row, presence| {
                 if presence > 0.0 {
                     for (lambdas, out) in wavelengths.chunks(FEW).zip(out.chunks_mut(FEW)) {
                         few(planes, (row, presence), (grid, beyond), lambdas, out);
@@ -119,9 +119,8 @@ impl Material {
         sum: impl Fn(&dyn Fn(usize) -> f32) -> f32,
     ) -> Result<f32, EvaluateError> {
         Ok(match &self.form {
-            Form::Planes { planes, smooth } => {
-                self.with_row(planes, smooth, place, how, |row, presence| planes.weighted(row, presence, weights))?
-            }
+            Form::Planes { planes, smooth } => self
+                .with_row(planes, smooth, place, how, None, |row, presence| planes.weighted(row, presence, weights))?,
             Form::Samples { samples, .. } => match self.find(samples, place, how)? {
                 Found::Outside => 0.0,
                 Found::Cell(row) => sum(&|lambda| row[lambda]),
@@ -192,7 +191,7 @@ impl Material {
     }
 
     /// What `work` makes of the row of planes at a place and of its presence: 0 if `wo` is outside the outgoing domain, NaN
-    /// where it is masked.
+    /// where it is masked. The smooth form need not look for the entry of the incoming axis where it is known.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "rows are worked on where they stand")]
     pub(super) fn with_row<R>(
@@ -201,6 +200,7 @@ impl Material {
         smooth: &Smooth,
         place: Place<'_>,
         how: Interpolation,
+        incoming: Option<usize>,
         work: impl FnOnce(&[f32], f32) -> R,
     ) -> Result<R, EvaluateError> {
         let entry = self.entry_of(place)?;
@@ -210,7 +210,7 @@ impl Material {
                 None => work(&[], 0.0),
             },
             Interpolation::Smooth => {
-                if let Some(seen) = self.seen(smooth, None, place)? {
+                if let Some(seen) = self.seen(smooth, incoming, place)? {
                     let mixed = smooth.at(entry, &seen);
                     work(&mixed.row, mixed.presence)
                 } else {

@@ -76,6 +76,8 @@ pub struct WarpMesh {
     /// Where each level starts in `places`, and in a tree, counted in single numbers.
     firsts: [usize; LEVELS],
     starts: [usize; LEVELS],
+    /// Groups of one tree.
+    groups: usize,
     /// For each place of the last level: the leaf · 8 + the number of its frame.
     framed: Vec<u32>,
     /// The vertex numbers of the squares of leaves: (0,0), (0,1), (1,0), (1,1).
@@ -134,6 +136,7 @@ impl WarpMesh {
             places,
             firsts: std::array::from_fn(|level| mesh.bases() * first(level as u8)),
             starts: [0; LEVELS],
+            groups: 0,
             framed,
             quads,
             points,
@@ -142,7 +145,8 @@ impl WarpMesh {
             exact,
         };
         this.starts = std::array::from_fn(|level| 8 * this.group_of(level as u8, 0));
-        let mut measures = vec![Group::default(); this.groups()];
+        this.groups = this.children(mesh.level(), 0);
+        let mut measures = vec![Group::default(); this.groups];
         this.fill(&mut this.exact.clone(), &mut measures);
         this.measures = measures;
         this
@@ -187,8 +191,9 @@ impl WarpMesh {
     }
 
     /// Groups of one tree: the root, then one for every square above the last level.
+    #[inline]
     pub(super) fn groups(&self) -> usize {
-        self.children(self.mesh.level(), 0)
+        self.groups
     }
 
     /// The group of the quadrants of `square`, a square of `level`.
@@ -239,16 +244,19 @@ impl WarpMesh {
     }
 
     /// The leaf at a place of the last level, and its frame.
+    #[inline]
     pub(super) fn framed(&self, place: usize) -> (usize, Frame) {
         unframed(self.framed[place])
     }
 
     /// The numbers of the vertices of a square of leaves: (0,0), (0,1), (1,0), (1,1).
+    #[inline]
     pub(super) fn quad(&self, square: usize) -> [u32; 4] {
         self.quads[square]
     }
 
     /// The numbers of a leaf's vertices.
+    #[inline]
     pub(super) fn corners_of(&self, leaf: usize) -> [u32; 3] {
         self.lookup.corners(leaf)
     }
@@ -293,12 +301,12 @@ impl WarpMesh {
         ([a * length, b * length, c * length], length * length * length * geometry.density)
     }
 
-    /// The factor of [`WarpMesh::point`] at a unit vector in `leaf`.
+    /// The coordinates of the planar point on the ray of a unit vector in `leaf`, and the factor of [`WarpMesh::point`].
     #[inline]
-    pub(super) fn factor(&self, leaf: usize, [x, y, z]: Vector) -> f64 {
+    pub(super) fn coordinates_in(&self, leaf: usize, [x, y, z]: Vector) -> ([f64; 3], f64) {
         let is_odd = (leaf >> (2 * u32::from(self.mesh.level()))) & 1;
         let sides = [x.abs(), y.abs()];
-        self.coordinates(leaf, [sides[is_odd], sides[is_odd ^ 1], z.abs()]).1
+        self.coordinates(leaf, [sides[is_odd], sides[is_odd ^ 1], z.abs()])
     }
 }
 
@@ -312,6 +320,7 @@ impl Leaf {
     }
 }
 
+#[inline]
 fn unframed(framed: u32) -> (usize, Frame) {
     ((framed >> 3) as usize, FRAMES[(framed & 7) as usize])
 }

@@ -31,6 +31,7 @@
 //! Tables are f32, arithmetic is f64. A parent is the rounded sum of its leaves, so that the probability with which the
 //! descent reaches a leaf and the stored one that [`Warps::pdf`] tells differ by up to 1e-7 of it per level.
 
+mod block;
 mod mesh;
 mod square;
 #[cfg(test)]
@@ -38,6 +39,7 @@ mod table9;
 #[cfg(test)]
 mod tests;
 
+pub(super) use block::Draws;
 pub use mesh::WarpMesh;
 
 use crate::domain::{Direction, Domain};
@@ -233,11 +235,13 @@ impl Warps {
         }
     }
 
+    #[inline]
     fn end(&self, options: &SampleOptions) -> u8 {
         let level = self.mesh.mesh().level();
         options.level.map_or(level, |end| end.min(level))
     }
 
+    #[inline]
     fn tree(&self, cell: usize) -> &[Group] {
         let groups = self.mesh.groups();
         &self.trees[cell * groups..][..groups]
@@ -263,6 +267,7 @@ impl Warps {
     }
 
     /// The numbers at the vertices that shape the linear density inside a leaf.
+    #[inline]
     fn shape(&self, cell: usize, end: u8) -> &[f32] {
         if end == self.mesh.mesh().level() {
             let points = self.mesh.vertices().len();
@@ -275,7 +280,25 @@ impl Warps {
     /// The tree's density at a unit vector in `leaf`, uniform in leaves of the last level.
     #[inline]
     pub(in crate::evaluate) fn uniform_density(&self, cell: usize, leaf: usize, direction: [f64; 3]) -> f64 {
-        f64::from(self.probability_at(cell, self.mesh.mesh().level(), leaf)) * self.mesh.factor(leaf, direction)
+        f64::from(self.probability_at(cell, self.mesh.mesh().level(), leaf))
+            * self.mesh.coordinates_in(leaf, direction).1
+    }
+
+    /// The same, linear in leaves of the last level.
+    #[inline]
+    pub(in crate::evaluate) fn linear_density(&self, cell: usize, leaf: usize, direction: [f64; 3]) -> f64 {
+        let level = self.mesh.mesh().level();
+        let (coordinates, factor) = self.mesh.coordinates_in(leaf, direction);
+        let probability = f64::from(self.probability_at(cell, level, leaf));
+        self.linear_in(cell, level, leaf, probability, coordinates) * factor
+    }
+
+    /// The linear density inside a leaf of this probability, over its triangle.
+    #[inline]
+    fn linear_in(&self, cell: usize, end: u8, leaf: usize, probability: f64, coordinates: [f64; 3]) -> f64 {
+        let shape = self.shape(cell, end);
+        let values = self.mesh.corners_of(leaf).map(|id| f64::from(shape[id as usize]));
+        linear_at(probability, values, coordinates)
     }
 
     /// The leaf that holds a direction, its coordinates there, and the tree's density.
@@ -290,12 +313,7 @@ impl Warps {
         let probability = self.probability(cell, end, leaf);
         let density = match options.density {
             Density::Uniform => probability,
-            Density::Linear => {
-                let shape = self.shape(cell, end);
-                let [a, b, c] = self.mesh.corners_of(leaf);
-                let value = |id: u32| f64::from(shape[id as usize]);
-                linear_at(probability, [value(a), value(b), value(c)], coordinates)
-            }
+            Density::Linear => self.linear_in(cell, end, leaf, probability, coordinates),
         };
         Some((leaf, coordinates, density * factor))
     }
@@ -325,7 +343,7 @@ impl Warps {
         let (leaf, frame) = self.mesh.framed(2 * square + half);
         let inside = inward(point.coordinates());
         let (direction, factor) = self.mesh.point(leaf, frame, inside);
-        let density = linear.map_or(masses[half], |linear| linear.density(half, inside));
+        let density = linear.map_or(masses[half], |linear| linear.density(point.upper, inside));
         let mut coordinates = [0.0; 3];
         for (k, coordinate) in frame.into_iter().zip(inside) {
             coordinates[usize::from(k)] = coordinate;
@@ -467,26 +485,27 @@ struct Fraction {
     under: f64,
 }
 
+#[allow(clippy::inline_always, reason = "a call in a loop over points would keep it from becoming vector code")]
 impl Fraction {
-    #[inline]
+    #[inline(always)]
     fn new(u: f64) -> Self {
         Self { over: u, under: 1.0 }
     }
 
-    #[inline]
+    #[inline(always)]
     fn value(self) -> f64 {
         let value = self.over / self.under;
         if value < BELOW_ONE { value } else { BELOW_ONE }
     }
 
-    #[inline]
+    #[inline(always)]
     fn reduced(self) -> Self {
         Self::new(self.value())
     }
 
     /// Whether it is beyond the `first` of two masses, never so if there is no second one; and what is left of it, stretched
     /// over the mass in which it is.
-    #[inline]
+    #[inline(always)]
     #[allow(clippy::needless_bitwise_bool, reason = "neither can be predicted")]
     fn split(self, first: f64, second: f64) -> (bool, Self) {
         let (over, start) = (self.over * (first + second), first * self.under);
@@ -498,7 +517,8 @@ impl Fraction {
 
 /// Chooses a quadrant, the half a by the first coordinate and the half b by the second, and stretches both over the choice.
 /// Never chooses one without weight.
-#[inline]
+#[allow(clippy::inline_always, reason = "as for a fraction")]
+#[inline(always)]
 fn choose([w0, w1, w2, w3]: [f64; 4], u: &mut [Fraction; 2]) -> usize {
     let (a, first) = u[0].split(w0 + w1, w2 + w3);
     let (b, second) = u[1].split(select_unpredictable(a, w2, w0), select_unpredictable(a, w3, w1));
@@ -519,7 +539,8 @@ fn interval([w0, w1, w2, w3]: [f64; 4], quadrant: usize) -> ([f64; 2], [f64; 2])
 }
 
 /// `u` in the square of level 0, which may run the other way.
-#[inline]
+#[allow(clippy::inline_always, reason = "as for a fraction")]
+#[inline(always)]
 fn flipped(square: usize, u: [Fraction; 2]) -> [Fraction; 2] {
     [0, 1].map(|k| {
         let [start, direction] = FLIPS[square][k];
@@ -528,7 +549,8 @@ fn flipped(square: usize, u: [Fraction; 2]) -> [Fraction; 2] {
 }
 
 /// Coordinates at least [`MARGIN`] from the edges.
-#[inline]
+#[allow(clippy::inline_always, reason = "as for a fraction")]
+#[inline(always)]
 fn inward([a, b, c]: [f64; 3]) -> [f64; 3] {
     if a.min(b).min(c) >= MARGIN {
         return [a, b, c];

@@ -22,6 +22,8 @@ impl Point {
     }
 
     /// The barycentric coordinates in its half: of the right angle, of (0,0), of (1,1).
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a call in a loop over points would keep it from becoming vector code")]
     pub(super) fn coordinates(self) -> [f64; 3] {
         if self.upper { [self.b - self.a, 1.0 - self.b, self.a] } else { [self.a - self.b, 1.0 - self.a, self.b] }
     }
@@ -31,7 +33,10 @@ impl Point {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Constant(pub(super) [f64; 2]);
 
+#[allow(clippy::inline_always, reason = "a call in a loop over points would keep it from becoming vector code")]
+#[allow(clippy::needless_bitwise_bool, reason = "neither can be predicted")]
 impl Constant {
+    #[inline(always)]
     pub(super) fn draw(self, u: [f64; 2]) -> Point {
         let Self([lower, upper]) = self;
         let below = u[0] * (lower + upper);
@@ -40,7 +45,7 @@ impl Constant {
         let (column, above) = (lower * a, upper * (1.0 - a));
         let v = u[1] * (column + above);
         // Which half is a toss-up: selects rather than branches, as far as the processor has them.
-        let is_upper = v >= column && above > 0.0;
+        let is_upper = (v >= column) & (above > 0.0);
         let start = select_unpredictable(is_upper, a, 0.0);
         let end = select_unpredictable(is_upper, 1.0, a);
         let mass = select_unpredictable(is_upper, v - column, v);
@@ -63,8 +68,11 @@ pub(super) struct Linear {
     scale: f64,
 }
 
+#[allow(clippy::inline_always, reason = "a call in a loop over points would keep it from becoming vector code")]
+#[allow(clippy::needless_bitwise_bool, reason = "neither can be predicted")]
 impl Linear {
     /// The linear density with the shape of `shapes` ≥ 0 at the corners and these masses; constant where a half's are all 0.
+    #[inline(always)]
     pub(super) fn new(masses: [f64; 2], shapes: [[f64; 3]; 2]) -> Self {
         let [(lower, lower_sum), (upper, upper_sum)] = [shaped(shapes[0]), shaped(shapes[1])];
         // Brought to one scale without a division, which the draw need not wait for.
@@ -74,12 +82,14 @@ impl Linear {
     }
 
     /// The density in a half at the point of these barycentric coordinates.
-    pub(super) fn density(self, half: usize, [a, b, c]: [f64; 3]) -> f64 {
-        let [right, start, end] = self.values[half];
+    #[inline(always)]
+    pub(super) fn density(self, upper: bool, [a, b, c]: [f64; 3]) -> f64 {
+        let [right, start, end] = [0, 1, 2].map(|k| if upper { self.values[1][k] } else { self.values[0][k] });
         (right * a + start * b + end * c) * self.scale
     }
 
     /// The coefficients of a, a² and a³ of the mass left of a.
+    #[inline(always)]
     fn marginal(self) -> [f64; 3] {
         let [[lr, l0, l1], [ur, u0, u1]] = self.values;
         let side = u0 + ur;
@@ -87,18 +97,37 @@ impl Linear {
     }
 
     /// The density where the line at a meets the bottom, the hypotenuse from below and from above, and the top.
+    #[inline(always)]
     fn column(self, a: f64) -> [f64; 4] {
         let [[lr, l0, l1], [ur, u0, u1]] = self.values;
         let c = 1.0 - a;
         [c * l0 + a * lr, c * l0 + a * l1, c * u0 + a * u1, c * ur + a * u1]
     }
 
+    #[inline]
     pub(super) fn draw(self, u: [f64; 2]) -> Point {
-        let a = root(self.marginal(), u[0]);
+        self.draw_on(self.line_at(u[0]), u[1])
+    }
+
+    /// Where the marginal takes the first coordinate.
+    #[inline]
+    pub(super) fn line_at(self, u: f64) -> f64 {
+        root(self.marginal(), u)
+    }
+
+    /// The same without branches, and whether it is exact.
+    #[inline(always)]
+    pub(super) fn near(self, u: f64) -> (f64, bool) {
+        near_root(self.marginal(), u)
+    }
+
+    /// The point that the conditional density takes the second coordinate to, on the line at `a`.
+    #[inline(always)]
+    pub(super) fn draw_on(self, a: f64, u: f64) -> Point {
         let [bottom, below, above, top] = self.column(a);
         let (lower, upper) = (a * (bottom + below), (1.0 - a) * (above + top));
-        let v = u[1] * (lower + upper);
-        let is_upper = v >= lower && upper > 0.0;
+        let v = u * (lower + upper);
+        let is_upper = (v >= lower) & (upper > 0.0);
         let start = select_unpredictable(is_upper, a, 0.0);
         let end = select_unpredictable(is_upper, 1.0, a);
         let p = select_unpredictable(is_upper, above, bottom);
@@ -121,23 +150,31 @@ impl Linear {
 }
 
 /// The shape and its sum; constant where all are 0.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "as for a point")]
 fn shaped(values: [f64; 3]) -> ([f64; 3], f64) {
     let sum = values[0] + values[1] + values[2];
     if sum > 0.0 { (values, sum) } else { ([1.0; 3], 3.0) }
 }
 
 /// The linear density of one triangle with the shape of `values` at its vertices and mean `mass`, at barycentric coordinates.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "as for a point")]
 pub(super) fn linear_at(mass: f64, values: [f64; 3], [a, b, c]: [f64; 3]) -> f64 {
     let ([x, y, z], sum) = shaped(values);
     3.0 * mass * (x * a + y * b + z * c) / sum
 }
 
 /// `a / b`, 0 where `b` is.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "as for a point")]
 fn ratio(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b } else { 0.0 }
 }
 
 /// How far along a line of this length with densities `p` and `q` at its ends twice the mass `v` goes.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "as for a point")]
 fn along(p: f64, q: f64, length: f64, v: f64) -> f64 {
     ratio(v, p + (p * p + v * (q - p) / length).max(0.0).sqrt())
 }
@@ -152,29 +189,37 @@ const ROUNDING: f64 = 1e-14;
 /// Steps that halve an interval reach neighbouring numbers after about as many as there are digits.
 const MOST_STEPS: usize = 64;
 
-/// The root in 0..=1 of m(a) = c1·a + c2·a² + c3·a³ = u·(c1 + c2 + c3), whose left side grows on 0..=1. Halley's steps
-/// (the next derivatives are at hand) kept between bounds that every step narrows; two are nearly always enough. Cardano's
-/// formula is exact only on paper: it needs a cosine of a third of an arc cosine, and cancels where the slope is small.
-fn root([c1, c2, c3]: [f64; 3], u: f64) -> f64 {
+/// The root in 0..=1 of m(a) = c1·a + c2·a² + c3·a³ = u·(c1 + c2 + c3), whose left side grows on 0..=1. Two of Halley's
+/// steps (the next derivatives are at hand) are nearly always enough. Cardano's formula is exact only on paper: it needs a
+/// cosine of a third of an arc cosine, and cancels where the slope is small.
+#[inline]
+fn root(c: [f64; 3], u: f64) -> f64 {
+    let (a, is_found) = near_root(c, u);
+    if is_found { a } else { bounded_root(c, u) }
+}
+
+/// What two steps give, and whether that is the root.
+#[inline(always)]
+#[allow(clippy::needless_bitwise_bool, clippy::manual_range_contains, reason = "without branches")]
+#[allow(clippy::inline_always, reason = "a call in a loop over points would keep it from becoming vector code")]
+fn near_root([c1, c2, c3]: [f64; 3], u: f64) -> (f64, bool) {
     let total = c1 + c2 + c3;
-    let target = u * total;
-    let error = |a: f64| a * (c1 + a * (c2 + a * c3)) - target;
-    let step = |a: f64, error: f64| {
-        let slope = c1 + a * (2.0 * c2 + a * 3.0 * c3);
-        let bend = c2 + 3.0 * a * c3;
-        a - error * slope / (slope * slope - error * bend)
-    };
     // m(u) − u·m(1), with fewer operations after u.
-    let mut a = step(u, -u * (1.0 - u) * (c2 + c3 + u * c3));
-    a = step(a, error(a));
-    let mut left = error(a);
-    if left.abs() <= ROUNDING * total && (0.0..=1.0).contains(&a) {
-        return a;
-    }
+    let mut a = halley([c1, c2, c3], u, -u * (1.0 - u) * (c2 + c3 + u * c3));
+    let target = u * total;
+    a = halley([c1, c2, c3], a, mass_left([c1, c2, c3], a) - target);
+    let left = mass_left([c1, c2, c3], a) - target;
+    (a, (left.abs() <= ROUNDING * total) & (a >= 0.0) & (a <= 1.0))
+}
+
+/// Steps kept between bounds that every one of them narrows.
+#[cold]
+fn bounded_root(c: [f64; 3], u: f64) -> f64 {
+    let total = c[0] + c[1] + c[2];
     let (mut low, mut high) = (0.0, 1.0);
-    a = u;
+    let mut a = u;
     for _ in 0..MOST_STEPS {
-        left = error(a);
+        let left = mass_left(c, a) - u * total;
         if left.abs() <= ROUNDING * total {
             break;
         }
@@ -183,12 +228,28 @@ fn root([c1, c2, c3]: [f64; 3], u: f64) -> f64 {
         } else {
             low = a;
         }
-        a = step(a, left);
+        a = halley(c, a, left);
         if !(low < a && a < high) {
             a = 0.5 * (low + high);
         }
     }
     a
+}
+
+/// m(a).
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "as for the root")]
+fn mass_left([c1, c2, c3]: [f64; 3], a: f64) -> f64 {
+    a * (c1 + a * (c2 + a * c3))
+}
+
+/// Halley's step from `a`, where m is too large by `error`.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "as for the root")]
+fn halley([c1, c2, c3]: [f64; 3], a: f64, error: f64) -> f64 {
+    let slope = c1 + a * (2.0 * c2 + a * 3.0 * c3);
+    let bend = c2 + 3.0 * a * c3;
+    a - error * slope / (slope * slope - error * bend)
 }
 
 #[cfg(test)]
@@ -270,7 +331,7 @@ mod tests {
             let [right, left, up, down] = points;
             let jacobian =
                 ((right.a - left.a) * (up.b - down.b) - (right.b - left.b) * (up.a - down.a)) / (4.0 * h * h);
-            let density = linear.density(usize::from(centre.upper), centre.coordinates());
+            let density = linear.density(centre.upper, centre.coordinates());
             // Area 1/2 a half: a density of mean = mass against area is twice itself.
             let expected = (masses[0] + masses[1]) / (2.0 * density);
             assert!((jacobian / expected - 1.0).abs() < 1e-4, "{jacobian} {expected}");

@@ -1,0 +1,126 @@
+//! Arithmetic that is written once for single numbers, in loops that become vector code, and for four side by side.
+#![allow(clippy::inline_always, reason = "a call in a loop would keep it from becoming vector code")]
+
+use std::ops::{Add, Div, Mul, Sub};
+use wide::f32x4;
+
+/// One f32, or four.
+pub(super) trait Number:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
+{
+    /// What comparisons give.
+    type Mask: Copy;
+
+    fn of(x: f32) -> Self;
+    fn less(self, other: Self) -> Self::Mask;
+    fn at_most(self, other: Self) -> Self::Mask;
+    /// `a` where the mask says so, else `b`.
+    fn choose(mask: Self::Mask, a: Self, b: Self) -> Self;
+    fn larger(self, other: Self) -> Self;
+    fn smaller(self, other: Self) -> Self;
+    fn size(self) -> Self;
+    /// Writes it from place `at` on.
+    fn write(self, to: &mut [f32], at: usize);
+    /// The same for integers of 0 or more and below 2²³.
+    fn write_integer(self, to: &mut [u32], at: usize);
+}
+
+impl Number for f32 {
+    type Mask = bool;
+
+    #[inline(always)]
+    fn of(x: f32) -> Self {
+        x
+    }
+
+    #[inline(always)]
+    fn less(self, other: Self) -> bool {
+        self < other
+    }
+
+    #[inline(always)]
+    fn at_most(self, other: Self) -> bool {
+        self <= other
+    }
+
+    #[inline(always)]
+    fn choose(mask: bool, a: Self, b: Self) -> Self {
+        if mask { a } else { b }
+    }
+
+    #[inline(always)]
+    fn larger(self, other: Self) -> Self {
+        if self > other { self } else { other }
+    }
+
+    #[inline(always)]
+    fn smaller(self, other: Self) -> Self {
+        if self < other { self } else { other }
+    }
+
+    #[inline(always)]
+    fn size(self) -> Self {
+        self.abs()
+    }
+
+    #[inline(always)]
+    fn write(self, to: &mut [f32], at: usize) {
+        to[at] = self;
+    }
+
+    #[inline(always)]
+    fn write_integer(self, to: &mut [u32], at: usize) {
+        // From 2²³ on the integer stands in the low bits.
+        const FIRST: f32 = 8_388_608.0;
+        to[at] = (self + FIRST).to_bits() & (FIRST as u32 - 1);
+    }
+}
+
+impl Number for f32x4 {
+    type Mask = f32x4;
+
+    #[inline(always)]
+    fn of(x: f32) -> Self {
+        Self::splat(x)
+    }
+
+    #[inline(always)]
+    fn less(self, other: Self) -> Self {
+        self.simd_lt(other)
+    }
+
+    #[inline(always)]
+    fn at_most(self, other: Self) -> Self {
+        self.simd_le(other)
+    }
+
+    #[inline(always)]
+    fn choose(mask: Self, a: Self, b: Self) -> Self {
+        mask.bitselect(a, b)
+    }
+
+    #[inline(always)]
+    fn larger(self, other: Self) -> Self {
+        self.fast_max(other)
+    }
+
+    #[inline(always)]
+    fn smaller(self, other: Self) -> Self {
+        self.fast_min(other)
+    }
+
+    #[inline(always)]
+    fn size(self) -> Self {
+        self.abs()
+    }
+
+    #[inline(always)]
+    fn write(self, to: &mut [f32], at: usize) {
+        to[at..at + 4].copy_from_slice(&self.to_array());
+    }
+
+    #[inline(always)]
+    fn write_integer(self, to: &mut [u32], at: usize) {
+        to[at..at + 4].copy_from_slice(&self.fast_trunc_int().to_array().map(|x| x as u32));
+    }
+}

@@ -1,0 +1,225 @@
+//! Warps for a block of points at once: the steps of [`Warps::sample`] and [`Warps::pdf`], with the same bits.
+//!
+//! A descent waits at every level for what was chosen above; those of a block do so together. What is arithmetic alone
+//! stands in loops of its own, which become vector code; what reads tables stands in others.
+
+use super::square::{Constant, Linear};
+use super::{BELOW_ONE, Density, Fraction, UNREDUCED, Warps, choose, flipped, inward};
+use crate::domain::wide;
+use crate::evaluate::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
+use crate::evaluate::located::OUTSIDE;
+
+/// Directions that were drawn.
+#[derive(Clone, Debug)]
+pub(in crate::evaluate) struct Draws {
+    pub(in crate::evaluate) directions: Vectors,
+    /// Not positive where nothing is drawn; the direction is any then.
+    pub(in crate::evaluate) pdf: Block,
+    pub(in crate::evaluate) leaves: [u32; BLOCK],
+}
+
+impl Draws {
+    /// None.
+    pub(in crate::evaluate) const NOTHING: Self =
+        Self { directions: [[0.0; BLOCK], [0.0; BLOCK], [1.0; BLOCK]], pdf: [0.0; BLOCK], leaves: [0; BLOCK] };
+
+    /// Writes coordinates and densities, all 0 where nothing is drawn, and returns |cos θ| (or 1) over the density.
+    pub(in crate::evaluate) fn write(&self, has_cosine: bool, [x, y, z, pdf]: [&mut [f32]; 4]) -> [f32; BLOCK] {
+        let mut shares = [0.0; BLOCK];
+        for (i, share) in shares.iter_mut().enumerate() {
+            let cosine = if has_cosine { self.directions[2][i].abs() } else { 1.0 };
+            *share = if self.pdf[i] > 0.0 { (cosine / self.pdf[i]) as f32 } else { 0.0 };
+        }
+        for (to, numbers) in [x, y, z].into_iter().zip(&self.directions) {
+            for ((to, &number), &pdf) in to.iter_mut().zip(numbers).zip(&self.pdf) {
+                *to = if pdf > 0.0 { number as f32 } else { 0.0 };
+            }
+        }
+        for (to, &pdf) in pdf.iter_mut().zip(&self.pdf) {
+            *to = if pdf > 0.0 { pdf as f32 } else { 0.0 };
+        }
+        shares
+    }
+}
+
+/// Squares of leaves that were reached: the probabilities of their halves, and what is left of the points.
+struct Reached {
+    squares: [u32; BLOCK],
+    masses: [Block; 2],
+    left: [Block; 2],
+}
+
+/// Points in the halves of squares, as [`super::square::Point`], held inside, and the density there over the triangle.
+struct Inside {
+    halves: [u32; BLOCK],
+    coordinates: Vectors,
+    densities: Block,
+}
+
+#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
+#[allow(clippy::needless_range_loop, reason = "places of many arrays side by side")]
+impl Warps {
+    /// Draws a direction from each cell and point of the unit square, by the tree alone and down to its leaves.
+    pub(in crate::evaluate) fn draw_block(
+        &self,
+        cells: &[u32; BLOCK],
+        u: &[Block; 2],
+        density: Density,
+        to: &mut Draws,
+    ) {
+        wide(
+            #[inline(always)]
+            || {
+                let reached = self.reach(cells, u);
+                let inside = match density {
+                    Density::Uniform => Self::constant_inside(&reached),
+                    Density::Linear => self.linear_inside(cells, &reached),
+                };
+                self.write_points(cells, &reached, &inside, to);
+            },
+        );
+    }
+
+    /// Multiplies the densities of `draws` with the tree's, linear in leaves, at unit vectors in known leaves; 0 outside.
+    pub(in crate::evaluate) fn scale_by_linear_density(&self, cells: &[u32; BLOCK], draws: &mut Draws) {
+        let Draws { directions, pdf, leaves } = draws;
+        for (i, (pdf, &leaf)) in pdf.iter_mut().zip(&*leaves).enumerate() {
+            *pdf = if leaf == OUTSIDE {
+                0.0
+            } else {
+                *pdf * self.linear_density(cells[i] as usize, leaf as usize, vector_of(directions, i))
+            };
+        }
+    }
+
+    /// The directions of points, and their densities.
+    #[inline(always)]
+    fn write_points(&self, cells: &[u32; BLOCK], reached: &Reached, inside: &Inside, to: &mut Draws) {
+        for i in 0..BLOCK {
+            let (leaf, frame) = self.mesh.framed(2 * reached.squares[i] as usize + inside.halves[i] as usize);
+            let (direction, factor) = self.mesh.point(leaf, frame, vector_of(&inside.coordinates, i));
+            // A cell without light has no numbers.
+            let is_drawn = self.totals[cells[i] as usize] > 0.0;
+            set_vector(&mut to.directions, i, if is_drawn { direction.xyz() } else { [0.0, 0.0, 1.0] });
+            to.pdf[i] = if is_drawn { inside.densities[i] * factor } else { 0.0 };
+            to.leaves[i] = leaf as u32;
+        }
+    }
+
+    /// Level by level.
+    #[inline(always)]
+    fn reach(&self, cells: &[u32; BLOCK], u: &[Block; 2]) -> Reached {
+        let (mesh, last) = (&*self.mesh, self.mesh.mesh().level());
+        let trees = cells.map(|cell| cell as usize * mesh.groups());
+        let (mut over, mut under) = (*u, [[1.0; BLOCK]; 2]);
+        for over in over.as_flattened_mut() {
+            *over = if *over < BELOW_ONE { *over } else { BELOW_ONE };
+        }
+        let mut squares = [0_u32; BLOCK];
+        let mut weights = [[0.0_f32; BLOCK]; 4];
+        let (mut start, mut next, mut width) = (0, 1, mesh.mesh().bases() / 2);
+        for level in 0..=last {
+            if level > 0 {
+                start = next;
+                next += width;
+                width *= 4;
+            }
+            for i in 0..BLOCK {
+                let [a, b, c, d, e, f, g, h] = self.trees[trees[i] + start + squares[i] as usize].0;
+                for (weights, weight) in weights.iter_mut().zip([a + b, c + d, e + f, g + h]) {
+                    weights[i] = weight;
+                }
+            }
+            for i in 0..BLOCK {
+                let mut left = [0, 1].map(|k| Fraction { over: over[k][i], under: under[k][i] });
+                let quadrant = choose([0, 1, 2, 3].map(|k| f64::from(weights[k][i])), &mut left);
+                squares[i] = 4 * squares[i] + quadrant as u32;
+                [over[0][i], over[1][i]] = left.map(|left| left.over);
+                [under[0][i], under[1][i]] = left.map(|left| left.under);
+            }
+            if level == 0 {
+                for i in 0..BLOCK {
+                    let left = [0, 1].map(|k| Fraction { over: over[k][i], under: under[k][i] });
+                    [over[0][i], over[1][i]] = flipped(squares[i] as usize, left).map(|left| left.over);
+                }
+            } else if level % UNREDUCED == 0 {
+                reduce(&mut over, &under);
+                under = [[1.0; BLOCK]; 2];
+            }
+        }
+        reduce(&mut over, &under);
+        let mut masses = [[0.0; BLOCK]; 2];
+        for i in 0..BLOCK {
+            let group = &self.trees[trees[i] + start + squares[i] as usize / 4].0;
+            let lower = 2 * (squares[i] as usize % 4);
+            [masses[0][i], masses[1][i]] = [group[lower], group[lower + 1]].map(f64::from);
+        }
+        Reached { squares, masses, left: over }
+    }
+
+    #[inline(always)]
+    fn constant_inside(reached: &Reached) -> Inside {
+        let [lower, upper] = &reached.masses;
+        let mut inside = Inside { halves: [0; BLOCK], coordinates: [[0.0; BLOCK]; 3], densities: [0.0; BLOCK] };
+        for i in 0..BLOCK {
+            let point = Constant([lower[i], upper[i]]).draw([reached.left[0][i], reached.left[1][i]]);
+            inside.halves[i] = u32::from(point.upper);
+            inside.densities[i] = if point.upper { upper[i] } else { lower[i] };
+            set_vector(&mut inside.coordinates, i, inward(point.coordinates()));
+        }
+        inside
+    }
+
+    #[inline(always)]
+    fn linear_inside(&self, cells: &[u32; BLOCK], reached: &Reached) -> Inside {
+        let shapes = self.shapes(cells, &reached.squares);
+        let linear = |i: usize| {
+            let [start, upper, lower, end] = [0, 1, 2, 3].map(|k| f64::from(shapes[k][i]));
+            Linear::new([reached.masses[0][i], reached.masses[1][i]], [[lower, start, end], [upper, start, end]])
+        };
+        let mut a = [0.0; BLOCK];
+        let mut far = [0_u32; BLOCK];
+        for i in 0..BLOCK {
+            let (near, is_exact) = linear(i).near(reached.left[0][i]);
+            (a[i], far[i]) = (near, u32::from(!is_exact));
+        }
+        if far.iter().fold(0, |any, far| any | far) != 0 {
+            for i in (0..BLOCK).filter(|&i| far[i] != 0) {
+                a[i] = linear(i).line_at(reached.left[0][i]);
+            }
+        }
+        let mut inside = Inside { halves: [0; BLOCK], coordinates: [[0.0; BLOCK]; 3], densities: [0.0; BLOCK] };
+        for i in 0..BLOCK {
+            let linear = linear(i);
+            let point = linear.draw_on(a[i], reached.left[1][i]);
+            let coordinates = inward(point.coordinates());
+            inside.halves[i] = u32::from(point.upper);
+            inside.densities[i] = linear.density(point.upper, coordinates);
+            set_vector(&mut inside.coordinates, i, coordinates);
+        }
+        inside
+    }
+
+    /// The numbers that shape the linear density at the corners of squares of leaves.
+    #[inline(always)]
+    fn shapes(&self, cells: &[u32; BLOCK], squares: &[u32; BLOCK]) -> [[f32; BLOCK]; 4] {
+        let points = self.mesh.vertices().len();
+        let mut shapes = [[0.0; BLOCK]; 4];
+        for i in 0..BLOCK {
+            let shape = &self.vertices[cells[i] as usize * points..][..points];
+            for (shapes, vertex) in shapes.iter_mut().zip(self.mesh.quad(squares[i] as usize)) {
+                shapes[i] = shape[vertex as usize];
+            }
+        }
+        shapes
+    }
+}
+
+/// Fractions as numbers.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
+fn reduce(over: &mut [Block; 2], under: &[Block; 2]) {
+    for (over, &under) in over.as_flattened_mut().iter_mut().zip(under.as_flattened()) {
+        *over = Fraction { over: *over, under }.value();
+    }
+}
