@@ -7,6 +7,7 @@ use super::state::App;
 use super::upload;
 use crate::catalog::{Cursor, Deleted, MeasurementFilter, MeasurementRow};
 use crate::domain::{Quantity, Unit};
+use crate::formats::Normalization;
 use crate::jobs::{Options, Upload, check_text};
 use crate::store::Digest;
 use axum::Json;
@@ -49,6 +50,9 @@ struct PostQuery {
     wavelength_unit: Option<String>,
     /// The column of a table, by name or by number from 1.
     column: Option<String>,
+    /// What the values of a phase table integrate to over the sphere: `1`, `4pi`, `vsf` or `relative`.
+    #[param(value_type = Option<String>)]
+    normalization: Option<Normalization>,
 }
 
 /// Which measurements to list.
@@ -198,6 +202,7 @@ fn said(query: PostQuery) -> Result<Upload, Problem> {
             unit: query.unit,
             wavelength_unit: query.wavelength_unit,
             column: query.column,
+            normalization: query.normalization,
         },
     })
 }

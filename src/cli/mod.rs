@@ -3,6 +3,7 @@
 mod bases;
 mod color;
 mod combine;
+mod contents;
 mod compress;
 mod decode;
 mod demo;

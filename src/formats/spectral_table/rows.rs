@@ -7,17 +7,17 @@ use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::{Source, Token, number, snippet};
 
 /// A table as written: wavelengths with their place in the text, values row by row.
-pub(super) struct Table {
-    pub(super) wavelengths: Vec<(f64, usize)>,
+pub(in crate::formats) struct Table {
+    pub(in crate::formats) wavelengths: Vec<(f64, usize)>,
     /// `[row, column]`; NaN = blank.
-    pub(super) values: Vec<f32>,
+    pub(in crate::formats) values: Vec<f32>,
     /// One name for each column of values.
-    pub(super) names: Vec<String>,
+    pub(in crate::formats) names: Vec<String>,
     /// The name of the first column, if there is a header.
     pub(super) wavelength_name: Option<String>,
     /// All text around the numbers, lower case.
     pub(super) prose: String,
-    pub(super) dialect: &'static str,
+    pub(in crate::formats) dialect: &'static str,
 }
 
 /// What separates the cells of a row.
@@ -103,7 +103,7 @@ fn split_comment(line: Token<'_>) -> (Token<'_>, Option<&str>) {
 }
 
 /// How much the beginning of a file looks like a table: rows of numbers, or one column of them.
-pub(super) fn probe(head: &str) -> u8 {
+pub(in crate::formats) fn probe(head: &str) -> u8 {
     // Any format name does: no message of this source is shown.
     let source = Source::decode(head.as_bytes(), NAME);
     let mut lines: Vec<Token<'_>> = contents(&source).take(MAX_PREAMBLE + 1).collect();
@@ -139,7 +139,7 @@ fn delimiter(lines: &[Token<'_>]) -> Option<(Delimiter, usize)> {
 }
 
 /// Reads the table of a text.
-pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Table, FormatError> {
+pub(in crate::formats) fn read(source: &Source, report: &mut ParseReport) -> Result<Table, FormatError> {
     let looked_at: Vec<Token<'_>> = contents(source).take(MAX_PREAMBLE + LOOKED_AT).collect();
     let Some((delimiter, width)) = delimiter(&looked_at) else {
         let at = looked_at.first().map_or(0, |line| line.offset);
