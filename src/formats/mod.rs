@@ -135,10 +135,10 @@ pub fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatErr
     let sample = Sample { bytes, head: text::head(bytes, HEAD_BYTES), quantity: how.quantity };
     let reader = probed(&sample).map_err(|message| FormatError::new(FormatErrorKind::Unsupported, "", message))?;
     let Some(reader) = reader else {
-        let known: Vec<&str> = TABLE.iter().map(|reader| reader.about.description).collect();
+        let known: Vec<&str> = TABLE.iter().map(|reader| reader.about.name).collect();
         return Err(unrecognised(format!(
-            "the content is of no format known here, expected one of: {}",
-            known.join("; ")
+            "the content is of no format known here, expected one of {} (`wavelume formats` explains them)",
+            known.join(", ")
         )));
     };
     refuse_idle_options(reader, how)?;

@@ -10,7 +10,7 @@ pub(super) mod arrow;
 mod assemble;
 mod columns;
 mod header;
-mod number;
+pub(super) mod number;
 mod problems;
 mod rows;
 #[cfg(test)]
