@@ -67,7 +67,10 @@ impl Contents {
             table.row([count(*bytes), name.clone(), quantity, what]);
         }
         let all = self.members.len();
-        format!("{name}: an archive of {all} files, {read} of them measurements; choose one with --member NAME\n{}", table.render())
+        format!(
+            "{name}: an archive of {all} files, {read} of them measurements; choose one with --member NAME\n{}",
+            table.render()
+        )
     }
 }
 
@@ -75,5 +78,7 @@ impl Contents {
 fn alone(error: &FormatError, name: &str) -> String {
     let text = error.to_string();
     let prefix: String = name.chars().take(40).collect();
-    text.split_once(&format!("`{prefix}")).and_then(|(_, rest)| rest.split_once("`: ")).map_or(text.clone(), |(_, rest)| rest.to_owned())
+    text.split_once(&format!("`{prefix}"))
+        .and_then(|(_, rest)| rest.split_once("`: "))
+        .map_or(text.clone(), |(_, rest)| rest.to_owned())
 }

@@ -1,5 +1,6 @@
 //! `wavelume inspect`: what a measurement or material is.
 
+use super::contents::Contents;
 use super::failure::Failure;
 use super::input::{Loaded, MeasurementArgs};
 use super::output::{Sheet, count, print, print_json, three_digits};
@@ -10,7 +11,6 @@ use super::request::AxesArgs;
 use crate::codec;
 use crate::compress::{self, LevelInfo, Summary};
 use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
-use super::contents::Contents;
 use crate::formats::{self, Angles, AzimuthExtent, Note, NoteKind, Samples};
 use crate::pipeline::{self, Request};
 use crate::projection::Coverage;

@@ -3,8 +3,8 @@
 mod bases;
 mod color;
 mod combine;
-mod contents;
 mod compress;
+mod contents;
 mod decode;
 mod demo;
 mod dot;

@@ -277,7 +277,10 @@ mod tests {
         assert!(read.report.notes.iter().any(|note| note.message.contains("only measurement")));
         let two = zipped(&[("a/x.ies", LAMP), ("b/x.ies", LAMP), ("y.ies", LAMP), ("__MACOSX/._y.ies", b"")]);
         let error = plain(&two, None).unwrap_err();
-        assert!(error.kind == FormatErrorKind::NeedsOption && error.message.contains("`a/x.ies`, `b/x.ies`, `y.ies`"), "{error}");
+        assert!(
+            error.kind == FormatErrorKind::NeedsOption && error.message.contains("`a/x.ies`, `b/x.ies`, `y.ies`"),
+            "{error}"
+        );
         assert_eq!(plain(&two, Some("y.ies")).unwrap().format, "lm-63");
         assert_eq!(plain(&two, Some("b/x.ies")).unwrap().report.metadata[0].1, "b/x.ies");
         for (wanted, words) in [("x.ies", "several files"), ("z.ies", "no file")] {

@@ -87,7 +87,7 @@ const TABLE: &[Foreign] = &[
         advice: CONVERT,
         matches: |s| s.head.contains("Symmetry") && s.head.contains("SpectralContent"),
     },
- Foreign {
+    Foreign {
         name: "a gonioscatterometer's table (pab mountain text)",
         advice: CONVERT,
         matches: |s| s.head.lines().take(100).any(|line| line.starts_with("#format: theta phi")),

@@ -23,8 +23,8 @@ pub use engine::{Engine, OpenError};
 pub use ingest::{IngestError, Options, Upload};
 pub use maths::{Maths, MathsError};
 pub use problem::{Code, JobProblem};
-pub use unpack::Ingested;
 pub use request::{CompressRequest, JobRequest, Kind, KindOnly, PaperRequest, check_text};
+pub use unpack::Ingested;
 
 pub(crate) use maths::message as panic_message;
 pub(crate) use worker::run as run_workers;

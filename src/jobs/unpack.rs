@@ -53,7 +53,8 @@ impl Engine {
             const SHOWN: usize = 5;
             let reasons: Vec<String> =
                 skipped.iter().take(SHOWN).map(|(name, reason)| format!("{name}: {reason}")).collect();
-            let message = format!("an archive of {} files without a measurement: {}", skipped.len(), reasons.join("; "));
+            let message =
+                format!("an archive of {} files without a measurement: {}", skipped.len(), reasons.join("; "));
             return Err(IngestError::Unfit(message));
         }
         Ok(Ingested::Several { items, skipped })
@@ -65,7 +66,9 @@ impl Engine {
         self.background_light
             .run(move || {
                 let mut mark = Vec::new();
-                File::open(staged.path()).and_then(|file| file.take(4).read_to_end(&mut mark)).map_err(StoreError::from)?;
+                File::open(staged.path())
+                    .and_then(|file| file.take(4).read_to_end(&mut mark))
+                    .map_err(StoreError::from)?;
                 if !is_archive(&mark) {
                     return Ok((staged, None));
                 }

@@ -6,8 +6,8 @@ use super::grid::MAX_CHOSEN_SAMPLES;
 use super::levels::{self, Choice};
 use super::{AxesRequest, Coverage, Projected, ProjectionError, on_axes, spectral};
 use crate::domain::{
-    Axis, Direction, Domain, Layout, Measurement, Quantity, Sampling, Tensor, TriangleMesh, Vertices, centroid, check_axes,
-    child, solid_angle,
+    Axis, Direction, Domain, Layout, Measurement, Quantity, Sampling, Tensor, TriangleMesh, Vertices, centroid,
+    check_axes, child, solid_angle,
 };
 use crate::formats::{Acquisition, Modelled};
 use rayon::prelude::*;

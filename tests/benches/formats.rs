@@ -66,7 +66,10 @@ fn luminaire(megabytes: usize, ldt: bool) -> Vec<u8> {
     let step = 360.0 / planes as f64;
     let separator = if ldt { "\n" } else { " " };
     let mut text = if ldt {
-        format!("a\n1\n0\n{planes}\n0\n{ANGLES}\n0\nr\nn\n1\nf\nd\n1\n1\n1\n1\n1\n0\n0\n0\n0\n100\n100\n1\n0\n1\n-1\nl\n1000\nc\nr\n9\n{}", "0\n".repeat(10))
+        format!(
+            "a\n1\n0\n{planes}\n0\n{ANGLES}\n0\nr\nn\n1\nf\nd\n1\n1\n1\n1\n1\n0\n0\n0\n0\n100\n100\n1\n0\n1\n-1\nl\n1000\nc\nr\n9\n{}",
+            "0\n".repeat(10)
+        )
     } else {
         format!("IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 {ANGLES} {} 1 2 0 0 0 1 1 1\n", planes + 1)
     };

@@ -27,9 +27,17 @@ pub(super) struct Curve {
     pub(super) between: Between,
     /// How far beyond the first and last entry their values hold.
     pub(super) held: f64,
+    /// The cosines of the angles.
+    cosines: Vec<f64>,
 }
 
 impl Curve {
+    /// A table that holds nothing beyond its ends.
+    pub(super) fn new(angles: Vec<f64>, values: Vec<f64>, between: Between) -> Self {
+        let cosines = angles.iter().map(|angle| libm::cos(angle.to_radians())).collect();
+        Self { angles, values, between, held: 0.0, cosines }
+    }
+
     /// The value at a scattering angle in degrees; NaN outside the table and beside missing entries.
     pub(super) fn at(&self, angle: f64) -> f64 {
         let (first, last) = (self.angles[0], self.angles[self.angles.len() - 1]);
@@ -53,8 +61,8 @@ impl Curve {
             }
             Between::Angles | Between::PowerLaws => line((angle - x0) / (x1 - x0)),
             Between::Cosines => {
-                let cos = |degrees: f64| libm::cos(degrees.to_radians());
-                line((cos(angle) - cos(x0)) / (cos(x1) - cos(x0)))
+                let (c0, c1) = (self.cosines[i], self.cosines[i + 1]);
+                line((libm::cos(angle.to_radians()) - c0) / (c1 - c0))
             }
         }
     }
@@ -131,7 +139,7 @@ mod tests {
     fn curve(between: Between, f: impl Fn(f64) -> f64) -> Curve {
         let angles: Vec<f64> = (0..=180).map(f64::from).collect();
         let values = angles.iter().map(|a| f(libm::cos(a.to_radians()))).collect();
-        Curve { angles, values, between, held: 0.0 }
+        Curve::new(angles, values, between)
     }
 
     #[test]
@@ -149,7 +157,8 @@ mod tests {
     fn small_angles_of_a_volume_scattering_function_follow_power_laws() {
         let law = |angle: f64| 3.0 * libm::pow(angle, -1.3);
         let angles = vec![0.1, 1.0, 10.0];
-        let curve = Curve { values: angles.iter().map(|&a| law(a)).collect(), angles, between: Between::PowerLaws, held: 0.0 };
+        let values = angles.iter().map(|&a| law(a)).collect();
+        let curve = Curve::new(angles, values, Between::PowerLaws);
         for angle in [0.1, 0.3, 5.0, 9.9] {
             assert!((curve.at(angle) / law(angle) - 1.0).abs() < 1e-12, "{angle}");
         }

@@ -118,7 +118,7 @@ fn list(values: &[f64], report: &mut ParseReport) -> Result<Curve, FormatError> 
     report.note(NoteKind::Assumed, "one line of values: at cosines of the scattering angle in even steps from -1 to 1");
     let cosine = |i: usize| 2.0 * i as f64 / (n - 1) as f64 - 1.0;
     let angles = (0..n).rev().map(|i| libm::acos(cosine(i).clamp(-1.0, 1.0)).to_degrees()).collect();
-    Ok(Curve { angles, values: values.iter().rev().copied().collect(), between: Between::Cosines, held: 0.0 })
+    Ok(Curve::new(angles, values.iter().rev().copied().collect(), Between::Cosines))
 }
 
 /// The sum of Legendre polynomials, as a table fine enough for the last of them.
@@ -144,7 +144,7 @@ fn expanded(mut moments: Vec<f64>, report: &mut ParseReport) -> Result<Curve, Fo
     report.note(NoteKind::Filled, format!("the moments became a table of {} angles", count + 1));
     let angles: Vec<f64> = (0..=count).map(|i| 180.0 * i as f64 / count as f64).collect();
     let values = angles.iter().map(|angle| series(&moments, libm::cos(angle.to_radians())) / (4.0 * PI)).collect();
-    Ok(Curve { angles, values, between: Between::Angles, held: 0.0 })
+    Ok(Curve::new(angles, values, Between::Angles))
 }
 
 /// `Σ c_m P_m(x)` (Bonnet's recurrence).

@@ -86,6 +86,9 @@ const VSF_WORDS: [&str; 2] = ["vsf", "volume scattering"];
 const TOLERANCE: f64 = 0.05;
 /// Degrees at either end of a table over which its last values hold.
 const HELD: f64 = 10.0;
+/// The finest spacings, in degrees, for which levels are chosen: those of a megasample.
+const OUTGOING_SPACING: f64 = 4.5;
+const INCOMING_SPACING: f64 = 9.0;
 /// Shares of the light within the first step of a table above which it is no peak that the table resolves.
 const UNRESOLVED: f64 = 0.2;
 
@@ -97,6 +100,9 @@ fn probe(sample: &Sample<'_>) -> u8 {
     // Before the name of a quantity or the probe of a spectral table, which says 30.
     if sample.quantity == Some(Quantity::Phase) && (table > 0 || lists::is_line(&sample.head)) {
         return 48;
+    }
+    if sample.quantity == Some(Quantity::Phase) && sample.head.contains(|c: char| c.is_ascii_digit()) {
+        return 5;
     }
     let mut prose = String::new();
     for line in sample.head.lines().take(40).filter(|line| line.contains(char::is_alphabetic)) {
@@ -131,18 +137,31 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let negative = curve.values.iter().filter(|v| **v < 0.0).count();
     if negative > 0 {
         let lowest = curve.values.iter().copied().fold(0.0, f64::min);
-        report.note(NoteKind::Warning, format!("{negative} values are negative, down to {}; kept as they are", Brief(lowest)));
+        report.note(
+            NoteKind::Warning,
+            format!("{negative} values are negative, down to {}; kept as they are", Brief(lowest)),
+        );
     }
     normalise(&mut curve, how.normalization.or(vsf.then_some(Normalization::Vsf)), &mut report)?;
     let (numbers, missing) = (curve.values.len(), curve.values.iter().filter(|v| v.is_nan()).count());
     let finest = curve.angles.array_windows().map(|[a, b]| b - a).fold(180.0, f64::min);
-    // As fine as the peak would have it, no finer than meshes are.
-    let spacing = finest.max(180.0 / 256.0);
-    let steps = (180.0 / spacing).round().max(2.0);
-    let even = |count: f64, length: f64| (0..count as usize).map(|i| length * i as f64 / count).collect::<Vec<f64>>();
+    // A function of one angle does not need all the pairs of directions that its table could tell apart.
+    let spacing = finest.max(OUTGOING_SPACING);
+    let steps = (180.0 / finest.max(INCOMING_SPACING)).round().max(2.0) as usize;
+    let even = |count: usize, length: f64| (0..count).map(|i| length * i as f64 / count as f64).collect::<Vec<f64>>();
     let mut theta = even(steps, 180.0);
     theta.push(180.0);
-    let phi = Some(Azimuths { phi: even(2.0 * steps, 360.0), extent: AzimuthExtent::Circle });
+    let phi = Some(Azimuths { phi: even(2 * steps, 360.0), extent: AzimuthExtent::Circle });
+    if finest < OUTGOING_SPACING {
+        report.note(
+            NoteKind::Assumed,
+            format!(
+                "directions {OUTGOING_SPACING} degrees apart are enough, {INCOMING_SPACING} for incoming ones, though the \
+                 table has steps of {} degrees: name the levels for more",
+                Brief(finest)
+            ),
+        );
+    }
     Ok(Acquisition {
         format: NAME,
         dialect: form,
@@ -179,7 +198,10 @@ fn table(
             let list = table.column_list();
             report.note(
                 NoteKind::Assumed,
-                format!("{} columns of values ({list}): the first is read, the option column names another", table.names.len()),
+                format!(
+                    "{} columns of values ({list}): the first is read, the option column names another",
+                    table.names.len()
+                ),
             );
             table.pick("1").map_err(renamed)?;
         }
@@ -225,7 +247,7 @@ fn table(
         (false, true) => Between::PowerLaws,
         (false, false) => Between::Angles,
     };
-    Ok((held(Curve { angles, values, between, held: 0.0 }, report), form, vsf))
+    Ok((held(Curve::new(angles, values, between), report), form, vsf))
 }
 
 /// Angles in increasing order, whatever the file counts in.
@@ -249,7 +271,11 @@ fn held(mut curve: Curve, report: &mut ParseReport) -> Curve {
     if gap > 1e-6 && gap <= HELD {
         report.note(
             NoteKind::Filled,
-            format!("the table goes from {} to {} degrees: its first and last value hold beyond", Brief(first), Brief(last)),
+            format!(
+                "the table goes from {} to {} degrees: its first and last value hold beyond",
+                Brief(first),
+                Brief(last)
+            ),
         );
     }
     curve.held = if gap <= HELD { gap } else { 0.0 };
@@ -289,7 +315,8 @@ fn normalise(curve: &mut Curve, said: Option<Normalization>, report: &mut ParseR
     match said {
         None if near(1.0) => report.note(NoteKind::Assumed, format!("normalised to 1 over the sphere (found {found})")),
         None if near(4.0 * PI) => {
-            report.note(NoteKind::Assumed, format!("normalised to 4 pi over the sphere (found {found}): divided by it"));
+            report
+                .note(NoteKind::Assumed, format!("normalised to 4 pi over the sphere (found {found}): divided by it"));
         }
         None => {
             return Err(needs(format!(
@@ -301,11 +328,17 @@ fn normalise(curve: &mut Curve, said: Option<Normalization>, report: &mut ParseR
             report.metadata.push(("scattering_coefficient".to_owned(), Brief(total).to_string()));
             report.note(
                 NoteKind::Assumed,
-                format!("a volume scattering function: divided by its integral, the scattering coefficient {}", Brief(total)),
+                format!(
+                    "a volume scattering function: divided by its integral, the scattering coefficient {}",
+                    Brief(total)
+                ),
             );
         }
         Some(Normalization::Relative) => {
-            report.note(NoteKind::Assumed, format!("relative values: divided by their integral over the sphere, {found}"));
+            report.note(
+                NoteKind::Assumed,
+                format!("relative values: divided by their integral over the sphere, {found}"),
+            );
         }
         Some(said) => {
             let expected = if said == Normalization::One { 1.0 } else { 4.0 * PI };
@@ -325,7 +358,10 @@ fn normalise(curve: &mut Curve, said: Option<Normalization>, report: &mut ParseR
     if share > UNRESOLVED && curve.angles[1] < 90.0 {
         report.note(
             NoteKind::Warning,
-            format!("{:.0} % of the light lies within the first step of the table: its peak is not resolved", 100.0 * share),
+            format!(
+                "{:.0} % of the light lies within the first step of the table: its peak is not resolved",
+                100.0 * share
+            ),
         );
     }
     if mean < -0.05 {

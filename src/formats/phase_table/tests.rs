@@ -78,9 +78,15 @@ fn every_form_is_the_same_function() {
 #[test]
 fn what_the_values_integrate_to_is_inferred_or_asked_for() {
     use Normalization::{FourPi, One, Relative, Vsf};
-    for (factor, said) in
-        [(1.0, None), (1.03, None), (4.0 * PI, None), (1.0, Some(One)), (12.0, Some(FourPi)), (0.37, Some(Vsf)), (3.0, Some(Relative))]
-    {
+    for (factor, said) in [
+        (1.0, None),
+        (1.03, None),
+        (4.0 * PI, None),
+        (1.0, Some(One)),
+        (12.0, Some(FourPi)),
+        (0.37, Some(Vsf)),
+        (3.0, Some(Relative)),
+    ] {
         let acquisition = with(&angles(factor), said).unwrap();
         is_henyey_greenstein(&acquisition, 1e-3);
     }
@@ -92,7 +98,10 @@ fn what_the_values_integrate_to_is_inferred_or_asked_for() {
     assert!(odd.report.notes.iter().any(|note| note.kind == NoteKind::Warning && note.message.contains("not to 1")));
     let error = with(&angles(2.0), None).unwrap_err();
     assert_eq!(error.kind, FormatErrorKind::NeedsOption);
-    assert!(error.message.contains("neither 1 nor 4 pi") && error.message.contains("normalization=1, 4pi, vsf"), "{error}");
+    assert!(
+        error.message.contains("neither 1 nor 4 pi") && error.message.contains("normalization=1, 4pi, vsf"),
+        "{error}"
+    );
     // The header of a volume scattering function says so.
     let vsf = with(&format!("# volume scattering function beta [1/m/sr]\n{}", angles(0.37)), None).unwrap();
     is_henyey_greenstein(&vsf, 1e-3);

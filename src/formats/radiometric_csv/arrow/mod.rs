@@ -193,7 +193,8 @@ fn spelled_out(column: &Column, letter: &str, length: usize, fields: &[Field]) -
     let separates = |c: char| c.is_whitespace() || matches!(c, ',' | ';' | '[' | ']');
     let mut listed = Vec::with_capacity(length);
     for word in field.value.split(separates).filter(|word| !word.is_empty()) {
-        let wavelength = number(word).ok_or_else(|| needs(format!("of which {} is the wavelength of one", snippet(word))))?;
+        let wavelength =
+            number(word).ok_or_else(|| needs(format!("of which {} is the wavelength of one", snippet(word))))?;
         if wavelength < 0.0 {
             return Err(needs(format!("one at a wavelength of {}", Brief(wavelength))));
         }
@@ -249,7 +250,8 @@ impl<'a> Messages<'a> {
         let size = message.long(3).map_err(broken)?;
         let size = usize::try_from(size).map_err(|_| malformed(at, format!("a body of {size} bytes")))?;
         let end = body_at.checked_add(size);
-        let body = end.and_then(|end| self.bytes.get(body_at..end)).ok_or_else(|| cut(self.bytes.len() - body_at, size))?;
+        let body =
+            end.and_then(|end| self.bytes.get(body_at..end)).ok_or_else(|| cut(self.bytes.len() - body_at, size))?;
         self.at = body_at + size;
         Ok(Some(Message { kind, at, header, body }))
     }

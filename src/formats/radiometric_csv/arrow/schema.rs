@@ -1,7 +1,7 @@
 //! The schema of a stream: header keys, and which of its columns are numbers, lists of them, or nothing that is read.
 
-use super::flat::{Broken, Table};
 use super::super::header::Field;
+use super::flat::{Broken, Table};
 use crate::domain::limits::MAX_ENTRIES;
 
 /// A number type of a column.
@@ -47,7 +47,10 @@ pub(super) enum Kind {
     /// A list of so many numbers in each row.
     Lists(Element, usize),
     /// Not read; it takes so many nodes and buffers of a batch.
-    Other { nodes: usize, buffers: usize },
+    Other {
+        nodes: usize,
+        buffers: usize,
+    },
 }
 
 impl Kind {
