@@ -71,8 +71,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
     }
     let labels = labels::read(&source, &mut report)?;
-    let tokens = Tokens::new(source.text(), labels.numbers_at);
-    let mut numbers = Numbers { source: &source, left: tokens.clone().count(), tokens };
+    let mut numbers = Numbers::new(&source, labels.numbers_at);
     if labels.tilt_included {
         numbers.tilt(&mut report)?;
     }
@@ -167,6 +166,11 @@ fn check_flux(flux: f64, lamp_lumens: f64, report: &mut ParseReport) {
 }
 
 impl<'a> Numbers<'a> {
+    fn new(source: &'a Source, at: usize) -> Self {
+        let tokens = Tokens::new(source.text(), at);
+        Self { source, left: tokens.clone().count(), tokens }
+    }
+
     fn token(&mut self, expected: &str) -> Result<Token<'a>, FormatError> {
         let end = self.source.text().len();
         self.left = self.left.saturating_sub(1);

@@ -55,7 +55,7 @@ pub(super) fn is_angular(head: &str) -> bool {
         .filter_map(|line| number(line.split([',', ';', '\t', ' ']).find(|cell| !cell.is_empty())?))
         .collect();
     let (low, high) = firsts.iter().fold((f64::MAX, f64::MIN), |(low, high), &x| (low.min(x), high.max(x)));
-    firsts.len() >= FEWEST && ((low >= -1.0 && low < 0.0 && high <= 1.0) || (low == 0.0 && high == 180.0))
+    firsts.len() >= FEWEST && (((-1.0..0.0).contains(&low) && high <= 1.0) || (low == 0.0 && high == 180.0))
 }
 
 /// The curve of a list, and what it was; `None` where the text is a table.

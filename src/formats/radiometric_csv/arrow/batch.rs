@@ -242,12 +242,11 @@ impl<'a> Batches<'a> {
                 self.rounded |= rounded != stored;
                 found = Some(rounded);
             }
-            match found.and_then(|found| angle.degrees(found)) {
-                Some(degrees) => direction[k] = degrees,
-                None => {
-                    let (low, high) = angle.range;
-                    self.problem(row, name, found, &format!("an angle from {low} to {high} degrees"));
-                }
+            if let Some(degrees) = found.and_then(|found| angle.degrees(found)) {
+                direction[k] = degrees;
+            } else {
+                let (low, high) = angle.range;
+                self.problem(row, name, found, &format!("an angle from {low} to {high} degrees"));
             }
         }
     }
@@ -278,7 +277,9 @@ impl<'a> Batches<'a> {
             if infinite {
                 let at: Vec<usize> =
                     rows.iter().enumerate().filter(|(_, v)| v.is_infinite()).map(|(i, _)| i).take(100).collect();
-                at.into_iter().for_each(|i| self.problem(i / width, name, Some(f64::INFINITY), FINITE));
+                for i in at {
+                    self.problem(i / width, name, Some(f64::INFINITY), FINITE);
+                }
             }
             return;
         }

@@ -1,7 +1,7 @@
 //! Tables of a flatbuffer, every offset checked: what the metadata of Arrow messages need, and no more.
 //!
 //! A table starts with the distance to its vtable, which holds the place of each field, 0 = absent; references are
-//! distances from where they stand (FlatBuffers, "Internals"). All numbers are little-endian.
+//! distances from where they stand (the internals of flatbuffers). All numbers are little-endian.
 
 /// An offset that leads outside the buffer, or a text that is none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
