@@ -76,10 +76,10 @@ fn luminaire(megabytes: usize, ldt: bool) -> Vec<u8> {
     let gammas: Vec<String> = (0..ANGLES).map(|i| (0.25 * i as f64).to_string()).collect();
     let mut circle: Vec<String> = (0..planes).map(|i| format!("{:.4}", step * i as f64)).collect();
     if ldt {
-        text += &format!("{}\n{}\n", circle.join(separator), gammas.join(separator));
+        let _ = write!(text, "{}\n{}\n", circle.join(separator), gammas.join(separator));
     } else {
         circle.push("360".to_owned());
-        text += &format!("{}\n{}\n", gammas.join(separator), circle.join(separator));
+        let _ = write!(text, "{}\n{}\n", gammas.join(separator), circle.join(separator));
     }
     for _ in 0..if ldt { planes } else { planes + 1 } {
         for _ in 0..ANGLES {
@@ -93,15 +93,19 @@ fn luminaire(megabytes: usize, ldt: bool) -> Vec<u8> {
 fn spectra(columns: usize, rows: usize) -> Vec<u8> {
     let mut values = Values(1);
     let mut text = String::from("nm");
-    (0..columns).for_each(|i| text += &format!(",patch {i}"));
+    for i in 0..columns {
+        let _ = write!(text, ",patch {i}");
+    }
     for row in 0..rows {
         let _ = write!(text, "\n{:.3}", 380.0 + 0.01 * row as f64);
-        (0..columns).for_each(|_| text += &format!(",{:.4}", values.next()));
+        for _ in 0..columns {
+            let _ = write!(text, ",{:.4}", values.next());
+        }
     }
     text.into_bytes()
 }
 
-/// Bytes of a flatbuffer are not worth a writer here: the stream is a fixture's schema with a batch of any size.
+/// An array of float32.
 fn array(megabytes: usize) -> (Vec<u8>, Interpretation) {
     let rows = (megabytes << 20) / (4 * 64);
     let mut values = Values(1);
