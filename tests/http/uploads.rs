@@ -186,9 +186,9 @@ async fn each_file_of_an_archive_becomes_a_measurement() {
     assert_eq!(again.status(), StatusCode::OK);
 
     let nested = zipped(&[("a.zip", &zipped(&[("lamp.ies", LAMP)]))]);
-    problem(service.post("/v1/measurements").body(nested), 415, "unsupported-format").await;
+    problem(service.post("/v1/measurements").body(nested), 422, "unsupported-measurement").await;
     let bomb = zipped(&[("zeros.npy", &vec![0; 20 << 20])]);
-    problem(service.post("/v1/measurements").body(bomb), 413, "over-limit").await;
+    problem(service.post("/v1/measurements").body(bomb), 422, "over-limit").await;
     problem(service.post("/v1/measurements").body(zipped(&[("a.pdf", b"%PDF-1.7")])), 422, "invalid-request").await;
     service.stop().await;
 }
