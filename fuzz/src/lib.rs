@@ -94,7 +94,7 @@ pub fn decode_blocks(bytes: &[u8]) {
     }
 }
 
-/// Separates an array from the manifest that lies beside it.
+/// Separates a file from what is said of it: the manifest of an array, or `{"how": {…}}` with any options.
 pub const SEPARATOR: u8 = 0x1E;
 
 /// Reads `bytes` as a file of any format, and puts a small acquisition on coarse axes.
@@ -102,9 +102,12 @@ pub fn read_format(bytes: &[u8]) {
     let mut how = Interpretation::default();
     let mut file = bytes;
     if let Some(at) = bytes.iter().rposition(|&byte| byte == SEPARATOR)
-        && let Ok(axes) = serde_json::from_slice::<serde_json::Value>(&bytes[at + 1..])
+        && let Ok(said) = serde_json::from_slice::<serde_json::Value>(&bytes[at + 1..])
     {
-        how.axes = Some(axes);
+        match said.get("how").map(|how| serde_json::from_value(how.clone())) {
+            Some(Ok(options)) => how = options,
+            _ => how.axes = Some(said),
+        }
         file = &bytes[..at];
     }
     if is_costly(how.axes.as_ref(), file) {

@@ -44,13 +44,13 @@ async fn list_formats() -> Json<Vec<Format>> {
     Json(known.collect())
 }
 
-/// A file to be filled in, which reads as it is: `radiometric-csv-long`, `radiometric-csv-wide` or `npy-manifest`; the
-/// name of a format is that of its first one.
+/// A file to be filled in, which reads as it is: `radiometric-csv-long`, `radiometric-csv-wide`, `npy-manifest`,
+/// `phase-table`, or the script `radiometric-arrow-python`; the name of a format is that of its first one.
 #[utoipa::path(
     get, path = "/v1/formats/{name}/template", tag = "known",
     params(("name" = String, Path, description = "The template or its format")),
     responses((status = 200, description = "The file", content(
-        (String = "text/csv"), (serde_json::Value = "application/json")
+        (String = "text/csv"), (serde_json::Value = "application/json"), (String = "text/x-python"), (String = "text/plain")
     )))
 )]
 async fn get_template(Path(name): Path<String>) -> Result<Response, Problem> {

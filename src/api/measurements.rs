@@ -7,7 +7,8 @@ use super::state::App;
 use super::upload;
 use crate::catalog::{Cursor, Deleted, MeasurementFilter, MeasurementRow};
 use crate::domain::{Quantity, Unit};
-use crate::jobs::{Options, Upload, check_text};
+use crate::formats::Normalization;
+use crate::jobs::{Ingested, Options, Upload, check_text};
 use crate::store::Digest;
 use axum::Json;
 use axum::extract::{FromRequestParts, Request, State};
@@ -49,6 +50,9 @@ struct PostQuery {
     wavelength_unit: Option<String>,
     /// The column of a table, by name or by number from 1.
     column: Option<String>,
+    /// What the values of a phase table integrate to over the sphere: `1`, `4pi`, `vsf` or `relative`.
+    #[param(value_type = Option<String>)]
+    normalization: Option<Normalization>,
 }
 
 /// Which measurements to list.
@@ -141,14 +145,42 @@ struct MeasurementPage {
     next: Option<String>,
 }
 
-/// Upload a measurement of any supported format.
+/// What an archive became.
+#[derive(Debug, Serialize, ToSchema)]
+struct Unpacked {
+    /// One measurement for each file that is one, by the names of the files.
+    items: Vec<Measurement>,
+    /// The other files.
+    skipped: Vec<Skipped>,
+}
+
+/// A file of an archive that is no measurement.
+#[derive(Debug, Serialize, ToSchema)]
+struct Skipped {
+    file_name: String,
+    reason: String,
+}
+
+/// The answer to an upload.
+#[derive(Debug, Serialize, ToSchema)]
+#[serde(untagged)]
+#[expect(dead_code, reason = "describes the two answers in the OpenAPI document")]
+enum Uploaded {
+    /// Of one file.
+    One(Box<Measurement>),
+    /// Of a zip archive.
+    Several(Unpacked),
+}
+
+/// Upload a measurement of any supported format, or a zip archive of them.
 #[utoipa::path(
     post, path = "/v1/measurements", tag = "measurements", params(PostQuery),
     request_body(content = String, content_type = "application/octet-stream",
-        description = "The bytes of the file; `Content-Encoding: gzip` and `zstd` are decoded, `Content-Type` is ignored"),
+        description = "The bytes of the file; `Content-Encoding: gzip` and `zstd` are decoded, `Content-Type` is ignored. \
+                       Each file of a zip archive becomes a measurement, read with the options given"),
     responses(
-        (status = 201, description = "New", body = Measurement, headers(("Location" = String, description = "The measurement"))),
-        (status = 200, description = "Known already", body = Measurement),
+        (status = 201, description = "New, of an archive at least one", body = Uploaded, headers(("Location" = String, description = "The measurement"))),
+        (status = 200, description = "Known already", body = Uploaded),
     )
 )]
 async fn post_measurement(State(app): State<App>, request: Request) -> Result<Response, Problem> {
@@ -165,11 +197,22 @@ async fn post_measurement(State(app): State<App>, request: Request) -> Result<Re
     };
     let staged = upload::receive(&app, request).await?;
     let bytes = staged.bytes();
-    let (row, new) = app.engine.ingest(staged, upload).await?;
+    let ingested = app.engine.ingest_any(staged, upload).await?;
     metrics::counter!("wavelume_uploaded_bytes_total").increment(bytes);
     let duration_ms = start.elapsed().as_millis() as u64;
+    let created = |new: bool| if new { StatusCode::CREATED } else { StatusCode::OK };
+    let (row, new) = match ingested {
+        Ingested::One(row, new) => (row, new),
+        Ingested::Several { items, skipped } => {
+            let new = items.iter().filter(|(_, new)| *new).count();
+            tracing::info!(bytes, items = items.len(), new, skipped = skipped.len(), duration_ms, "archive uploaded");
+            let items = items.into_iter().map(|(row, _)| Measurement::of(row)).collect::<Result<_, _>>()?;
+            let skipped = skipped.into_iter().map(|(file_name, reason)| Skipped { file_name, reason }).collect();
+            return Ok((created(new > 0), Json(Unpacked { items, skipped })).into_response());
+        }
+    };
     tracing::info!(measurement = %row.id, bytes, new, duration_ms, "measurement uploaded");
-    let status = if new { StatusCode::CREATED } else { StatusCode::OK };
+    let status = created(new);
     let measurement = Measurement::of(row)?;
     let location = HeaderValue::from_str(&measurement.links.this).ok();
     let mut response = (status, Json(measurement)).into_response();
@@ -198,6 +241,7 @@ fn said(query: PostQuery) -> Result<Upload, Problem> {
             unit: query.unit,
             wavelength_unit: query.wavelength_unit,
             column: query.column,
+            normalization: query.normalization,
         },
     })
 }

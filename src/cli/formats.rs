@@ -9,7 +9,8 @@ pub(crate) struct Args {
     /// Print an array of JSON
     #[arg(long)]
     json: bool,
-    /// Print a file to be filled in: radiometric-csv-long, radiometric-csv-wide or npy-manifest
+    /// Print a file to be filled in: radiometric-csv-long, radiometric-csv-wide, npy-manifest, radiometric-arrow-python or
+    /// phase-table
     #[arg(long, value_name = "NAME", conflicts_with = "json")]
     template: Option<String>,
 }

@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use crate::domain::{Quantity, Unit};
-use crate::formats::Interpretation;
+use crate::formats::{Interpretation, Normalization};
 use crate::pipeline::Input;
 use std::fs::File;
 use std::io::{ErrorKind, Read};
@@ -34,6 +34,12 @@ pub(crate) struct MeasurementArgs {
     /// The column of a spectral table, by name or by number from 1
     #[arg(long)]
     column: Option<String>,
+    /// What the values of a phase table integrate to over the sphere: 1, 4pi, vsf (a volume scattering function) or relative
+    #[arg(long, value_name = "1|4pi|vsf|relative")]
+    normalization: Option<Normalization>,
+    /// The file of a zip archive, by name; `inspect` lists them
+    #[arg(long, value_name = "NAME")]
+    member: Option<String>,
     /// The manifest of an array's axes [default: NAME.axes.json beside NAME.npy]
     #[arg(long, value_name = "MANIFEST")]
     axes: Option<PathBuf>,
@@ -54,6 +60,11 @@ impl MeasurementArgs {
         Ok(Loaded { bytes, spectrum, interpretation: self.interpretation(wavelengths)? })
     }
 
+    /// Whether all files of an archive are meant.
+    pub(crate) fn names_no_member(&self) -> bool {
+        self.member.is_none()
+    }
+
     fn interpretation(&self, wavelengths: Option<String>) -> Result<Interpretation, Failure> {
         let manifest = match &self.axes {
             Some(path) => Some(path.clone()),
@@ -64,6 +75,8 @@ impl MeasurementArgs {
             unit: self.unit,
             wavelength_unit: self.wavelength_unit.clone(),
             column: self.column.clone(),
+            normalization: self.normalization,
+            member: self.member.clone(),
             axes: manifest.as_deref().map(read_manifest).transpose()?,
             wavelengths,
         })
@@ -74,6 +87,11 @@ impl Loaded {
     /// The file's bytes.
     pub(crate) fn bytes(&self) -> &[u8] {
         &self.bytes
+    }
+
+    /// What the user said.
+    pub(crate) fn interpretation(&self) -> &Interpretation {
+        &self.interpretation
     }
 
     /// What the pipeline reads.

@@ -1,5 +1,6 @@
 //! `wavelume inspect`: what a measurement or material is.
 
+use super::contents::Contents;
 use super::failure::Failure;
 use super::input::{Loaded, MeasurementArgs};
 use super::output::{Sheet, count, print, print_json, three_digits};
@@ -10,7 +11,7 @@ use super::request::AxesArgs;
 use crate::codec;
 use crate::compress::{self, LevelInfo, Summary};
 use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
-use crate::formats::{Angles, AzimuthExtent, Note, NoteKind, Samples};
+use crate::formats::{self, Angles, AzimuthExtent, Note, NoteKind, Samples};
 use crate::pipeline::{self, Request};
 use crate::projection::Coverage;
 use serde::Serialize;
@@ -34,6 +35,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if loaded.bytes().starts_with(&codec::MAGIC) {
         let material = Material::read(loaded.bytes()).map_err(about)?;
         return if args.json { print_json(&material) } else { print(&material.sheet().render(&name)) };
+    }
+    if args.measurement.names_no_member() && formats::is_archive(loaded.bytes()) {
+        let archive = Contents::read(&loaded).map_err(about)?;
+        return if args.json { print_json(&archive) } else { print(&archive.render(&name)) };
     }
     let measurement = Measured::read(&loaded, &request).map_err(about)?;
     if args.json { print_json(&measurement) } else { print(&measurement.sheet().render(&name)) }

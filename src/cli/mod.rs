@@ -4,6 +4,7 @@ mod bases;
 mod color;
 mod combine;
 mod compress;
+mod contents;
 mod decode;
 mod demo;
 mod dot;

@@ -45,6 +45,8 @@ pub enum Samples {
 
 /// Samples at directions of their own, in degrees of the surface frame as `[theta, phi]`; values row-major
 /// `[direction, spectral]`, NaN = missing.
+///
+/// A direction (or pair of them) may come more than once: each is a sample of its own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scattered {
     /// `wi` of each direction; empty where the quantity has none.
@@ -57,6 +59,9 @@ pub struct Scattered {
     pub spectral: Option<Axis>,
     /// The values.
     pub values: Vec<f32>,
+    /// Standard uncertainties of the values (k = 1), of their shape and in their unit, if the file states them;
+    /// NaN, or anything that is not positive, = not stated.
+    pub sigma: Option<Vec<f32>>,
 }
 
 impl Scattered {

@@ -16,29 +16,43 @@ const TABLE: &[Foreign] = &[
     Foreign { name: "gzip compressed data", advice: UNPACK, matches: |s| s.bytes.starts_with(b"\x1f\x8b") },
     Foreign { name: "zstd compressed data", advice: UNPACK, matches: |s| s.bytes.starts_with(b"\x28\xb5\x2f\xfd") },
     Foreign {
-        name: "a NumPy archive (.npz)",
-        advice: "send one array of it as .npy with a manifest of its axes",
-        matches: |s| is_zip(s) && contains(s.bytes, b".npy"),
-    },
-    Foreign {
-        name: "a GLDF luminaire (zip)",
-        advice: "send the .ies file inside",
-        matches: |s| is_zip(s) && contains(s.bytes, b"product.xml"),
-    },
-    Foreign { name: "a zip archive", advice: "send the files inside one by one", matches: is_zip },
-    Foreign {
         name: "a material, compressed already",
         advice: "inspect, decode, evaluate or sample it",
         matches: |s| s.bytes.starts_with(b"\x89WLM"),
     },
-    Foreign { name: "HDF5 or NetCDF-4", advice: CONVERT, matches: |s| s.bytes.starts_with(b"\x89HDF\r\n\x1a\n") },
+    Foreign {
+        name: "an X-Rite AxF appearance (HDF5 inside)",
+        advice: "its layout is not public: export the measurement from the vendor's software as text",
+        matches: |s| is_hdf5(s) && contains(s.bytes, b"axf"),
+    },
+    Foreign { name: "HDF5 or NetCDF-4", advice: CONVERT, matches: is_hdf5 },
+    Foreign {
+        name: "a MATLAB file (.mat)",
+        advice: "write a table or an array instead: `wavelume formats --template radiometric-csv-wide`",
+        matches: |s| s.bytes.starts_with(b"MATLAB 5.0 MAT-file") || s.bytes.starts_with(b"MATLAB 7.3 MAT-file"),
+    },
+    Foreign {
+        name: "a spreadsheet of old Excel (.xls)",
+        advice: "save it as CSV",
+        matches: |s| s.bytes.starts_with(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"),
+    },
+    Foreign {
+        name: "a tar archive",
+        advice: "send the files one by one, or in a zip archive",
+        matches: |s| s.bytes.get(257..262) == Some(b"ustar"),
+    },
+    Foreign {
+        name: "a 7-Zip archive",
+        advice: "send the files one by one, or in a zip archive",
+        matches: |s| s.bytes.starts_with(b"7z\xbc\xaf\x27\x1c"),
+    },
+    Foreign {
+        name: "a RAR archive",
+        advice: "send the files one by one, or in a zip archive",
+        matches: |s| s.bytes.starts_with(b"Rar!\x1a\x07"),
+    },
     Foreign { name: "NetCDF-3", advice: CONVERT, matches: |s| matches!(s.bytes, [b'C', b'D', b'F', 1 | 2 | 5, ..]) },
     Foreign { name: "Parquet", advice: CONVERT, matches: |s| s.bytes.starts_with(b"PAR1") },
-    Foreign {
-        name: "Arrow",
-        advice: CONVERT,
-        matches: |s| s.bytes.starts_with(b"ARROW1") || s.bytes.starts_with(b"\xff\xff\xff\xff"),
-    },
     Foreign {
         name: "a PNG image",
         advice: "pictures are no measurements",
@@ -73,6 +87,11 @@ const TABLE: &[Foreign] = &[
         advice: CONVERT,
         matches: |s| s.head.contains("Symmetry") && s.head.contains("SpectralContent"),
     },
+    Foreign {
+        name: "a gonioscatterometer's table (pab mountain text)",
+        advice: CONVERT,
+        matches: |s| s.head.lines().take(100).any(|line| line.starts_with("#format: theta phi")),
+    },
     Foreign { name: "a Speos BRDF", advice: CONVERT, matches: |s| s.head.starts_with("OPTIS - ") },
     Foreign {
         name: "CGATS spectral data",
@@ -95,19 +114,20 @@ const TABLE: &[Foreign] = &[
 /// What the file is and what to do about it, if it is known but not read.
 pub(super) fn recognise(sample: &Sample<'_>) -> Option<String> {
     if let Some(root) = xml_root(&sample.head) {
-        return Some(xml(root));
+        return Some(xml(root, &sample.head));
     }
     let foreign = TABLE.iter().find(|foreign| (foreign.matches)(sample))?;
     Some(format!("this is {}, which is not read: {}", foreign.name, foreign.advice))
 }
 
-fn is_zip(sample: &Sample<'_>) -> bool {
-    sample.bytes.starts_with(b"PK\x03\x04") || sample.bytes.starts_with(b"PK\x05\x06")
+fn is_hdf5(sample: &Sample<'_>) -> bool {
+    sample.bytes.starts_with(b"\x89HDF\r\n\x1a\n")
 }
 
-/// Whether the first 64 KiB contain `needle`.
+/// Whether the first 64 KiB contain `needle`, in whatever case.
 fn contains(bytes: &[u8], needle: &[u8]) -> bool {
-    bytes[..bytes.len().min(super::HEAD_BYTES)].windows(needle.len()).any(|window| window == needle)
+    let head = &bytes[..bytes.len().min(super::HEAD_BYTES)];
+    head.windows(needle.len()).any(|window| window.eq_ignore_ascii_case(needle))
 }
 
 fn is_asd(sample: &Sample<'_>) -> bool {
@@ -148,11 +168,14 @@ pub(super) fn xml_root(head: &str) -> Option<&str> {
     (!local.is_empty()).then_some(local)
 }
 
-fn xml(root: &str) -> String {
+fn xml(root: &str, head: &str) -> String {
     let (name, advice) = match root {
         "IESTM33-22" | "LuminaireOpticalData" => ("an IES TM-33 luminaire (XML)", "send the luminaire as LM-63 (.ies)"),
         "WindowElement" => ("a WINDOW BSDF (Klems or tensor tree XML)", CONVERT),
         "CxF" => ("CxF3 colour data (XML)", "export the spectra as CSV"),
+        "Root" if head.contains("gldf.io") => {
+            ("the description of a GLDF luminaire (XML)", "send the .gldf archive, or its .ies and .ldt files")
+        }
         "html" | "HTML" => ("a web page", "send the file itself"),
         other => {
             let root = super::text::snippet(other);
@@ -170,19 +193,22 @@ mod tests {
     fn every_known_stranger_is_named() {
         let mut merl = vec![90, 0, 0, 0, 2, 0, 0, 0, 1, 0, 0, 0];
         merl.resize(12 + 24 * 180, 0);
-        let zip = |name: &[u8]| [b"PK\x03\x04\x14\0\0\0", name].concat();
+        let mut tar = vec![0; 512];
+        tar[257..262].copy_from_slice(b"ustar");
         for (bytes, word) in [
             (b"\x1f\x8b\x08\0\0\0\0\0".to_vec(), "gzip"),
             (b"\x28\xb5\x2f\xfd\0\0".to_vec(), "zstd"),
-            (zip(b"arr_0.npy"), ".npz"),
-            (zip(b"product.xml"), "GLDF"),
-            (zip(b"a.txt"), "zip"),
+            (tar, "tar archive"),
+            (b"7z\xbc\xaf\x27\x1c\0\x04".to_vec(), "7-Zip"),
+            (b"Rar!\x1a\x07\x01\0".to_vec(), "RAR"),
+            (b"MATLAB 5.0 MAT-file, Platform: GLNXA64".to_vec(), "MATLAB"),
+            (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1\0\0".to_vec(), "Excel"),
+            (b"\x89HDF\r\n\x1a\n\0\0com.xrite.AxF\0".to_vec(), "AxF"),
+            (b"#sample_name \"x\"\n#format: theta phi DSF\n10 20 0.1\n".to_vec(), "mountain"),
             (b"\x89WLM\x01H".to_vec(), "material"),
             (b"\x89HDF\r\n\x1a\n\0\0".to_vec(), "HDF5"),
             (b"CDF\x01\0\0".to_vec(), "NetCDF-3"),
             (b"PAR1\x15\x04".to_vec(), "Parquet"),
-            (b"ARROW1\0\0".to_vec(), "Arrow"),
-            (b"\xff\xff\xff\xff\x10\0\0\0".to_vec(), "Arrow"),
             (b"\x89PNG\r\n\x1a\n".to_vec(), "PNG"),
             (b"\xff\xd8\xff\xe0".to_vec(), "JPEG"),
             (b"%PDF-1.7".to_vec(), "PDF"),

@@ -2,6 +2,7 @@
 
 mod acquisition;
 mod analytic;
+mod archive;
 mod azimuth;
 mod error;
 mod eulumdat;
@@ -10,6 +11,7 @@ mod lm63;
 mod manifest;
 mod mbsdf;
 mod npy;
+mod phase_table;
 mod photometry;
 mod radiometric_csv;
 mod rgl;
@@ -23,9 +25,11 @@ pub use acquisition::{
     Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, DirectionalFunction, Modelled, Note, NoteKind, Outside,
     ParseReport, Samples, Scattered, SpectralFactor,
 };
+pub use archive::{Archive, Member, is_archive};
 pub use error::{FormatError, FormatErrorKind, Position};
 pub use manifest::manifest_of;
 pub use npy::write_npy;
+pub use phase_table::Normalization;
 pub use photometry::attach_spectrum;
 pub use rgl::{RglGrid, WrittenRgl, write_rgl};
 pub use template::{TEMPLATES, Template, template};
@@ -49,6 +53,12 @@ pub struct Interpretation {
     /// The column of values of a spectral table, by name or by number from 1 (the wavelengths are not counted).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub column: Option<String>,
+    /// What the values of a phase table integrate to over the sphere.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub normalization: Option<Normalization>,
+    /// The file of an archive that is read, by its name.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub member: Option<String>,
     /// The axes of an array, as the manifest that may lie beside it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub axes: Option<serde_json::Value>,
@@ -74,14 +84,17 @@ pub struct Format {
 
 /// Every format that is read, in the order of probing. A new one is its file and its line here.
 const TABLE: &[Reader] = &[
+    archive::READER,
     npy::READER,
     mbsdf::READER,
     rgl::READER,
     lm63::READER,
     eulumdat::READER,
     radiometric_csv::READER,
+    radiometric_csv::arrow::READER,
     tm27::READER,
     analytic::READER,
+    phase_table::READER,
     spectral_table::READER,
 ];
 
@@ -100,6 +113,8 @@ struct Sample<'a> {
     bytes: &'a [u8],
     /// The beginning, decoded as text whatever it is.
     head: String,
+    /// The quantity that the user named.
+    quantity: Option<Quantity>,
 }
 
 /// A probe that is at least this sure goes before the signatures of formats that are not read.
@@ -117,28 +132,40 @@ pub fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatErr
     if bytes.is_empty() {
         return Err(unrecognised("the file is empty, expected a measurement".to_owned()));
     }
-    let sample = Sample { bytes, head: text::head(bytes, HEAD_BYTES) };
-    let mut best: Option<(u8, &Reader)> = None;
+    let sample = Sample { bytes, head: text::head(bytes, HEAD_BYTES), quantity: how.quantity };
+    let reader = probed(&sample).map_err(|message| FormatError::new(FormatErrorKind::Unsupported, "", message))?;
+    let Some(reader) = reader else {
+        let known: Vec<&str> = TABLE.iter().map(|reader| reader.about.name).collect();
+        return Err(unrecognised(format!(
+            "the content is of no format known here, expected one of {} (`wavelume formats` explains them)",
+            known.join(", ")
+        )));
+    };
+    refuse_idle_options(reader, how)?;
+    (reader.read)(bytes, how)
+}
+
+/// The reader that is most sure of a sample, if any is; else what the sample is that no reader reads, if that is known.
+fn probed(sample: &Sample<'_>) -> Result<Option<&'static Reader>, String> {
+    let mut best: Option<(u8, &'static Reader)> = None;
     for reader in TABLE {
-        let score = (reader.probe)(&sample);
+        let score = (reader.probe)(sample);
         if score > best.map_or(0, |(highest, _)| highest) {
             best = Some((score, reader));
         }
     }
     if best.is_none_or(|(score, _)| score < SURE)
-        && let Some(message) = foreign::recognise(&sample)
+        && let Some(message) = foreign::recognise(sample)
     {
-        return Err(FormatError::new(FormatErrorKind::Unsupported, "", message));
+        return Err(message);
     }
-    let Some((_, reader)) = best else {
-        let known: Vec<&str> = TABLE.iter().map(|reader| reader.about.description).collect();
-        return Err(unrecognised(format!(
-            "the content is of no format known here, expected one of: {}",
-            known.join("; ")
-        )));
-    };
-    refuse_idle_options(reader, how)?;
-    (reader.read)(bytes, how)
+    Ok(best.map(|(_, reader)| reader))
+}
+
+/// Whether some format of the table recognises `bytes`; they may be malformed all the same.
+pub fn recognises(bytes: &[u8]) -> bool {
+    let sample = Sample { bytes, head: text::head(bytes, HEAD_BYTES), quantity: None };
+    matches!(probed(&sample), Ok(Some(_)))
 }
 
 /// An option that does nothing for a format is a misunderstanding that the user should hear of.
@@ -147,6 +174,8 @@ fn refuse_idle_options(reader: &Reader, how: &Interpretation) -> Result<(), Form
         ("wavelength_unit", how.wavelength_unit.is_some()),
         ("column", how.column.is_some()),
         ("axes", how.axes.is_some()),
+        ("normalization", how.normalization.is_some()),
+        ("member", how.member.is_some()),
     ];
     match given.iter().find(|(name, given)| *given && !reader.options.contains(name)) {
         None => Ok(()),

@@ -38,6 +38,18 @@ pub const TEMPLATES: &[Template] = &[
         media_type: "application/json",
         text: include_str!("templates/npy-manifest.json"),
     },
+    Template {
+        name: "radiometric-arrow-python",
+        description: "a script that writes an Arrow stream, one list a row",
+        media_type: "text/x-python; charset=utf-8",
+        text: include_str!("templates/radiometric-arrow.py"),
+    },
+    Template {
+        name: "phase-table",
+        description: "scattering angles and values",
+        media_type: "text/plain; charset=utf-8",
+        text: include_str!("templates/phase-table.txt"),
+    },
 ];
 
 /// The template of that name; the name of a format alone is that of its first one.
@@ -64,6 +76,8 @@ mod tests {
             assert!(warnings.is_empty(), "{}: {warnings:?}", template.name);
             assert!(acquisition.report.metadata.contains(&("sample".to_owned(), "velvet-03".to_owned())));
         }
+        let phase = read(template("phase-table").unwrap().text.as_bytes(), &Interpretation::default()).unwrap();
+        assert!(matches!(phase.samples, Samples::Function(_)), "{:?}", phase.dialect);
         let axes = serde_json::from_str(template("npy").unwrap().text).unwrap();
         let how = Interpretation { axes: Some(axes), ..Interpretation::default() };
         let array = write_npy(&[3, 5, 5, 31], &[0.5; 3 * 5 * 5 * 31]);

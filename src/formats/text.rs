@@ -1,6 +1,7 @@
 //! Bytes of any age and country → text with lines, tokens and positions, and the clamp that keeps a file out of messages.
 
 use super::error::{FormatError, FormatErrorKind, Position};
+use super::radiometric_csv::number::decimal;
 use std::borrow::Cow;
 use std::fmt::{self, Write as _};
 
@@ -126,29 +127,48 @@ impl<'a> Tokens<'a> {
     pub(super) fn offset(&self) -> usize {
         self.at
     }
+
+    /// The length of the blank at a character boundary, 0 if there is none.
+    #[inline]
+    fn blank(&self, at: usize) -> usize {
+        match self.text.as_bytes()[at] {
+            b' ' | b'\t'..=b'\r' | 0 => 1,
+            // Few files have any other than these.
+            0x80.. => self.text[at..].chars().next().filter(|c| c.is_whitespace()).map_or(0, char::len_utf8),
+            _ => 0,
+        }
+    }
 }
 
 impl<'a> Iterator for Tokens<'a> {
     type Item = Token<'a>;
 
     fn next(&mut self) -> Option<Token<'a>> {
-        let is_blank = |c: char| c.is_whitespace() || c == '\0';
+        let bytes = self.text.as_bytes();
         let mut commas = 0;
-        for (i, c) in self.text[self.at..].char_indices() {
-            if c == ',' {
+        let mut at = self.at;
+        while let Some(&byte) = bytes.get(at) {
+            if byte == b',' {
                 commas += 1;
                 if commas == 2 {
                     // The second comma stays, to separate what follows from the empty token.
-                    self.at += i;
-                    return Some(Token { text: "", offset: self.at });
+                    self.at = at;
+                    return Some(Token { text: "", offset: at });
                 }
-            } else if !is_blank(c) {
-                let offset = self.at + i;
-                let rest = &self.text[offset..];
-                let end = rest.find(|c: char| c == ',' || is_blank(c)).unwrap_or(rest.len());
-                self.at = offset + end;
-                return Some(Token { text: &rest[..end], offset });
+                at += 1;
+                continue;
             }
+            let blank = self.blank(at);
+            if blank > 0 {
+                at += blank;
+                continue;
+            }
+            let offset = at;
+            while bytes.get(at).is_some_and(|&byte| byte != b',') && self.blank(at) == 0 {
+                at += if bytes[at] < 0x80 { 1 } else { self.text[at..].chars().next().map_or(1, char::len_utf8) };
+            }
+            self.at = at;
+            return Some(Token { text: &self.text[offset..at], offset });
         }
         self.at = self.text.len();
         None
@@ -157,10 +177,7 @@ impl<'a> Iterator for Tokens<'a> {
 
 /// The finite decimal number that the whole of `text` is; no `nan`, `inf` or hexadecimal.
 pub(super) fn number(text: &str) -> Option<f64> {
-    if !text.bytes().all(|b| b.is_ascii_digit() || matches!(b, b'+' | b'-' | b'.' | b'e' | b'E')) {
-        return None;
-    }
-    text.parse().ok().filter(|value: &f64| value.is_finite())
+    decimal(text.as_bytes(), 0).filter(|&(_, end)| end == text.len()).map(|(value, _)| value)
 }
 
 /// A short quotation of the file for a message: at most 40 characters, nothing that could disturb a terminal.

@@ -5,7 +5,7 @@ use super::engine::Engine;
 use super::maths::MathsError;
 use crate::catalog::{CatalogError, MeasurementRow, NewMeasurement};
 use crate::domain::{Quantity, Unit};
-use crate::formats::{FormatError, FormatErrorKind, Interpretation};
+use crate::formats::{FormatError, FormatErrorKind, Interpretation, Normalization};
 use crate::pipeline::{self, Input, PipelineError};
 use crate::store::{Digest, Staged, StoreError, StoreExt};
 use serde::{Deserialize, Serialize};
@@ -43,6 +43,9 @@ pub struct Options {
     /// The column of a table.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub column: Option<String>,
+    /// What the values of a phase table integrate to.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub normalization: Option<Normalization>,
 }
 
 /// Why an upload did not become a measurement.
@@ -83,6 +86,8 @@ impl Options {
             unit: self.unit,
             wavelength_unit: self.wavelength_unit.clone(),
             column: self.column.clone(),
+            normalization: self.normalization,
+            member: None,
             axes: None,
             wavelengths: None,
         }
@@ -100,6 +105,7 @@ impl Options {
         options.extend(self.unit.map(|v| ("unit", v.name().to_owned())));
         options.extend(self.wavelength_unit.clone().map(|v| ("wavelength_unit", v)));
         options.extend(self.column.clone().map(|v| ("column", v)));
+        options.extend(self.normalization.map(|v| ("normalization", v.name().to_owned())));
         let quoted = |text: &str| serde_json::Value::from(text).to_string();
         let listed: Vec<String> =
             options.iter().map(|(key, value)| format!("{}:{}", quoted(key), quoted(value))).collect();

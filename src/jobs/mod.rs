@@ -14,6 +14,7 @@ mod paper;
 mod presence;
 mod problem;
 mod request;
+mod unpack;
 mod worker;
 
 pub use archive::{Archive, ArchiveError, Fault, FsckReport, SweepReport};
@@ -23,6 +24,7 @@ pub use ingest::{IngestError, Options, Upload};
 pub use maths::{Maths, MathsError};
 pub use problem::{Code, JobProblem};
 pub use request::{CompressRequest, JobRequest, Kind, KindOnly, PaperRequest, check_text};
+pub use unpack::Ingested;
 
 pub(crate) use maths::message as panic_message;
 pub(crate) use worker::run as run_workers;

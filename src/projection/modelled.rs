@@ -6,8 +6,8 @@ use super::grid::MAX_CHOSEN_SAMPLES;
 use super::levels::{self, Choice};
 use super::{AxesRequest, Coverage, Projected, ProjectionError, on_axes, spectral};
 use crate::domain::{
-    Axis, Direction, Domain, Layout, Measurement, Sampling, Tensor, TriangleMesh, Vertices, centroid, check_axes,
-    child, solid_angle,
+    Axis, Direction, Domain, Layout, Measurement, Quantity, Sampling, Tensor, TriangleMesh, Vertices, centroid,
+    check_axes, child, solid_angle,
 };
 use crate::formats::{Acquisition, Modelled};
 use rayon::prelude::*;
@@ -42,9 +42,12 @@ pub(super) fn project(
     request: &AxesRequest,
 ) -> Result<Projected, ProjectionError> {
     check("incoming", &modelled.incoming)?;
-    let mut incoming = incoming(modelled, request.incoming_level)?;
+    // A phase function is one over the whole sphere, and no cosine weighs its light.
+    let is_phase = acquisition.quantity == Quantity::Phase;
+    let domain = if is_phase { Domain::Sphere } else { Domain::Hemisphere };
+    let mut incoming = incoming(modelled, domain, request.incoming_level)?;
     let spacing = modelled.outgoing_spacing;
-    let mut outgoing = levels::choose_by_distance("outgoing", Domain::Hemisphere, spacing, request.outgoing_level)?;
+    let mut outgoing = levels::choose_by_distance("outgoing", domain, spacing, request.outgoing_level)?;
     let spectral =
         spectral::plan(modelled.spectral.as_ref(), acquisition.spectral_factor.as_ref(), request.wavelengths.as_ref())?;
     let channels = spectral.channels;
@@ -62,12 +65,13 @@ pub(super) fn project(
     let vertices = outgoing.mesh.all_vertices();
     notes.push(outgoing.note("outgoing"));
     notes.push(format!(
-        "outgoing cells are averages of the file's own interpolant over {} parts each, weighted by the cosine, so that a \
-         cell keeps the light that it reflects",
-        1_u64 << (2 * divisions_out)
+        "outgoing cells are averages of the file's own interpolant over {} parts each{}",
+        1_u64 << (2 * divisions_out),
+        if is_phase { "" } else { ", weighted by the cosine, so that a cell keeps the light that it reflects" }
     ));
     notes.extend(spectral.notes);
 
+    let weight: fn(Direction) -> f64 = if is_phase { |_| 1.0 } else { Direction::cos_theta };
     let n_out = outgoing.mesh.len();
     let (width, out_width) = (channels.from(), channels.to());
     let mut samples = vec![0.0_f32; count];
@@ -77,7 +81,7 @@ pub(super) fn project(
             for (i, row) in rows.chunks_mut(out_width).enumerate() {
                 let pair = block * BLOCK + i;
                 mean.parts.clear();
-                split(vertices[pair % n_out], divisions_out, &mut mean.parts, Direction::cos_theta);
+                split(vertices[pair % n_out], divisions_out, &mut mean.parts, weight);
                 mean.over(modelled, &parts_in[pair / n_out]);
                 channels.write(&mean.sums, row);
             }
@@ -91,7 +95,7 @@ pub(super) fn project(
     Ok(Projected { measurement, coverage })
 }
 
-fn incoming(modelled: &Modelled, level: Option<u8>) -> Result<Incoming<'_>, ProjectionError> {
+fn incoming(modelled: &Modelled, domain: Domain, level: Option<u8>) -> Result<Incoming<'_>, ProjectionError> {
     let angles = &modelled.incoming;
     match (&angles.phi, level) {
         (None, None) => Ok(Incoming::Elevations(&angles.theta)),
@@ -99,7 +103,7 @@ fn incoming(modelled: &Modelled, level: Option<u8>) -> Result<Incoming<'_>, Proj
             let reason = on_axes::isotropic(angles.theta.len(), "incoming");
             Err(ProjectionError::Unfit(format!("incoming_level: {reason}")))
         }
-        (Some(_), level) => Ok(Incoming::Triangles(levels::choose("incoming", Domain::Hemisphere, angles, level)?)),
+        (Some(_), level) => Ok(Incoming::Triangles(levels::choose("incoming", domain, angles, level)?)),
     }
 }
 
@@ -243,7 +247,7 @@ impl Mean {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::{Quantity, Unit};
+    use crate::domain::Unit;
     use crate::formats::{Angles, AzimuthExtent, Azimuths, DirectionalFunction, ParseReport, Samples};
     use std::sync::Arc;
 

@@ -463,6 +463,7 @@ fn scattered_directions_are_refused() {
         isotropic: true,
         spectral: None,
         values: vec![1.0; 3],
+        sigma: None,
     };
     let acquired = acquisition(Quantity::Brdf, Samples::Scattered(scattered));
     let error = project(&acquired, &AxesRequest::default()).unwrap_err();

@@ -159,3 +159,36 @@ async fn too_many_uploads_are_told_to_come_again() {
     problem_of(busy, 503, "overloaded").await;
     service.stop().await;
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn each_file_of_an_archive_becomes_a_measurement() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    let zipped = |files: &[(&str, &[u8])]| {
+        let mut writer = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+        for (name, bytes) in files {
+            writer.start_file(*name, zip::write::SimpleFileOptions::default()).unwrap();
+            std::io::Write::write_all(&mut writer, bytes).unwrap();
+        }
+        writer.finish().unwrap().into_inner()
+    };
+    let archive = zipped(&[("ies/lamp.ies", LAMP), ("d65.csv", D65), ("read me.pdf", b"%PDF-1.7")]);
+    let response = service.post("/v1/measurements?name=All").body(archive.clone()).send().await.unwrap();
+    assert_eq!(response.status(), StatusCode::CREATED);
+    let answer: Value = response.json().await.unwrap();
+    let items = answer["items"].as_array().unwrap();
+    assert_eq!((items.len(), items[0]["file_name"].as_str()), (2, Some("d65.csv")));
+    assert_eq!(items[1]["id"], Digest::of(LAMP).to_string());
+    assert_eq!(items[1]["name"], "All: ies/lamp.ies");
+    assert_eq!(answer["skipped"][0]["file_name"], "read me.pdf");
+    assert!(answer["skipped"][0]["reason"].as_str().unwrap().contains("PDF"));
+    let again = service.post("/v1/measurements").body(archive).send().await.unwrap();
+    assert_eq!(again.status(), StatusCode::OK);
+
+    let nested = zipped(&[("a.zip", &zipped(&[("lamp.ies", LAMP)]))]);
+    problem(service.post("/v1/measurements").body(nested), 422, "unsupported-measurement").await;
+    let bomb = zipped(&[("zeros.npy", &vec![0; 20 << 20])]);
+    problem(service.post("/v1/measurements").body(bomb), 422, "over-limit").await;
+    problem(service.post("/v1/measurements").body(zipped(&[("a.pdf", b"%PDF-1.7")])), 422, "invalid-request").await;
+    service.stop().await;
+}

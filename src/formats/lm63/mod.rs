@@ -59,6 +59,8 @@ struct Header {
 struct Numbers<'a> {
     source: &'a Source,
     tokens: Tokens<'a>,
+    /// How many tokens are left.
+    left: usize,
 }
 
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
@@ -69,7 +71,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
     }
     let labels = labels::read(&source, &mut report)?;
-    let mut numbers = Numbers { source: &source, tokens: Tokens::new(source.text(), labels.numbers_at) };
+    let mut numbers = Numbers::new(&source, labels.numbers_at);
     if labels.tilt_included {
         numbers.tilt(&mut report)?;
     }
@@ -164,8 +166,14 @@ fn check_flux(flux: f64, lamp_lumens: f64, report: &mut ParseReport) {
 }
 
 impl<'a> Numbers<'a> {
+    fn new(source: &'a Source, at: usize) -> Self {
+        let tokens = Tokens::new(source.text(), at);
+        Self { source, left: tokens.clone().count(), tokens }
+    }
+
     fn token(&mut self, expected: &str) -> Result<Token<'a>, FormatError> {
         let end = self.source.text().len();
+        self.left = self.left.saturating_sub(1);
         self.tokens.next().ok_or_else(|| self.source.malformed(end, format!("the file ends, expected {expected}")))
     }
 
@@ -188,7 +196,7 @@ impl<'a> Numbers<'a> {
 
     /// A count of things that follow, each at least one token.
     fn count(&mut self, expected: &str) -> Result<usize, FormatError> {
-        let remaining = self.tokens.clone().count().saturating_sub(1);
+        let remaining = self.left.saturating_sub(1);
         self.whole(expected, 1, remaining.clamp(1, MAX_ENTRIES))
     }
 
@@ -254,7 +262,7 @@ impl<'a> Numbers<'a> {
         report: &mut ParseReport,
     ) -> Result<Stated, FormatError> {
         let (v, h) = (header.vertical, header.horizontal);
-        let remaining = self.tokens.clone().count();
+        let remaining = self.left;
         let announced = v.checked_mul(h).and_then(|n| n.checked_add(v)?.checked_add(h));
         if announced.is_none_or(|n| n > remaining) {
             return Err(self.source.malformed(
@@ -307,7 +315,7 @@ impl<'a> Numbers<'a> {
                 format!("{negative} intensities are negative, down to {lowest}; kept as they are"),
             );
         }
-        let trailing = self.tokens.clone().count();
+        let trailing = self.left;
         if trailing > 0 {
             report.note(NoteKind::Warning, format!("{trailing} further tokens after the last intensity were not read"));
         }

@@ -388,5 +388,12 @@ fn scattered(
     if header.extents.iter().any(Option::is_some) || header.covers.iter().any(Option::is_some) {
         report.note(NoteKind::Skipped, "extents and covers of angles: the directions make no grid");
     }
-    Ok(Scattered { incoming: side(0), outgoing: side(2), isotropic: directions.isotropic, spectral, values })
+    Ok(Scattered {
+        incoming: side(0),
+        outgoing: side(2),
+        isotropic: directions.isotropic,
+        spectral,
+        values,
+        sigma: None,
+    })
 }

@@ -78,6 +78,8 @@ const KNOWN: &[&str] = &[
     "phi_o_extent",
     "theta_i_covers",
     "theta_o_covers",
+    "wavelengths",
+    "radiometric-arrow",
 ];
 
 /// Reads the header; `None` (and at least one problem) where it does not say what it must.
@@ -87,6 +89,8 @@ pub(super) fn read(
     report: &mut ParseReport,
     problems: &mut Problems,
 ) -> Result<Option<Header>, FormatError> {
+    // Keys that are not lines of a text have line 0, and what they lack is missing nowhere in particular.
+    let first = fields.first().map_or(1, |field| field.line.min(1));
     let mut header = Fields { fields, problems };
     header.value(NAME, "1 (the version of the format)", |v| (v == "1").then_some(()));
     let quantities = || Quantity::ALL.iter().map(|q| q.name()).collect::<Vec<_>>().join(", ");
@@ -95,7 +99,7 @@ pub(super) fn read(
         if header.stated("quantity") {
             return Ok(None);
         }
-        let message = format!("no line `# quantity: …`, expected it, or the option: {}", quantities());
+        let message = format!("`quantity` is not stated, expected it, or the option: {}", quantities());
         return Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
     };
     if let Some(stated) = stated.filter(|stated| *stated != quantity) {
@@ -108,7 +112,7 @@ pub(super) fn read(
         _ => None,
     });
     if quantity.directions() > 0 && !header.stated("angle_unit") && quantity != Quantity::Reflectance {
-        header.problems.add(1, 1, || "no line `# angle_unit: …`, expected deg or rad".to_owned());
+        header.problems.add(first, 1, || "`angle_unit` is not stated, expected deg or rad".to_owned());
     }
     let truth = |v: &str| match v {
         "true" | "yes" => Some(true),
@@ -117,8 +121,8 @@ pub(super) fn read(
     };
     let cosine_included = header.value("cosine_included", "true or false", truth);
     if quantity.has_cosine() && !header.stated("cosine_included") {
-        header.problems.add(1, 1, || {
-            format!("no line `# cosine_included: …`, expected true or false: whether values of a {quantity} hold |cos theta_o|")
+        header.problems.add(first, 1, || {
+            format!("`cosine_included` is not stated, expected true or false: whether values of a {quantity} hold |cos theta_o|")
         });
     }
     header.value("direction_convention", "outward: wi and wo both point away from the sample", |v| {
@@ -188,7 +192,7 @@ fn unit(
         report.note(NoteKind::Warning, format!("unit taken as {asked} as asked; the file says {stated}"));
     }
     if how.unit.is_none() && !header.stated("value_unit") {
-        let message = format!("no line `# value_unit: …`, expected it, or the option: {names}");
+        let message = format!("`value_unit` is not stated, expected it, or the option: {names}");
         return Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
     }
     Ok(how.unit.or(stated))

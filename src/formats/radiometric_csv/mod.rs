@@ -6,10 +6,11 @@
 //! (emission: `theta`, `phi`, or `gamma`, `c` from nadir), then `wavelength` and `value`, or one `v550` for each
 //! wavelength. A blank cell, or `nan`, is a missing value. Directions that form a grid are read as one.
 
+pub(super) mod arrow;
 mod assemble;
 mod columns;
 mod header;
-mod number;
+pub(super) mod number;
 mod problems;
 mod rows;
 #[cfg(test)]
@@ -93,7 +94,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
 /// What was assumed and changed.
 fn remarks(header: &header::Header, columns: &Columns, grazing: usize, report: &mut ParseReport) {
     if header.wavelength_unit_assumed && (columns.is_wide() || columns.has_wavelength) {
-        report.note(NoteKind::Assumed, "no line `# wavelength_unit: …`, taken as nm");
+        report.note(NoteKind::Assumed, "`wavelength_unit` is not stated, taken as nm");
     }
     if header.radians && columns.angles.iter().any(Option::is_some) {
         report.note(NoteKind::Assumed, "angles in radians are rounded to 0.0001 degrees");

@@ -10,16 +10,16 @@ const LISTED: usize = 20;
 /// The problems found so far.
 #[derive(Debug, Default)]
 pub(super) struct Problems {
-    listed: Vec<(Position, String)>,
+    listed: Vec<(Option<Position>, String)>,
     count: usize,
 }
 
 impl Problems {
-    /// Adds a problem at a line and column, both from 1.
+    /// Adds a problem at a line and column, both from 1; line 0 is no place in a text.
     pub(super) fn add(&mut self, line: usize, column: usize, message: impl FnOnce() -> String) {
         self.count += 1;
         if self.listed.len() < LISTED {
-            self.listed.push((Position::Text { line, column }, message()));
+            self.listed.push(((line > 0).then_some(Position::Text { line, column }), message()));
         }
     }
 
@@ -28,8 +28,8 @@ impl Problems {
         self.count += part.count;
         let room = LISTED - self.listed.len();
         self.listed.extend(part.listed.into_iter().take(room).map(|(position, message)| match position {
-            Position::Text { line, column } => (Position::Text { line: line + before, column }, message),
-            other @ Position::Byte(_) => (other, message),
+            Some(Position::Text { line, column }) => (Some(Position::Text { line: line + before, column }), message),
+            other => (other, message),
         }));
     }
 
@@ -38,7 +38,10 @@ impl Problems {
         let mut listed = self.listed.into_iter();
         let (first, mut message) = listed.next()?;
         for (position, further) in listed {
-            let _ = write!(message, "; {position}: {further}");
+            let _ = match position {
+                Some(position) => write!(message, "; {position}: {further}"),
+                None => write!(message, "; {further}"),
+            };
         }
         match self.count.saturating_sub(LISTED) {
             0 => {}
@@ -46,6 +49,6 @@ impl Problems {
                 let _ = write!(message, "; and {more} more problems, {} in all", self.count);
             }
         }
-        Some(FormatError { kind: FormatErrorKind::Malformed, format: NAME, position: Some(first), message })
+        Some(FormatError { kind: FormatErrorKind::Malformed, format: NAME, position: first, message })
     }
 }

@@ -308,7 +308,7 @@ fn headers_and_columns_are_checked() {
         (format!("{}{body}", BRDF.replace("brdf", "brd")), "quantity `brd`, expected spectrum"),
         (format!("{}{body}", BRDF.replace("1/sr", "cd")), "value_unit `cd`, expected a unit of a brdf: relative, 1/sr"),
         (format!("{}{body}", BRDF.replace("deg", "grad")), "angle_unit `grad`"),
-        (format!("{}{body}", BRDF.replace("# angle_unit: deg\n", "")), "no line `# angle_unit"),
+        (format!("{}{body}", BRDF.replace("# angle_unit: deg\n", "")), "`angle_unit` is not stated"),
         (format!("{}{body}", BRDF.replace("outward", "inward")), "direction_convention `inward`"),
         (format!("{BRDF}# angle_unit: rad\n{body}"), "`angle_unit` twice"),
         (format!("{BRDF}# isotropic: perhaps\n{body}"), "isotropic `perhaps`"),

@@ -2,7 +2,7 @@
 //!
 //! Gives `[lambda]`, or `[index, lambda]` for several columns; a blank cell is masked, a negative one is kept.
 
-mod rows;
+pub(super) mod rows;
 pub(super) mod wavelength_unit;
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
@@ -166,7 +166,7 @@ fn remarks(table: &Table, source: &Source, report: &mut ParseReport) -> Result<(
 
 impl Table {
     /// Whether the header or the comments contain one of `words`.
-    fn says(&self, words: &[&str]) -> bool {
+    pub(in crate::formats) fn says(&self, words: &[&str]) -> bool {
         words.iter().any(|word| self.prose.contains(word))
     }
 
@@ -177,7 +177,7 @@ impl Table {
     }
 
     /// Keeps one column, by its name or by its number from 1.
-    fn pick(&mut self, wanted: &str) -> Result<(), FormatError> {
+    pub(in crate::formats) fn pick(&mut self, wanted: &str) -> Result<(), FormatError> {
         let wanted = wanted.trim();
         let columns = self.names.len();
         let by_name = |same: fn(&str, &str) -> bool| self.names.iter().position(|name| same(name, wanted));
@@ -197,7 +197,7 @@ impl Table {
     }
 
     /// The names of the first columns.
-    fn column_list(&self) -> String {
+    pub(in crate::formats) fn column_list(&self) -> String {
         const SHOWN: usize = 8;
         let mut list = self.names.iter().take(SHOWN).map(|name| snippet(name)).collect::<Vec<_>>().join(", ");
         if self.names.len() > SHOWN {

@@ -4,20 +4,21 @@ use super::NAME;
 use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::radiometric_csv::number::decimal;
 use crate::formats::text::{Source, Token, number, snippet};
 
 /// A table as written: wavelengths with their place in the text, values row by row.
-pub(super) struct Table {
-    pub(super) wavelengths: Vec<(f64, usize)>,
+pub(in crate::formats) struct Table {
+    pub(in crate::formats) wavelengths: Vec<(f64, usize)>,
     /// `[row, column]`; NaN = blank.
-    pub(super) values: Vec<f32>,
+    pub(in crate::formats) values: Vec<f32>,
     /// One name for each column of values.
-    pub(super) names: Vec<String>,
+    pub(in crate::formats) names: Vec<String>,
     /// The name of the first column, if there is a header.
     pub(super) wavelength_name: Option<String>,
     /// All text around the numbers, lower case.
     pub(super) prose: String,
-    pub(super) dialect: &'static str,
+    pub(in crate::formats) dialect: &'static str,
 }
 
 /// What separates the cells of a row.
@@ -103,7 +104,7 @@ fn split_comment(line: Token<'_>) -> (Token<'_>, Option<&str>) {
 }
 
 /// How much the beginning of a file looks like a table: rows of numbers, or one column of them.
-pub(super) fn probe(head: &str) -> u8 {
+pub(in crate::formats) fn probe(head: &str) -> u8 {
     // Any format name does: no message of this source is shown.
     let source = Source::decode(head.as_bytes(), NAME);
     let mut lines: Vec<Token<'_>> = contents(&source).take(MAX_PREAMBLE + 1).collect();
@@ -139,7 +140,7 @@ fn delimiter(lines: &[Token<'_>]) -> Option<(Delimiter, usize)> {
 }
 
 /// Reads the table of a text.
-pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Table, FormatError> {
+pub(in crate::formats) fn read(source: &Source, report: &mut ParseReport) -> Result<Table, FormatError> {
     let looked_at: Vec<Token<'_>> = contents(source).take(MAX_PREAMBLE + LOOKED_AT).collect();
     let Some((delimiter, width)) = delimiter(&looked_at) else {
         let at = looked_at.first().map_or(0, |line| line.offset);
@@ -204,6 +205,11 @@ impl<'a> Parser<'a> {
     }
 
     fn content(&mut self, line: Token<'a>, report: &mut ParseReport) -> Result<(), FormatError> {
+        if let Some(table) = &mut self.table
+            && table.push_plain(line, self.delimiter)
+        {
+            return self.within_limit(line);
+        }
         let cells = self.delimiter.cells(line);
         if self.table.is_none() {
             // A row begins the data even if it holds something that is no number: that is an error, not a header.
@@ -245,11 +251,15 @@ impl<'a> Parser<'a> {
             }
             table.values.push(sample);
         }
-        if table.values.len() > MAX_SAMPLES {
-            let message = format!("more than the limit of {MAX_SAMPLES} values");
-            return Err(self.source.error(FormatErrorKind::OverLimit, line.offset, message));
+        self.within_limit(line)
+    }
+
+    fn within_limit(&self, line: Token<'_>) -> Result<(), FormatError> {
+        if self.table.as_ref().is_none_or(|table| table.values.len() <= MAX_SAMPLES) {
+            return Ok(());
         }
-        Ok(())
+        let message = format!("more than the limit of {MAX_SAMPLES} values");
+        Err(self.source.error(FormatErrorKind::OverLimit, line.offset, message))
     }
 
     /// Begins the table: the last line before it is its header if it has as many cells.
@@ -307,6 +317,58 @@ impl<'a> Parser<'a> {
 }
 
 impl Table {
+    /// Takes a row of plain finite numbers in one pass; any other row is left to be read cell by cell.
+    fn push_plain(&mut self, line: Token<'_>, delimiter: Delimiter) -> bool {
+        let bytes = line.text.as_bytes();
+        let separator = match delimiter {
+            Delimiter::Tab => Some(b'\t'),
+            Delimiter::Semicolon => Some(b';'),
+            Delimiter::Comma => Some(b','),
+            Delimiter::Blank => None,
+        };
+        let blanks = |mut at: usize| {
+            while matches!(bytes.get(at), Some(&byte) if (byte == b' ' || byte == b'\t') && Some(byte) != separator) {
+                at += 1;
+            }
+            at
+        };
+        let (first, width) = (self.values.len(), self.names.len() + 1);
+        let mut at = blanks(0);
+        let mut wavelength = (0.0, line.offset + at);
+        let mut count = 0;
+        while count < width {
+            let Some((value, end)) = decimal(bytes, at) else { break };
+            if count == 0 {
+                wavelength = (value, line.offset + at);
+            } else if (value as f32).is_infinite() {
+                break;
+            } else {
+                self.values.push(value as f32);
+            }
+            count += 1;
+            let next = blanks(end);
+            match (bytes.get(next), separator) {
+                (None, _) => {
+                    at = next;
+                    break;
+                }
+                (Some(found), Some(separator)) if *found == separator => at = blanks(next + 1),
+                (Some(_), None) if next > end => at = next,
+                _ => {
+                    count = 0;
+                    break;
+                }
+            }
+        }
+        // A separator at the end opens one more cell.
+        if count == width && at == bytes.len() && !line.text.ends_with([',', ';', '\t']) {
+            self.wavelengths.push(wavelength);
+            return true;
+        }
+        self.values.truncate(first);
+        false
+    }
+
     /// A delimiter at the end of every row makes a nameless column without a value.
     fn drop_empty_columns(&mut self, report: &mut ParseReport) {
         let columns = self.names.len();

@@ -1,0 +1,84 @@
+//! What is inside an archive: one line a file, each read as it would be alone.
+
+use super::failure::Failure;
+use super::input::Loaded;
+use super::output::{Table, count};
+use crate::domain::{Quantity, Unit};
+use crate::formats::{self, Archive, FormatError, Interpretation};
+use serde::Serialize;
+
+/// The files of an archive.
+#[derive(Serialize)]
+pub(crate) struct Contents {
+    kind: &'static str,
+    bytes: u64,
+    members: Vec<Inside>,
+}
+
+/// One file.
+#[derive(Serialize)]
+struct Inside {
+    name: String,
+    bytes: u64,
+    #[serde(flatten)]
+    understood: Option<Understood>,
+    /// Why it is not read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    problem: Option<String>,
+}
+
+#[derive(Serialize)]
+struct Understood {
+    format: &'static str,
+    dialect: String,
+    quantity: Quantity,
+    unit: Unit,
+}
+
+impl Contents {
+    /// Reads every file with what the user said of all of them.
+    pub(crate) fn read(loaded: &Loaded) -> Result<Self, Failure> {
+        let archive = Archive::open(loaded.bytes()).map_err(Failure::failed)?;
+        let members = archive.members().iter().map(|member| {
+            let how = Interpretation { member: Some(member.name.clone()), ..loaded.interpretation().clone() };
+            let (understood, problem) = match formats::read(loaded.bytes(), &how) {
+                Ok(read) => {
+                    let formats::Acquisition { format, dialect, quantity, unit, .. } = read;
+                    (Some(Understood { format, dialect, quantity, unit }), None)
+                }
+                Err(error) => (None, Some(alone(&error, &member.name))),
+            };
+            Inside { name: member.name.clone(), bytes: member.bytes, understood, problem }
+        });
+        Ok(Self { kind: "archive", bytes: loaded.bytes().len() as u64, members: members.collect() })
+    }
+
+    /// For people.
+    pub(crate) fn render(&self, name: &str) -> String {
+        let read = self.members.iter().filter(|member| member.understood.is_some()).count();
+        let mut table = Table::new(&["bytes", "name", "quantity", "what it is"]);
+        for Inside { name, bytes, understood, problem } in &self.members {
+            let (quantity, what) = match (understood, problem) {
+                (Some(read), _) => {
+                    (format!("{}, {}", read.quantity, read.unit), format!("{} ({})", read.format, read.dialect))
+                }
+                (None, problem) => ("-".to_owned(), format!("not read: {}", problem.as_deref().unwrap_or_default())),
+            };
+            table.row([count(*bytes), name.clone(), quantity, what]);
+        }
+        let all = self.members.len();
+        format!(
+            "{name}: an archive of {all} files, {read} of them measurements; choose one with --member NAME\n{}",
+            table.render()
+        )
+    }
+}
+
+/// The reason without the name, which stands beside it.
+fn alone(error: &FormatError, name: &str) -> String {
+    let text = error.to_string();
+    let prefix: String = name.chars().take(40).collect();
+    text.split_once(&format!("`{prefix}"))
+        .and_then(|(_, rest)| rest.split_once("`: "))
+        .map_or(text.clone(), |(_, rest)| rest.to_owned())
+}

@@ -1,0 +1,160 @@
+//! Phase functions as bare lists: values over even steps of the cosine on one line, Legendre moments one a line.
+
+use super::NAME;
+use super::function::{Between, Curve};
+use crate::domain::limits::MAX_WAVELENGTHS;
+use crate::formats::Interpretation;
+use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::text::{Brief, Source, Token, Tokens, number};
+use std::f64::consts::PI;
+
+/// Values of a list that is one, and moments of a function.
+const FEWEST: usize = 3;
+/// Moments whose polynomials are summed here at every angle.
+const MAX_MOMENTS: usize = 1 << 12;
+/// Angles of the table that moments become, for each moment.
+const ANGLES_PER_MOMENT: usize = 8;
+
+/// Lines with content, without their comments.
+fn contents(text: &str) -> impl Iterator<Item = &str> {
+    text.lines().map(|line| line.split('#').next().unwrap_or_default().trim()).filter(|line| !line.is_empty())
+}
+
+fn numbers(line: &str) -> Option<Vec<f64>> {
+    Tokens::new(line, 0).map(|token| number(token.text)).collect()
+}
+
+/// Whether the text is one line of at least three numbers, or begins one that is longer than the head of a file.
+pub(super) fn is_line(head: &str) -> bool {
+    let mut lines = contents(head);
+    let (first, more) = (lines.next().unwrap_or_default(), lines.next().is_some());
+    let words: Vec<Token<'_>> = Tokens::new(first, 0).collect();
+    // The last word may be cut.
+    let whole = &words[..words.len().saturating_sub(1)];
+    !more && words.len() >= FEWEST && whole.iter().all(|word| number(word.text).is_some())
+}
+
+/// Whether the text is one number a line, the first of them 1, none larger than 2m + 1.
+pub(super) fn is_moments(head: &str) -> bool {
+    let mut count = 0_usize;
+    for line in contents(head) {
+        let Some(value) = number(line) else { return false };
+        let fits = if count == 0 { (value - 1.0).abs() < 1e-6 } else { value.abs() <= (2 * count + 1) as f64 };
+        if !fits {
+            return false;
+        }
+        count += 1;
+    }
+    count >= FEWEST
+}
+
+/// Whether the first numbers of rows are cosines, or angles from 0 to 180 degrees, which no wavelengths are.
+pub(super) fn is_angular(head: &str) -> bool {
+    let firsts: Vec<f64> = contents(head)
+        .filter_map(|line| number(line.split([',', ';', '\t', ' ']).find(|cell| !cell.is_empty())?))
+        .collect();
+    let (low, high) = firsts.iter().fold((f64::MAX, f64::MIN), |(low, high), &x| (low.min(x), high.max(x)));
+    firsts.len() >= FEWEST && (((-1.0..0.0).contains(&low) && high <= 1.0) || (low == 0.0 && high == 180.0))
+}
+
+/// The curve of a list, and what it was; `None` where the text is a table.
+pub(super) fn read(
+    source: &Source,
+    how: &Interpretation,
+    report: &mut ParseReport,
+) -> Result<Option<(Curve, String)>, FormatError> {
+    let text = source.text();
+    let rows = contents(text).take(2).count();
+    let line = contents(text).next().unwrap_or_default();
+    let single = contents(text).all(|line| number(line).is_some());
+    let is_list = rows == 1 && Tokens::new(line, 0).nth(FEWEST - 1).is_some();
+    if !is_list && !single {
+        return Ok(None);
+    }
+    if how.column.is_some() {
+        let message = "a list of numbers has no columns to choose from";
+        return Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
+    }
+    let at = |piece: &str| piece.as_ptr() as usize - text.as_ptr() as usize;
+    if is_list {
+        let values = numbers(line).ok_or_else(|| {
+            let bad = Tokens::new(line, 0).find(|token| number(token.text).is_none());
+            let (found, offset) = bad.map_or(("", 0), |token| (token.text, token.offset));
+            source.malformed(
+                at(line) + offset,
+                format!("found {}, expected a number", crate::formats::text::snippet(found)),
+            )
+        })?;
+        return Ok(Some((list(&values, report)?, format!("{} values over the cosine", values.len()))));
+    }
+    let moments: Vec<f64> = contents(text).filter_map(number).collect();
+    if moments.len() < FEWEST {
+        return Err(source.malformed(0, format!("{} numbers, expected a table or at least {FEWEST}", moments.len())));
+    }
+    let first = moments[0];
+    if (first - 1.0).abs() > 1e-6 {
+        let message = format!(
+            "one number a line, the first of them {}: expected 1, the first Legendre moment (values over the cosine go on \
+             one line, angles and values into two columns)",
+            Brief(first)
+        );
+        return Err(source.malformed(0, message));
+    }
+    let form = format!("{} Legendre moments", moments.len());
+    Ok(Some((expanded(moments, report)?, form)))
+}
+
+fn over_limit(found: usize, what: &str, most: usize) -> FormatError {
+    FormatError::new(FormatErrorKind::OverLimit, NAME, format!("{found} {what}, expected at most {most}"))
+}
+
+/// Values at cosines in even steps from -1 to 1.
+fn list(values: &[f64], report: &mut ParseReport) -> Result<Curve, FormatError> {
+    let n = values.len();
+    if n > MAX_WAVELENGTHS {
+        return Err(over_limit(n, "values", MAX_WAVELENGTHS));
+    }
+    report.note(NoteKind::Assumed, "one line of values: at cosines of the scattering angle in even steps from -1 to 1");
+    let cosine = |i: usize| 2.0 * i as f64 / (n - 1) as f64 - 1.0;
+    let angles = (0..n).rev().map(|i| libm::acos(cosine(i).clamp(-1.0, 1.0)).to_degrees()).collect();
+    Ok(Curve::new(angles, values.iter().rev().copied().collect(), Between::Cosines))
+}
+
+/// The sum of Legendre polynomials, as a table fine enough for the last of them.
+fn expanded(mut moments: Vec<f64>, report: &mut ParseReport) -> Result<Curve, FormatError> {
+    let n = moments.len();
+    if n > MAX_MOMENTS {
+        return Err(over_limit(n, "moments", MAX_MOMENTS));
+    }
+    // A function that is nowhere negative has |k_m| <= 1.
+    let factored = moments.iter().any(|k| k.abs() > 1.0 + 1e-9);
+    report.note(
+        NoteKind::Assumed,
+        if factored {
+            "Legendre moments with the factor 2m + 1, as some are larger than 1"
+        } else {
+            "Legendre moments without the factor 2m + 1, as none is larger than 1"
+        },
+    );
+    if !factored {
+        moments.iter_mut().enumerate().for_each(|(m, k)| *k *= (2 * m + 1) as f64);
+    }
+    let count = (ANGLES_PER_MOMENT * n).clamp(360, MAX_WAVELENGTHS - 1);
+    report.note(NoteKind::Filled, format!("the moments became a table of {} angles", count + 1));
+    let angles: Vec<f64> = (0..=count).map(|i| 180.0 * i as f64 / count as f64).collect();
+    let values = angles.iter().map(|angle| series(&moments, libm::cos(angle.to_radians())) / (4.0 * PI)).collect();
+    Ok(Curve::new(angles, values, Between::Angles))
+}
+
+/// `Σ c_m P_m(x)` (Bonnet's recurrence).
+fn series(coefficients: &[f64], x: f64) -> f64 {
+    let (mut before, mut polynomial, mut sum) = (0.0, 1.0, 0.0);
+    for (m, c) in coefficients.iter().enumerate() {
+        sum += c * polynomial;
+        let m = m as f64;
+        let next = ((2.0 * m + 1.0) * x * polynomial - m * before) / (m + 1.0);
+        (before, polynomial) = (polynomial, next);
+    }
+    sum
+}

@@ -1,0 +1,339 @@
+//! Record batches → rows: every buffer within its message, every number checked, lists of float32 copied whole.
+
+use super::super::columns::{Cell, Columns};
+use super::super::problems::Problems;
+use super::super::rows::Rows;
+use super::flat::{Broken, Table};
+use super::schema::{Column, Element, Kind};
+use crate::domain::limits::MAX_SAMPLES;
+use crate::formats::text::{Brief, snippet};
+
+/// Degrees to which angles in float32 are rounded: 30.1 is written as 30.100000381.
+const FLOAT32_DEGREES: f64 = 1e-4;
+/// The same in radians.
+const FLOAT32_RADIANS: f64 = 1e-6;
+
+/// Why a batch is not taken.
+pub(super) enum Refusal {
+    Broken(String),
+    Unsupported(String),
+    OverLimit(String),
+}
+
+impl From<Broken> for Refusal {
+    fn from(_: Broken) -> Self {
+        Self::Broken("a reference in the batch leads outside it".to_owned())
+    }
+}
+
+/// Reads batches one after the other.
+pub(super) struct Batches<'a> {
+    columns: &'a [Column],
+    /// The number of the first cell of each column.
+    cells: &'a [usize],
+    read: &'a Columns,
+    cosine: bool,
+    /// Rows read so far.
+    count: usize,
+    pub(super) rows: Rows,
+    pub(super) problems: Problems,
+    /// Whether angles of float32 were rounded.
+    pub(super) rounded: bool,
+}
+
+/// The numbers of one column in one batch.
+#[derive(Clone, Copy)]
+struct Numbers<'a> {
+    element: Element,
+    bytes: &'a [u8],
+    /// One bit a number, the lowest first; none where all are there.
+    valid: Option<&'a [u8]>,
+}
+
+impl Numbers<'_> {
+    fn is_valid(&self, i: usize) -> bool {
+        self.valid.is_none_or(|bits| bits.get(i / 8).is_some_and(|byte| byte >> (i % 8) & 1 == 1))
+    }
+
+    /// Number `i`; `None` where it is missing.
+    fn get(&self, i: usize) -> Option<f64> {
+        let size = self.element.size();
+        let bytes = self.bytes.get(i * size..(i + 1) * size)?;
+        self.is_valid(i).then(|| self.element.value(bytes)).filter(|value| !value.is_nan())
+    }
+}
+
+/// What is left of the nodes and buffers of a batch.
+struct Parts<'a> {
+    nodes: Vec<[usize; 2]>,
+    buffers: Vec<&'a [u8]>,
+    node: usize,
+    buffer: usize,
+}
+
+impl<'a> Parts<'a> {
+    /// The next column's numbers, `count` in all; they are inside `lists` lists of `each`, or plain.
+    fn numbers(&mut self, element: Element, rows: usize, each: Option<usize>) -> Result<Numbers<'a>, Refusal> {
+        let outer = match each {
+            None => None,
+            Some(_) => self.validity(rows)?,
+        };
+        let count = rows.checked_mul(each.unwrap_or(1)).ok_or(Broken)?;
+        let inner = self.validity(count)?;
+        let bytes = self.buffers.get(self.buffer).copied().ok_or(Broken)?;
+        self.buffer += 1;
+        if bytes.len() / element.size() < count {
+            return Err(Refusal::Broken(format!(
+                "{} bytes for {count} numbers of {} bytes",
+                bytes.len(),
+                element.size()
+            )));
+        }
+        if outer.is_some() {
+            return Err(Refusal::Unsupported(
+                "lists that are missing as a whole, expected lists of missing numbers (NaN)".to_owned(),
+            ));
+        }
+        Ok(Numbers { element, bytes, valid: inner })
+    }
+
+    /// The bits of the next node, which must have `count` entries; `None` where none is missing.
+    fn validity(&mut self, count: usize) -> Result<Option<&'a [u8]>, Refusal> {
+        let [length, nulls] = self.nodes.get(self.node).copied().ok_or(Broken)?;
+        let bits = self.buffers.get(self.buffer).copied().ok_or(Broken)?;
+        self.node += 1;
+        self.buffer += 1;
+        if length != count {
+            return Err(Refusal::Broken(format!("a column of {length} entries, expected {count}")));
+        }
+        if nulls == 0 || bits.is_empty() {
+            return Ok(None);
+        }
+        if bits.len() < count.div_ceil(8) {
+            return Err(Refusal::Broken(format!("{} bytes say which of {count} entries are missing", bits.len())));
+        }
+        Ok(Some(bits))
+    }
+
+    fn skip(&mut self, kind: Kind) {
+        let (nodes, buffers) = kind.parts();
+        self.node += nodes;
+        self.buffer += buffers;
+    }
+}
+
+impl<'a> Batches<'a> {
+    pub(super) fn new(columns: &'a [Column], cells: &'a [usize], read: &'a Columns, cosine: bool) -> Self {
+        Self {
+            columns,
+            cells,
+            read,
+            cosine,
+            count: 0,
+            rows: Rows::default(),
+            problems: Problems::default(),
+            rounded: false,
+        }
+    }
+
+    /// Reads the table `RecordBatch` (Arrow, `Message.fbs`) and its body.
+    pub(super) fn batch(&mut self, batch: Table<'_>, body: &[u8]) -> Result<(), Refusal> {
+        if batch.table(3)?.is_some() {
+            return Err(Refusal::Unsupported(
+                "compressed buffers, expected plain ones (pyarrow: IpcWriteOptions(compression=None))".to_owned(),
+            ));
+        }
+        let count = usize::try_from(batch.long(0)?).map_err(|_| Broken)?;
+        let mut parts = self.parts(batch, body)?;
+        let width = self.read.width();
+        let base = self.rows.values.len();
+        let whole = count.checked_mul(width).and_then(|n| n.checked_add(base));
+        let Some(whole) = whole.filter(|&n| n <= MAX_SAMPLES) else {
+            return Err(Refusal::OverLimit(format!("more than {MAX_SAMPLES} values")));
+        };
+        let mut written: Vec<[f64; 4]> = Vec::new();
+        let mut lambdas = Vec::new();
+        let (columns, firsts, read) = (self.columns, self.cells, self.read);
+        for (column, &first) in columns.iter().zip(firsts) {
+            let (element, each) = match column.kind {
+                Kind::Numbers(element) => (element, None),
+                Kind::Lists(element, each) => (element, Some(each)),
+                Kind::Other { .. } => {
+                    parts.skip(column.kind);
+                    continue;
+                }
+            };
+            let numbers = parts.numbers(element, count, each)?;
+            // No number has been taken for granted: there are as many bytes as the rows need.
+            self.rows.values.resize(whole, f32::NAN);
+            let cells = &read.cells[first..first + each.unwrap_or(1)];
+            match cells {
+                [Cell::Angle(k)] => {
+                    written.resize(count, [0.0; 4]);
+                    self.angles(*k, &column.name, numbers, &mut written);
+                }
+                [Cell::Wavelength] => lambdas = self.wavelengths(&column.name, numbers, count),
+                _ => self.values(&column.name, cells, numbers, base, width),
+            }
+        }
+        self.rows.values.resize(whole, f32::NAN);
+        self.file(base, count, &written, &lambdas);
+        self.count += count;
+        Ok(())
+    }
+
+    /// The nodes and buffers of a batch: as many as the columns have, and no byte in two buffers.
+    fn parts<'b>(&self, batch: Table<'_>, body: &'b [u8]) -> Result<Parts<'b>, Refusal> {
+        let (nodes, buffers) = (batch.list(1, 16)?, batch.list(2, 16)?);
+        let expected = self.columns.iter().fold((0, 0), |(nodes, buffers), column| {
+            let parts = column.kind.parts();
+            (nodes + parts.0, buffers + parts.1)
+        });
+        if (nodes.len(), buffers.len()) != expected {
+            return Err(Refusal::Broken(format!(
+                "{} nodes and {} buffers, expected {} and {} for the columns of the schema",
+                nodes.len(),
+                buffers.len(),
+                expected.0,
+                expected.1
+            )));
+        }
+        let number = |value: i64| usize::try_from(value).map_err(|_| Broken);
+        let nodes = (0..nodes.len()).map(|i| {
+            let [length, nulls] = nodes.pair(i)?;
+            Ok([number(length)?, number(nulls)?])
+        });
+        let nodes = nodes.collect::<Result<Vec<_>, Broken>>()?;
+        let mut taken = 0;
+        let mut slices = Vec::with_capacity(buffers.len());
+        for i in 0..buffers.len() {
+            let [offset, length] = buffers.pair(i)?;
+            let (offset, length) = (number(offset)?, number(length)?);
+            let end = offset.checked_add(length).ok_or(Broken)?;
+            if end > body.len() || (length > 0 && offset < taken) {
+                return Err(Refusal::Broken(format!(
+                    "buffer {i} from byte {offset} to {end} of a body of {} bytes, expected one after the other",
+                    body.len()
+                )));
+            }
+            taken = taken.max(end);
+            slices.push(body.get(offset..end).ok_or(Broken)?);
+        }
+        Ok(Parts { nodes, buffers: slices, node: 0, buffer: 0 })
+    }
+
+    fn problem(&mut self, row: usize, name: &str, found: Option<f64>, expected: &str) {
+        let found = found.map_or_else(|| "nothing".to_owned(), |found| Brief(found).to_string());
+        let row = self.count + row + 1;
+        self.problems.add(0, 0, || format!("row {row}, column {}: found {found}, expected {expected}", snippet(name)));
+    }
+
+    fn angles(&mut self, k: usize, name: &str, numbers: Numbers<'_>, written: &mut [[f64; 4]]) {
+        let Some(angle) = self.read.angles[k] else { return };
+        let unit = if angle.radians { FLOAT32_RADIANS } else { FLOAT32_DEGREES };
+        for (row, direction) in written.iter_mut().enumerate() {
+            let mut found = numbers.get(row);
+            if numbers.element == Element::F32
+                && let Some(stored) = found
+            {
+                let rounded = (stored / unit).round() * unit;
+                // The product has last bits of its own: the quotient of whole numbers has none.
+                let rounded = (rounded * 1e9).round() / 1e9;
+                self.rounded |= rounded != stored;
+                found = Some(rounded);
+            }
+            if let Some(degrees) = found.and_then(|found| angle.degrees(found)) {
+                direction[k] = degrees;
+            } else {
+                let (low, high) = angle.range;
+                self.problem(row, name, found, &format!("an angle from {low} to {high} degrees"));
+            }
+        }
+    }
+
+    fn wavelengths(&mut self, name: &str, numbers: Numbers<'_>, count: usize) -> Vec<u32> {
+        let mut lambdas = Vec::with_capacity(count);
+        for row in 0..count {
+            match numbers.get(row).filter(|&found| found > 0.0 && found.is_finite()) {
+                Some(lambda) => lambdas.push(self.rows.wavelengths.number(lambda)),
+                None => self.problem(row, name, numbers.get(row), "a positive wavelength"),
+            }
+        }
+        lambdas
+    }
+
+    /// Puts the numbers of a column into the cells of every row, from `base` on.
+    fn values(&mut self, name: &str, cells: &[Cell], numbers: Numbers<'_>, base: usize, width: usize) {
+        let in_order = cells.len() == width && cells.iter().enumerate().all(|(i, cell)| *cell == Cell::Value(i));
+        if in_order && numbers.element == Element::F32 && numbers.valid.is_none() {
+            let (stored, _) = numbers.bytes.as_chunks::<4>();
+            let rows = &mut self.rows.values[base..];
+            let mut infinite = false;
+            for (value, bytes) in rows.iter_mut().zip(stored) {
+                let stored = f32::from_le_bytes(*bytes);
+                infinite |= stored.is_infinite();
+                *value = stored;
+            }
+            if infinite {
+                let at: Vec<usize> =
+                    rows.iter().enumerate().filter(|(_, v)| v.is_infinite()).map(|(i, _)| i).take(100).collect();
+                for i in at {
+                    self.problem(i / width, name, Some(f64::INFINITY), FINITE);
+                }
+            }
+            return;
+        }
+        for row in 0..(self.rows.values.len() - base) / width {
+            for (lane, cell) in cells.iter().enumerate() {
+                let Cell::Value(rank) = *cell else { continue };
+                let Some(found) = numbers.get(row * cells.len() + lane) else { continue };
+                let value = found as f32;
+                if value.is_infinite() {
+                    self.problem(row, name, Some(found), FINITE);
+                }
+                self.rows.values[base + row * width + rank] = value;
+            }
+        }
+    }
+
+    /// Files the values from `base` on under their directions and wavelengths.
+    fn file(&mut self, base: usize, count: usize, written: &[[f64; 4]], lambdas: &[u32]) {
+        let width = self.read.width();
+        let rows = &mut self.rows;
+        if self.cosine {
+            for (direction, values) in written.iter().zip(rows.values[base..].chunks_exact_mut(width)) {
+                let cosine = libm::cos(direction[2].to_radians()).abs();
+                for value in values.iter_mut().filter(|value| !value.is_nan()) {
+                    let quotient = (f64::from(*value) / cosine) as f32;
+                    if cosine > 1e-9 && quotient.is_finite() {
+                        *value = quotient;
+                    } else {
+                        rows.grazing += 1;
+                        *value = f32::NAN;
+                    }
+                }
+            }
+        }
+        rows.lambdas.extend_from_slice(lambdas);
+        if self.read.is_wide() {
+            if written.is_empty() {
+                rows.directions.resize(rows.directions.len() + count, [0.0; 4]);
+            } else {
+                rows.directions.extend_from_slice(written);
+            }
+            return;
+        }
+        for row in 0..count {
+            let direction = written.get(row).copied().unwrap_or_default();
+            match rows.lengths.last_mut() {
+                Some(length) if rows.directions.last() == Some(&direction) => *length += 1,
+                _ => {
+                    rows.directions.push(direction);
+                    rows.lengths.push(1);
+                }
+            }
+        }
+    }
+}
+
+const FINITE: &str = "a number within the range of float32, or NaN where it is missing";

@@ -1,0 +1,258 @@
+//! `radiometric-arrow`: the columns and header keys of `radiometric-csv` as an Arrow IPC stream or file.
+//!
+//! The keys are metadata of the schema, the columns have the same names; one column `values` of lists of one length may
+//! stand for `v400`, `v405` and so on, its wavelengths in the key `wavelengths`. A null or NaN is a missing value. The
+//! body of a message is read in place; its metadata are five small tables of a flatbuffer, read here with every offset
+//! checked, as an array library would be more code to trust (Apache Arrow, "Arrow Columnar Format", format version 1.5;
+//! the fields are numbered as in `Message.fbs` and `Schema.fbs`). A file is a stream between two marks.
+
+mod batch;
+mod flat;
+mod schema;
+#[cfg(test)]
+mod tests;
+
+use super::columns::{self, Columns, Row};
+use super::header::{self, Field, Header};
+use super::problems::Problems;
+use super::{assemble, remarks};
+use crate::formats::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
+use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::text::{Brief, number, snippet};
+use crate::formats::{Format, Interpretation, Reader, Sample};
+use batch::{Batches, Refusal};
+use flat::{Broken, Table};
+use schema::{Column, Kind, Schema};
+
+const NAME: &str = "radiometric-arrow";
+
+pub(in crate::formats) const READER: Reader = Reader {
+    about: Format {
+        name: NAME,
+        description: "radiometric-arrow: the columns of radiometric-csv as an Arrow IPC stream or file (.arrow, .arrows)",
+        extensions: &["arrow", "arrows"],
+        reads: true,
+        writes: false,
+    },
+    options: &["wavelength_unit"],
+    probe: |sample: &Sample<'_>| {
+        let is_stream = sample.bytes.starts_with(CONTINUES) || sample.bytes.starts_with(FILE);
+        if is_stream { 95 } else { 0 }
+    },
+    read,
+};
+
+/// What goes before each message, and what a file starts with.
+const CONTINUES: &[u8] = b"\xff\xff\xff\xff";
+const FILE: &[u8] = b"ARROW1\0\0";
+/// Bytes of the metadata of one message: a schema of all the columns that are read has fewer.
+const MAX_METADATA: usize = 1 << 24;
+
+/// What the header of a message is, by its number in the union `MessageHeader`.
+const SCHEMA: u8 = 1;
+const DICTIONARY: u8 = 2;
+const BATCH: u8 = 3;
+
+fn refused(kind: FormatErrorKind, at: usize, message: impl Into<String>) -> FormatError {
+    FormatError::at_byte(kind, NAME, at, message)
+}
+
+fn malformed(at: usize, message: impl Into<String>) -> FormatError {
+    refused(FormatErrorKind::Malformed, at, message)
+}
+
+fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
+    let mut report = ParseReport::default();
+    let mut messages = Messages { bytes, at: if bytes.starts_with(FILE) { FILE.len() } else { 0 } };
+    let start = messages.at;
+    let schema = match messages.next()? {
+        Some(Message { kind: SCHEMA, header, .. }) => schema::read(header).map_err(|refusal| match refusal {
+            schema::Refusal::Malformed => malformed(start, "a reference in the schema leads outside it"),
+            schema::Refusal::Unsupported(message) => refused(FormatErrorKind::Unsupported, start, message),
+            schema::Refusal::OverLimit(message) => refused(FormatErrorKind::OverLimit, start, message),
+        })?,
+        _ => return Err(malformed(start, "the stream does not begin with a schema")),
+    };
+    let named = |error: FormatError| FormatError { format: NAME, ..error };
+    let mut problems = Problems::default();
+    let header = header::read(&schema.fields, how, &mut report, &mut problems).map_err(named)?;
+    let (columns, cells) = match &header {
+        Some(header) => columns(&schema, header, &mut report, &mut problems)?,
+        None => (None, Vec::new()),
+    };
+    let (Some(header), Some(columns)) = (header, columns) else {
+        return Err(named(problems.into_error().unwrap_or_else(|| malformed(start, "the columns make no table"))));
+    };
+    let mut batches = Batches::new(&schema.columns, &cells, &columns, header.cosine_included);
+    let mut count = 0_usize;
+    while let Some(Message { kind, at, header, body }) = messages.next()? {
+        match kind {
+            BATCH => batches.batch(header, body).map_err(|refusal| match refusal {
+                Refusal::Broken(message) => malformed(at, format!("batch {count}: {message}")),
+                Refusal::Unsupported(message) => refused(FormatErrorKind::Unsupported, at, message),
+                Refusal::OverLimit(message) => refused(FormatErrorKind::OverLimit, at, message),
+            })?,
+            DICTIONARY => continue,
+            _ => return Err(malformed(at, format!("message of kind {kind}, expected a batch of rows"))),
+        }
+        count += 1;
+    }
+    let Batches { mut rows, problems, rounded, .. } = batches;
+    if let Some(error) = problems.into_error() {
+        return Err(named(error));
+    }
+    if rounded {
+        report.note(NoteKind::Assumed, "angles in float32 are rounded to 0.0001 degrees");
+    }
+    decimal_wavelengths(&mut rows.wavelengths.values);
+    remarks(&header, &columns, rows.grazing, &mut report);
+    let form = if columns.is_wide() { "wide" } else { "long" };
+    let places = rows.values.len() / columns.width();
+    let samples = assemble::samples(rows, &columns, &header, &mut report).map_err(named)?;
+    let what = match &samples {
+        Samples::OnAxes { .. } => "spectra",
+        Samples::Grid(_) => "a grid of directions",
+        Samples::Scattered(_) | Samples::Function(_) => "scattered directions",
+    };
+    Ok(Acquisition {
+        format: NAME,
+        dialect: format!("{form} form, {places} rows in {count} batches, {what}"),
+        quantity: header.quantity,
+        unit: header.unit,
+        samples,
+        spectral_factor: None,
+        report,
+    })
+}
+
+/// Wavelengths that were stored in float32 become the decimal numbers that they stand for: 550.1, not 550.099976.
+fn decimal_wavelengths(values: &mut [f64]) {
+    for value in values {
+        let single = *value as f32;
+        if f64::from(single) == *value
+            && let Some(decimal) = number(&single.to_string())
+        {
+            *value = decimal;
+        }
+    }
+}
+
+/// The columns as those of a row of names, lists spelled out; and the number of the first name of each column.
+fn columns(
+    schema: &Schema,
+    header: &Header,
+    report: &mut ParseReport,
+    problems: &mut Problems,
+) -> Result<(Option<Columns>, Vec<usize>), FormatError> {
+    let (mut names, mut cells) = (Vec::new(), Vec::new());
+    for column in &schema.columns {
+        cells.push(names.len());
+        let letter = match column.name.trim().to_lowercase().as_str() {
+            "values" | "value" => "v",
+            "sigma" | "sigmas" => "s",
+            _ => "list ",
+        };
+        match column.kind {
+            Kind::Lists(_, length) => names.extend(spelled_out(column, letter, length, &schema.fields)?),
+            _ => names.push(column.name.clone()),
+        }
+    }
+    let text = names.join(",");
+    let read = columns::read(&Row { text: &text, line: 0 }, header, report, problems);
+    if let Some(read) = &read {
+        for (column, &first) in schema.columns.iter().zip(&cells) {
+            let is_read = read.cells.get(first).is_some_and(|cell| *cell != columns::Cell::Ignored);
+            if is_read && matches!(column.kind, Kind::Other { .. }) {
+                let message = format!(
+                    "column {} holds no numbers, expected int, float32 or float64, or lists of one length of them",
+                    snippet(&column.name)
+                );
+                return Err(FormatError::new(FormatErrorKind::Unsupported, NAME, message));
+            }
+        }
+    }
+    Ok((read, cells))
+}
+
+/// A name for each entry of a list.
+fn spelled_out(column: &Column, letter: &str, length: usize, fields: &[Field]) -> Result<Vec<String>, FormatError> {
+    if !matches!(letter, "v" | "s") {
+        return Ok((0..length).map(|i| format!("{letter}{i} of {}", column.name)).collect());
+    }
+    let needs = |found: String| {
+        let message = format!(
+            "column {} has lists of {length} numbers, {found}: expected the metadata `wavelengths` with {length} numbers \
+             separated by blanks",
+            snippet(&column.name)
+        );
+        FormatError::new(FormatErrorKind::Malformed, NAME, message)
+    };
+    let Some(field) = fields.iter().find(|field| field.key == "wavelengths") else {
+        return Err(needs("of wavelengths that are not stated".to_owned()));
+    };
+    let separates = |c: char| c.is_whitespace() || matches!(c, ',' | ';' | '[' | ']');
+    let mut listed = Vec::with_capacity(length);
+    for word in field.value.split(separates).filter(|word| !word.is_empty()) {
+        let wavelength =
+            number(word).ok_or_else(|| needs(format!("of which {} is the wavelength of one", snippet(word))))?;
+        if wavelength < 0.0 {
+            return Err(needs(format!("one at a wavelength of {}", Brief(wavelength))));
+        }
+        listed.push(format!("{letter}{wavelength}"));
+    }
+    if listed.len() == length { Ok(listed) } else { Err(needs(format!("but {} wavelengths are stated", listed.len()))) }
+}
+
+/// The messages of a stream.
+struct Messages<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+/// One message.
+struct Message<'a> {
+    kind: u8,
+    /// Where it starts.
+    at: usize,
+    header: Table<'a>,
+    body: &'a [u8],
+}
+
+impl<'a> Messages<'a> {
+    /// The next message; `None` at the mark of the end.
+    fn next(&mut self) -> Result<Option<Message<'a>>, FormatError> {
+        let at = self.at;
+        let Some(rest) = self.bytes.get(at..).filter(|rest| !rest.is_empty()) else {
+            return Err(malformed(at, "the stream ends without its end mark, expected a writer that was closed"));
+        };
+        let Some(length) = rest.strip_prefix(CONTINUES).and_then(|rest| rest.first_chunk::<4>()) else {
+            return Err(malformed(at, "no message starts here, expected 0xFFFFFFFF and a length"));
+        };
+        let start = at + 8;
+        let length = u32::from_le_bytes(*length) as usize;
+        if length == 0 {
+            return Ok(None);
+        }
+        if length > MAX_METADATA {
+            let message = format!("a message with metadata of {length} bytes, expected at most {MAX_METADATA}");
+            return Err(refused(FormatErrorKind::OverLimit, at, message));
+        }
+        let cut = |found: usize, expected: usize| {
+            malformed(at, format!("the file ends in a message: {found} bytes of {expected}"))
+        };
+        let metadata = self.bytes.get(start..start + length);
+        let metadata = metadata.ok_or_else(|| cut(self.bytes.len().saturating_sub(start), length))?;
+        let broken = |Broken| malformed(at, "a reference in the metadata of a message leads outside them");
+        let message = Table::root(metadata).map_err(broken)?;
+        let kind = message.byte(1).map_err(broken)?;
+        let header = message.table(2).map_err(broken)?.ok_or_else(|| malformed(at, "a message without a header"))?;
+        let body_at = start + length;
+        let size = message.long(3).map_err(broken)?;
+        let size = usize::try_from(size).map_err(|_| malformed(at, format!("a body of {size} bytes")))?;
+        let end = body_at.checked_add(size);
+        let body =
+            end.and_then(|end| self.bytes.get(body_at..end)).ok_or_else(|| cut(self.bytes.len() - body_at, size))?;
+        self.at = body_at + size;
+        Ok(Some(Message { kind, at, header, body }))
+    }
+}

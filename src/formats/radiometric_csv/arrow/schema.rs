@@ -1,0 +1,228 @@
+//! The schema of a stream: header keys, and which of its columns are numbers, lists of them, or nothing that is read.
+
+use super::super::header::Field;
+use super::flat::{Broken, Table};
+use crate::domain::limits::MAX_ENTRIES;
+
+/// A number type of a column.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Element {
+    F32,
+    F64,
+    Signed(usize),
+    Unsigned(usize),
+}
+
+impl Element {
+    /// Bytes of one number.
+    pub(super) fn size(self) -> usize {
+        match self {
+            Self::F32 => 4,
+            Self::F64 => 8,
+            Self::Signed(size) | Self::Unsigned(size) => size,
+        }
+    }
+
+    /// The number that starts `bytes`, which has its size.
+    pub(super) fn value(self, bytes: &[u8]) -> f64 {
+        let mut little = [0; 8];
+        little[..bytes.len()].copy_from_slice(bytes);
+        let bits = u64::from_le_bytes(little);
+        match self {
+            Self::F32 => f64::from(f32::from_bits(bits as u32)),
+            Self::F64 => f64::from_bits(bits),
+            Self::Signed(size) => {
+                let unused = 64 - 8 * size as u32;
+                ((bits << unused) as i64 >> unused) as f64
+            }
+            Self::Unsigned(_) => bits as f64,
+        }
+    }
+}
+
+/// What a column holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Numbers(Element),
+    /// A list of so many numbers in each row.
+    Lists(Element, usize),
+    /// Not read; it takes so many nodes and buffers of a batch.
+    Other {
+        nodes: usize,
+        buffers: usize,
+    },
+}
+
+impl Kind {
+    /// How many nodes and buffers of a batch are the column's.
+    pub(super) fn parts(self) -> (usize, usize) {
+        match self {
+            Self::Numbers(_) => (1, 2),
+            Self::Lists(..) => (2, 3),
+            Self::Other { nodes, buffers } => (nodes, buffers),
+        }
+    }
+}
+
+/// A column of the stream.
+#[derive(Clone, Debug)]
+pub(super) struct Column {
+    pub(super) name: String,
+    pub(super) kind: Kind,
+}
+
+/// What a schema says.
+pub(super) struct Schema {
+    pub(super) fields: Vec<Field>,
+    pub(super) columns: Vec<Column>,
+}
+
+/// Why a schema is not taken.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Refusal {
+    Malformed,
+    Unsupported(String),
+    OverLimit(String),
+}
+
+impl From<Broken> for Refusal {
+    fn from(_: Broken) -> Self {
+        Self::Malformed
+    }
+}
+
+/// Keys of the metadata, fields inside each other, and fields in all that are looked at.
+const MAX_KEYS: usize = 1000;
+const MAX_DEPTH: usize = 8;
+/// Characters of a value that are kept.
+const MAX_TEXT: usize = 1 << 20;
+
+/// Reads the table `Schema` (Arrow, `Schema.fbs`).
+pub(super) fn read(schema: Table<'_>) -> Result<Schema, Refusal> {
+    if schema.short(0)? != 0 {
+        return Err(Refusal::Unsupported("big-endian numbers, expected little-endian".to_owned()));
+    }
+    let keys = schema.tables(2)?;
+    if keys.len() > MAX_KEYS {
+        return Err(Refusal::OverLimit(format!("{} keys of metadata, expected at most {MAX_KEYS}", keys.len())));
+    }
+    let mut fields = Vec::with_capacity(keys.len());
+    for i in 0..keys.len() {
+        let pair = keys.table(i)?;
+        let (key, value) = (pair.text(0)?.unwrap_or_default(), pair.text(1)?.unwrap_or_default());
+        let (key, value) = (key.trim().to_lowercase(), value.trim());
+        // Writers keep the schemas of other libraries under such keys.
+        if !matches!(key.as_str(), "pandas" | "arrow:schema" | "huggingface") {
+            fields.push(Field { key, value: value.chars().take(MAX_TEXT).collect(), line: 0 });
+        }
+    }
+    let described = schema.tables(1)?;
+    if described.len() > MAX_ENTRIES {
+        return Err(Refusal::OverLimit(format!("{} columns, expected at most {MAX_ENTRIES}", described.len())));
+    }
+    let mut columns = Vec::with_capacity(described.len());
+    let mut looked_at = 0;
+    for i in 0..described.len() {
+        let field = described.table(i)?;
+        let name = field.text(0)?.unwrap_or_default();
+        let kind = kind(field, name, MAX_DEPTH, &mut looked_at)?;
+        // The names are read as those of a row of text.
+        let name = name.chars().take(256).map(|c| if c == ',' || c.is_control() { '\u{fffd}' } else { c }).collect();
+        columns.push(Column { name, kind });
+    }
+    Ok(Schema { fields, columns })
+}
+
+fn kind(field: Table<'_>, name: &str, depth: usize, looked_at: &mut usize) -> Result<Kind, Refusal> {
+    const MOST: usize = 4 * MAX_ENTRIES;
+    *looked_at += 1;
+    if depth == 0 || *looked_at > MOST {
+        return Err(Refusal::OverLimit(format!(
+            "columns inside columns, expected at most {MAX_DEPTH} levels and {MOST} in all"
+        )));
+    }
+    // Indices of a dictionary.
+    if field.table(4)?.is_some() {
+        return Ok(Kind::Other { nodes: 1, buffers: 2 });
+    }
+    let children = field.tables(5)?;
+    let mut parts = |buffers: usize| -> Result<Kind, Refusal> {
+        let mut all = (1, buffers);
+        for i in 0..children.len() {
+            let (nodes, buffers) = kind(children.table(i)?, name, depth - 1, looked_at)?.parts();
+            all = (all.0 + nodes, all.1 + buffers);
+        }
+        Ok(Kind::Other { nodes: all.0, buffers: all.1 })
+    };
+    let ty = field.table(3)?;
+    // The numbers of the union `Type`.
+    match field.byte(2)? {
+        // Null, and run ends with their values.
+        1 => Ok(Kind::Other { nodes: 1, buffers: 0 }),
+        22 => parts(0),
+        2 | 3 => Ok(element(field)?.map_or(Kind::Other { nodes: 1, buffers: 2 }, Kind::Numbers)),
+        // Booleans, decimals, times, bytes of one width.
+        6..=11 | 15 | 18 => Ok(Kind::Other { nodes: 1, buffers: 2 }),
+        // Bytes and texts.
+        4 | 5 | 19 | 20 => Ok(Kind::Other { nodes: 1, buffers: 3 }),
+        // Lists of any length, maps.
+        12 | 17 | 21 => parts(2),
+        13 => parts(1),
+        16 => {
+            let size = ty.map_or(Ok(0), |ty| ty.int(0))?;
+            let inner = if children.len() == 1 { element(children.table(0)?)? } else { None };
+            match (inner, usize::try_from(size)) {
+                (Some(element), Ok(size)) if (1..=MAX_ENTRIES).contains(&size) => Ok(Kind::Lists(element, size)),
+                _ => parts(1),
+            }
+        }
+        other => Err(Refusal::Unsupported(format!(
+            "column {} is of type {other} of Arrow, expected numbers or lists of one length of them",
+            crate::formats::text::snippet(name)
+        ))),
+    }
+}
+
+/// The number type of a field, if it is one that is read.
+fn element(field: Table<'_>) -> Result<Option<Element>, Broken> {
+    if field.table(4)?.is_some() {
+        return Ok(None);
+    }
+    let Some(ty) = field.table(3)? else { return Ok(None) };
+    Ok(match field.byte(2)? {
+        2 => {
+            let signed = ty.byte(1)? != 0;
+            let size = match ty.int(0)? {
+                8 => 1,
+                16 => 2,
+                32 => 4,
+                64 => 8,
+                _ => return Ok(None),
+            };
+            Some(if signed { Element::Signed(size) } else { Element::Unsigned(size) })
+        }
+        3 => match ty.short(0)? {
+            1 => Some(Element::F32),
+            2 => Some(Element::F64),
+            _ => None,
+        },
+        _ => None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_every_type_are_their_values() {
+        assert_eq!(Element::F32.value(&(-2.5_f32).to_le_bytes()), -2.5);
+        assert_eq!(Element::F64.value(&0.1_f64.to_le_bytes()), 0.1);
+        assert_eq!(Element::Signed(1).value(&[0xFF]), -1.0);
+        assert_eq!(Element::Signed(2).value(&(-300_i16).to_le_bytes()), -300.0);
+        assert_eq!(Element::Signed(4).value(&(-3_i32).to_le_bytes()), -3.0);
+        assert_eq!(Element::Signed(8).value(&i64::MIN.to_le_bytes()), i64::MIN as f64);
+        assert_eq!(Element::Unsigned(2).value(&60_000_u16.to_le_bytes()), 60_000.0);
+        assert_eq!(Element::Unsigned(8).value(&u64::MAX.to_le_bytes()), u64::MAX as f64);
+    }
+}

@@ -1,0 +1,92 @@
+//! An uploaded archive to one measurement for each of its files; what is no measurement is named with the reason.
+
+use super::engine::Engine;
+use super::ingest::{IngestError, Upload};
+use crate::catalog::MeasurementRow;
+use crate::formats::{Archive, is_archive};
+use crate::store::{Staged, StoreError};
+use std::fs::File;
+use std::io::Read;
+use std::sync::Arc;
+
+/// What became of an upload.
+#[derive(Debug)]
+pub enum Ingested {
+    /// One measurement, and whether it is new.
+    One(MeasurementRow, bool),
+    /// An archive: measurements, and files that are none with the reason.
+    Several {
+        /// By name of the file.
+        items: Vec<(MeasurementRow, bool)>,
+        /// Name and reason.
+        skipped: Vec<(String, String)>,
+    },
+}
+
+/// A file of an archive.
+type Unpacked = (String, Staged);
+
+impl Engine {
+    /// Makes a measurement of staged bytes, or one for each file of a zip archive; the archive itself is not kept.
+    pub async fn ingest_any(self: &Arc<Self>, staged: Staged, upload: Upload) -> Result<Ingested, IngestError> {
+        let (staged, files) = self.unpack(staged).await?;
+        let Some(files) = files else {
+            let (row, new) = self.ingest(staged, upload).await?;
+            return Ok(Ingested::One(row, new));
+        };
+        let (mut items, mut skipped) = (Vec::new(), Vec::new());
+        for (name, staged) in files {
+            let one = Upload {
+                name: upload.name.as_ref().map(|all| format!("{all}: {name}")),
+                file_name: Some(name.clone()),
+                options: upload.options.clone(),
+            };
+            match self.ingest(staged, one).await {
+                Ok(item) => items.push(item),
+                Err(error @ (IngestError::Refused(_) | IngestError::Unfit(_))) => {
+                    skipped.push((name, error.to_string()));
+                }
+                Err(other) => return Err(other),
+            }
+        }
+        if items.is_empty() {
+            const SHOWN: usize = 5;
+            let reasons: Vec<String> =
+                skipped.iter().take(SHOWN).map(|(name, reason)| format!("{name}: {reason}")).collect();
+            let message =
+                format!("an archive of {} files without a measurement: {}", skipped.len(), reasons.join("; "));
+            return Err(IngestError::Unfit(message));
+        }
+        Ok(Ingested::Several { items, skipped })
+    }
+
+    /// The files of an archive, each staged by itself; nothing where the bytes are no archive.
+    async fn unpack(self: &Arc<Self>, staged: Staged) -> Result<(Staged, Option<Vec<Unpacked>>), IngestError> {
+        let (staging, most) = (self.archive.staging.clone(), self.limits.upload_bytes);
+        self.background_light
+            .run(move || {
+                let mut mark = Vec::new();
+                File::open(staged.path())
+                    .and_then(|file| file.take(4).read_to_end(&mut mark))
+                    .map_err(StoreError::from)?;
+                if !is_archive(&mark) {
+                    return Ok((staged, None));
+                }
+                let bytes = staged.read()?;
+                let mut archive = Archive::open(&bytes).map_err(IngestError::Refused)?;
+                let members = archive.members().to_vec();
+                let total = members.iter().fold(0_u64, |total, member| total.saturating_add(member.bytes));
+                if total > most {
+                    let message = format!("the files of the archive have {total} bytes, expected at most {most}");
+                    return Err(IngestError::Unfit(message));
+                }
+                let files = members.iter().filter(|member| member.bytes > 0).map(|member| {
+                    let unpacked = archive.unpack(member).map_err(IngestError::Refused)?;
+                    Ok((member.name.clone(), staging.stage(&unpacked)?))
+                });
+                let files = files.collect::<Result<Vec<_>, IngestError>>()?;
+                Ok((staged, Some(files)))
+            })
+            .await?
+    }
+}
