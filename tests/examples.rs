@@ -7,6 +7,9 @@
 #[path = "../examples/furnace.rs"]
 mod furnace;
 #[allow(dead_code, reason = "a program's main is not called by its test")]
+#[path = "../examples/goniometer.rs"]
+mod goniometer;
+#[allow(dead_code, reason = "a program's main is not called by its test")]
 #[path = "../examples/lobes.rs"]
 mod lobes;
 #[allow(dead_code, reason = "a program's main is not called by its test")]
@@ -114,4 +117,14 @@ fn table_9_has_its_rows() {
     let holds = table9::run(4, 40, &mut out).unwrap();
     let text = String::from_utf8(out).unwrap();
     assert!(holds && text.contains("−87") && text.lines().count() == 7, "{text}");
+}
+
+#[test]
+fn scattered_scans_become_materials_as_good_as_their_noise() {
+    let mut out = Vec::new();
+    let scan = goniometer::Scan { elevations: 3, outgoing: 8000, bands: 3, fresh: 400 };
+    let good = goniometer::run(&scan, &mut out).unwrap();
+    let text = String::from_utf8(out).unwrap();
+    assert!(good, "{text}");
+    assert!(text.contains("inside the blind spot") && text.contains("filled and marked"), "{text}");
 }

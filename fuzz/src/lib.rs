@@ -124,7 +124,7 @@ fn project(acquisition: &Acquisition) {
         Samples::Grid(grid) if grid.values.len() <= MOST_PROJECTED => AxesRequest {
             incoming_level: grid.incoming.as_ref().and_then(|angles| angles.phi.as_ref()).map(|_| 1),
             outgoing_level: grid.outgoing.as_ref().map(|_| 1),
-            wavelengths: None,
+            ..AxesRequest::default()
         },
         _ => return,
     };

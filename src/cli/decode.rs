@@ -66,10 +66,23 @@ pub(crate) fn write_array(
     coverage: Option<&Coverage>,
     json: bool,
 ) -> Result<(), Failure> {
+    write_marked(path, measurement, coverage, &[], json)
+}
+
+/// As [`write_array`]; where cells are `filled`, a second array says
+/// which (`NAME.filled.npy`, over the axes before the spectral one, 1 where a cell is filled).
+pub(crate) fn write_marked(
+    path: &Path,
+    measurement: Measurement,
+    coverage: Option<&Coverage>,
+    filled: &[bool],
+    json: bool,
+) -> Result<(), Failure> {
     let manifest = formats::manifest_of(&measurement);
     let shape = measurement.tensor.shape();
     let axes: Vec<String> = measurement.tensor.axes().iter().map(Axis::describe).collect();
     let (quantity, unit, masked) = (measurement.quantity, measurement.unit, measurement.tensor.masked());
+    let axes_are_spectral = measurement.tensor.axes().last().is_some_and(Axis::is_spectral);
     let (samples, range) = (measurement.tensor.len(), measurement.tensor.range());
     // The array's bytes are a second copy of the samples; the first goes before they are written.
     let bytes = formats::write_npy(&shape, measurement.tensor.samples());
@@ -77,8 +90,15 @@ pub(crate) fn write_array(
     write_file(path, &bytes)?;
     let beside = path.with_extension("axes.json");
     write_file(&beside, format!("{manifest}\n").as_bytes())?;
+    let marks = (!filled.is_empty()).then(|| path.with_extension("filled.npy"));
+    if let Some(marks) = &marks {
+        let directions = if axes_are_spectral { &shape[..shape.len() - 1] } else { &shape[..] };
+        let values: Vec<f32> = filled.iter().map(|&filled| f32::from(u8::from(filled))).collect();
+        write_file(marks, &formats::write_npy(directions, &values))?;
+    }
     if json {
-        return print_json(&json!({
+        let marks = marks.as_ref().map(|marks| marks.display().to_string());
+        let mut document = json!({
             "output": path.display().to_string(),
             "manifest": beside.display().to_string(),
             "quantity": quantity,
@@ -89,7 +109,11 @@ pub(crate) fn write_array(
             "masked_samples": masked,
             "range": range,
             "coverage": coverage,
-        }));
+        });
+        if let Some(marks) = marks {
+            document["filled"] = json!(marks);
+        }
+        return print_json(&document);
     }
     let mut sheet = Sheet::default();
     sheet.line("quantity", format!("{quantity}, {unit}"));
@@ -102,5 +126,8 @@ pub(crate) fn write_array(
         coverage_lines(&mut sheet, coverage);
     }
     sheet.line("manifest", beside.display());
+    if let Some(marks) = &marks {
+        sheet.line("filled cells", marks.display());
+    }
     print(&sheet.render(&path.display().to_string()))
 }

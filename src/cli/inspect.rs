@@ -271,6 +271,9 @@ impl Material {
             sheet.line("provenance", "none in the file");
             return;
         };
+        if let (Some(cells), Some(of)) = (provenance["filled"]["cells"].as_u64(), provenance["filled"]["of"].as_u64()) {
+            sheet.line("filled", format!("{} of {} cells, not measured", count(cells), count(of)));
+        }
         let source = &provenance["source"];
         if let (Some(format), Some(dialect)) = (source["format"].as_str(), source["dialect"].as_str()) {
             sheet.line("made from", labelled(format, dialect));

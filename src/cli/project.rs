@@ -1,6 +1,6 @@
 //! `wavelume project`: the float32 tensor that would be compressed, as an array with its manifest.
 
-use super::decode::write_array;
+use super::decode::write_marked;
 use super::failure::Failure;
 use super::input::MeasurementArgs;
 use super::request::{RequestArgs, ThreadsArgs};
@@ -11,7 +11,8 @@ use std::path::PathBuf;
 pub(crate) struct Args {
     #[command(flatten)]
     measurement: MeasurementArgs,
-    /// The array to write (.npy, float32, NaN = masked), with NAME.axes.json beside it
+    /// The array to write (.npy, float32, NaN = masked), with NAME.axes.json beside it, and NAME.filled.npy where cells are
+    /// filled
     #[arg(short, long, value_name = "T.npy")]
     output: PathBuf,
     // The promise and the policy do not change the tensor; they are taken so that both commands have the same options.
@@ -35,5 +36,5 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         pipeline::project(&source.acquisition, &request)
     })?;
     let projected = projected.map_err(about)?;
-    write_array(&args.output, projected.measurement, Some(&projected.coverage), args.json)
+    write_marked(&args.output, projected.measurement, Some(&projected.coverage), &projected.filled, args.json)
 }

@@ -6,7 +6,7 @@ use crate::domain::ErrorReport;
 use crate::domain::colour::ColourReport;
 use crate::formats::{Note, NoteKind};
 use crate::pipeline::Report;
-use crate::projection::Coverage;
+use crate::projection::{Coverage, ScatterReport};
 
 /// The report of a compression; `file_bytes` is the size of the input file.
 pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
@@ -126,10 +126,11 @@ fn colour_lines(sheet: &mut Sheet, colour: &ColourReport) {
 
 /// What the cells stand on.
 pub(crate) fn coverage_lines(sheet: &mut Sheet, coverage: &Coverage) {
+    let filled = if coverage.filled > 0 { format!("{} filled, ", count(coverage.filled)) } else { String::new() };
     sheet.line(
         "coverage",
         format!(
-            "{} cells: {} measured, {} interpolated, {} empty",
+            "{} cells: {} measured, {} interpolated, {filled}{} empty",
             count(coverage.cells),
             count(coverage.measured),
             count(coverage.interpolated),
@@ -138,6 +139,28 @@ pub(crate) fn coverage_lines(sheet: &mut Sheet, coverage: &Coverage) {
     );
     for note in &coverage.notes {
         sheet.line("coverage", note);
+    }
+    if let Some(scatter) = &coverage.scatter {
+        scatter_lines(sheet, scatter);
+    }
+}
+
+/// The errors at scattered samples, by region.
+fn scatter_lines(sheet: &mut Sheet, report: &ScatterReport) {
+    let negative = if report.negative > 0 { format!(", {} negative", count(report.negative)) } else { String::new() };
+    sheet.line(
+        "scattered",
+        format!("{} samples{negative}, {} neighbours to a fit", count(report.samples), report.neighbours),
+    );
+    for (what, regions) in [("left out", &report.left_out), ("fit", &report.fit), ("constant cells", &report.constant)]
+    {
+        let [all, peak, middle, grazing] =
+            [regions.all, regions.peak, regions.middle, regions.grazing].map(|scores| per_cent(scores.er_l2));
+        let text = format!("er(L2) {all} at the samples (peak {peak}, middle {middle}, grazing {grazing})");
+        sheet.line(what, text);
+    }
+    if report.outliers > 0.0 {
+        sheet.line("outliers", format!("{} of the samples left out", per_cent(report.outliers)));
     }
 }
 

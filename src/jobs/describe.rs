@@ -18,7 +18,12 @@ pub(crate) fn describe(acquisition: &Acquisition) -> Map<String, Value> {
         Samples::Scattered(scattered) => {
             let mut axes = vec![json!({ "kind": "directions", "count": scattered.directions() })];
             axes.extend(scattered.spectral.as_ref().map(axis));
-            (axes, scattered.values.as_slice(), json!({ "outside": "masked" }))
+            let coverage = json!({
+                "isotropic": scattered.isotropic,
+                "stated_uncertainties": scattered.sigma.is_some(),
+                "outside": "masked",
+            });
+            (axes, scattered.values.as_slice(), coverage)
         }
         // The range of a function is known once it is projected.
         Samples::Function(modelled) => (function_axes(modelled), &[][..], function_coverage(modelled)),

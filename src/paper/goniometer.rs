@@ -180,7 +180,7 @@ mod tests {
                 {"kind": "phi_o", "values": [0, 60, 120, 180, 240, 300]},
                 "lambda:400:100:3"]});
         let read = data::acquire(document.to_string().as_bytes()).unwrap();
-        let request = AxesRequest { incoming_level: Some(1), outgoing_level: Some(2), wavelengths: None };
+        let request = AxesRequest { incoming_level: Some(1), outgoing_level: Some(2), ..AxesRequest::default() };
         let projected = project(&read, &request).unwrap().measurement;
         assert_eq!(projected.tensor.shape(), [16, 64, 3]);
         let errors = error_at_samples(&read, &projected).unwrap();

@@ -90,6 +90,10 @@ impl Request {
             incoming_level: self.incoming_level,
             outgoing_level: self.outgoing_level,
             wavelengths: self.wavelengths.as_deref().map(WavelengthGrid::parse_range).transpose()?,
+            target: match self.target {
+                Target::ErL1(error) | Target::ErL2(error) => Some(error),
+                _ => None,
+            },
         })
     }
 }
@@ -203,14 +207,14 @@ pub fn project(acquisition: &Acquisition, request: &Request) -> Result<Projected
 /// Projects and compresses a measurement that was read.
 pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> Result<Outcome, PipelineError> {
     let acquisition = &source.acquisition;
-    let Projected { measurement, coverage } = project(acquisition, request)?;
+    let Projected { measurement, coverage, filled } = project(acquisition, request)?;
     let settings = Settings {
         target: request.target,
         policy: request.policy,
         basis: request.basis.clone(),
         floor: request.floor,
         albedo_error: request.albedo_error,
-        metadata: request.metadata.then(|| provenance(source, request)),
+        metadata: request.metadata.then(|| provenance(source, request, &filled)),
         random_access: request.random_access,
     };
     let compressed = compress::compress(&measurement, &settings, progress)?;
@@ -221,10 +225,25 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
     Ok(Outcome { bytes: compressed.bytes, report })
 }
 
+/// Lengths of runs of cells that are not filled and that are, in turn; the last is left out.
+pub fn runs(filled: &[bool]) -> Vec<usize> {
+    let (mut runs, mut now, mut start) = (Vec::new(), false, 0);
+    for (i, &is) in filled.iter().enumerate() {
+        if is != now {
+            runs.push(i - start);
+            (now, start) = (is, i);
+        }
+    }
+    if now {
+        runs.push(filled.len() - start);
+    }
+    runs
+}
+
 /// Where a material comes from: no clock, path, host, timing or thread count, so that equal inputs give equal bytes.
-fn provenance(source: &Source, request: &Request) -> String {
+fn provenance(source: &Source, request: &Request, filled: &[bool]) -> String {
     let acquisition = &source.acquisition;
-    serde_json::json!({
+    let mut document = serde_json::json!({
         "generator": concat!("wavelume ", env!("CARGO_PKG_VERSION")),
         "source": {
             "format": acquisition.format,
@@ -235,8 +254,12 @@ fn provenance(source: &Source, request: &Request) -> String {
             "notes": acquisition.report.notes,
         },
         "request": request,
-    })
-    .to_string()
+    });
+    let count = filled.iter().filter(|filled| **filled).count();
+    if count > 0 {
+        document["filled"] = serde_json::json!({ "cells": count, "of": filled.len(), "runs": runs(filled) });
+    }
+    document.to_string()
 }
 
 /// Pairs of incoming and outgoing cells that are opened for a warning at most: opening this many takes a second or two.
@@ -276,7 +299,7 @@ fn report(
     let summary = &compressed.summary;
     let samples = samples as f64;
     // Samples on their final axes are the tensor's own: there is nothing more to measure.
-    let projected = matches!(acquisition.samples, formats::Samples::Grid(_));
+    let projected = matches!(acquisition.samples, formats::Samples::Grid(_) | formats::Samples::Scattered(_));
     let warnings = [compressed.noise.and_then(|noise| noise.warning(target)), sparse(&compressed.bytes).ok().flatten()];
     let warnings = warnings.into_iter().flatten().map(|message| Note { kind: NoteKind::Warning, message });
     let decoded = projected.then(|| compress::decode(&compressed.bytes).ok()).flatten();

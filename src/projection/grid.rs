@@ -57,7 +57,7 @@ pub(super) fn project(
     let coverage = Coverage { notes, ..cover(grid, &resampling, &incoming, &outgoing, &samples, missing > 0) };
     let tensor = Tensor::new(axes, samples)?;
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Average, tensor)?;
-    Ok(Projected { measurement, coverage })
+    Ok(Projected { measurement, coverage, filled: Vec::new() })
 }
 
 /// Checks count and finiteness; how many samples are missing.

@@ -72,6 +72,17 @@ impl Choice {
         }
     }
 
+    /// Raises a chosen level by one; `false` where the user named it or there is nothing finer.
+    pub(super) fn raise(&mut self) -> bool {
+        match TriangleMesh::new(self.mesh.domain(), self.mesh.level() + 1) {
+            Some(finer) if !self.requested => {
+                self.mesh = finer;
+                true
+            }
+            _ => false,
+        }
+    }
+
     /// One sentence for the user.
     pub(super) fn note(&self, what: &str) -> String {
         let level = self.mesh.level();
@@ -80,6 +91,8 @@ impl Choice {
             "as requested".to_owned()
         } else if level < self.wanted {
             format!("level {} would fit the samples, but makes the tensor too large", self.wanted)
+        } else if level > self.wanted {
+            format!("level {} would fit their spacing, but not represent what they say", self.wanted)
         } else {
             "the level whose mean cell size is nearest to the finer spacing".to_owned()
         };

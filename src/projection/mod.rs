@@ -9,11 +9,13 @@ mod modelled;
 mod on_axes;
 mod resampling;
 mod samples;
+mod scattered;
 mod spectral;
 #[cfg(test)]
 mod tests;
 
 pub use samples::error_at_samples;
+pub use scattered::{Regions, ScatterReport, Scores};
 
 use crate::domain::{AxisError, Measurement, TensorError, WavelengthGrid};
 use crate::formats::{Acquisition, Samples};
@@ -28,6 +30,9 @@ pub struct AxesRequest {
     pub outgoing_level: Option<u8>,
     /// Wavelengths to resample to.
     pub wavelengths: Option<WavelengthGrid>,
+    /// The relative error that is promised later: levels for scattered directions represent what was measured to half of it
+    /// (1 % if none is named).
+    pub target: Option<f64>,
 }
 
 /// A projected measurement.
@@ -37,6 +42,9 @@ pub struct Projected {
     pub measurement: Measurement,
     /// What the cells stand on.
     pub coverage: Coverage,
+    /// Which cells are filled (continued, mirrored or exchanged, not measured): one for each spectrum of the tensor, row-major;
+    /// empty where none is.
+    pub filled: Vec<bool>,
 }
 
 /// What the cells of a projection stand on.
@@ -48,10 +56,21 @@ pub struct Coverage {
     pub measured: u64,
     /// Cells between samples.
     pub interpolated: u64,
+    /// Cells in holes or beyond the outermost samples, filled by a rule that the notes declare.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub filled: u64,
     /// Cells outside what was measured: masked, or 0 where the format's standard says so.
     pub empty: u64,
     /// Why these axes: one sentence each.
     pub notes: Vec<String>,
+    /// Errors at the samples, and at withheld ones, of data at scattered directions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scatter: Option<Box<ScatterReport>>,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
+fn is_zero(count: &u64) -> bool {
+    *count == 0
 }
 
 /// Why a measurement cannot be put on the axes asked for.
@@ -72,16 +91,13 @@ pub enum ProjectionError {
 ///
 /// Samples on angles become averages of their bilinear interpolant over triangles (isotropic incoming elevations stay
 /// as they are); samples on final axes stay, or become averages over coarser triangles; a function of the file is averaged
-/// over triangles, by |cos θ| of the outgoing direction; wavelengths asked for become averages over their bands. The result is `[index…, incoming, outgoing, spectral]`, NaN where nothing was measured.
+/// over triangles, by |cos θ| of the outgoing direction; samples at scattered directions become averages of local fits
+/// (isotropic elevations stay, holes are filled by rules that the notes declare, and marked); wavelengths asked for become averages over their bands. The result is `[index…, incoming, outgoing, spectral]`, NaN where nothing was measured.
 pub fn project(acquisition: &Acquisition, request: &AxesRequest) -> Result<Projected, ProjectionError> {
     match &acquisition.samples {
         Samples::OnAxes { tensor, sampling } => on_axes::project(acquisition, tensor, *sampling, request),
         Samples::Grid(grid) => grid::project(acquisition, grid, request),
-        Samples::Scattered(scattered) => Err(ProjectionError::Unfit(format!(
-            "the {} directions of this file are scattered, expected a grid of angles: bring them onto one before sending \
-             (every theta_o and phi_o at every theta_i and phi_i; samples may be missing)",
-            scattered.directions()
-        ))),
+        Samples::Scattered(scattered) => scattered::project(acquisition, scattered, request),
         Samples::Function(modelled) => modelled::project(acquisition, modelled, request),
     }
 }

@@ -89,10 +89,10 @@ pub(super) fn project(
     );
     let cells = (parts_in.len() * n_out) as u64;
     let empty = samples.chunks(out_width).filter(|spectrum| spectrum.iter().all(|s| s.is_nan())).count() as u64;
-    let coverage = Coverage { cells, measured: 0, interpolated: cells - empty, empty, notes };
+    let coverage = Coverage { cells, measured: 0, interpolated: cells - empty, empty, notes, ..Coverage::default() };
     let tensor = Tensor::new(axes, samples)?;
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Average, tensor)?;
-    Ok(Projected { measurement, coverage })
+    Ok(Projected { measurement, coverage, filled: Vec::new() })
 }
 
 fn incoming(modelled: &Modelled, domain: Domain, level: Option<u8>) -> Result<Incoming<'_>, ProjectionError> {
@@ -281,7 +281,8 @@ mod tests {
     }
 
     fn projected(acquisition: &Acquisition, incoming: Option<u8>, outgoing: Option<u8>) -> Projected {
-        let request = AxesRequest { incoming_level: incoming, outgoing_level: outgoing, wavelengths: None };
+        let request =
+            AxesRequest { incoming_level: incoming, outgoing_level: outgoing, wavelengths: None, target: None };
         super::super::project(acquisition, &request).unwrap()
     }
 

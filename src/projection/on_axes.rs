@@ -39,11 +39,16 @@ pub(super) fn project(
     let width = resampling.channels.to();
     let cells = samples.len() / width;
     let empty = samples.chunks(width).filter(|spectrum| spectrum.iter().all(|s| s.is_nan())).count();
-    let coverage =
-        Coverage { cells: cells as u64, measured: (cells - empty) as u64, interpolated: 0, empty: empty as u64, notes };
+    let coverage = Coverage {
+        cells: cells as u64,
+        measured: (cells - empty) as u64,
+        empty: empty as u64,
+        notes,
+        ..Coverage::default()
+    };
     let sampling = if averaged { Sampling::Average } else { sampling };
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, sampling, tensor)?;
-    Ok(Projected { measurement, coverage })
+    Ok(Projected { measurement, coverage, filled: Vec::new() })
 }
 
 /// The axis at `level`, and how it comes from `axis`.

@@ -14,12 +14,25 @@ type Pair = (usize, usize);
 
 /// One original channel and where it lies on the tensor's spectral axis.
 #[derive(Clone, Copy, Debug)]
-struct Channel {
+pub(super) struct Channel {
     sample: usize,
     factor: f64,
     entry: usize,
     /// The weight of the next entry.
     t: f64,
+}
+
+impl Channel {
+    /// The value of a sample in its spectrum `source`, and that of the tensor's spectrum `target`.
+    pub(super) fn pair(&self, source: &[f32], target: &[f32]) -> (f32, f32) {
+        let found = if self.t == 0.0 {
+            target[self.entry]
+        } else {
+            let (a, b) = (f64::from(target[self.entry]), f64::from(target[self.entry + 1]));
+            (a + self.t * (b - a)) as f32
+        };
+        ((f64::from(source[self.sample]) * self.factor) as f32, found)
+    }
 }
 
 /// Everything that leads from samples `[index, incoming, outgoing, spectral]` to entries of the tensor.
@@ -38,8 +51,11 @@ struct Pairing<'a> {
 /// one of this file.
 ///
 /// A sample on the rim of what was measured is looked up a millionth of a degree inside; one without azimuth stands for
-/// its ring and is compared at 16 azimuths; samples outside the tensor's directions or wavelengths are left out.
+/// its ring and is compared at 16 azimuths; one at a direction of its own in its cell (elevations: the nearest); samples outside the tensor's directions or wavelengths are left out.
 pub fn error_at_samples(acquisition: &Acquisition, measurement: &Measurement) -> Option<ErrorReport> {
+    if let Samples::Scattered(scattered) = &acquisition.samples {
+        return super::scattered::errors(acquisition, scattered, measurement);
+    }
     let pairing = pair(acquisition, measurement)?;
     let tensor = measurement.tensor.samples();
     let layout = measurement.layout().ok()?;
@@ -65,13 +81,7 @@ pub fn error_at_samples(acquisition: &Acquisition, measurement: &Measurement) ->
             let source = &pairing.values[((outer * from.0 + sample_in) * from.1 + sample_out) * from.2..][..from.2];
             let target = &tensor[((outer * shape.0 + cell_in) * shape.1 + cell_out) * shape.2..][..shape.2];
             for ((s, d), channel) in s.iter_mut().zip(d).zip(&pairing.channels) {
-                *s = (f64::from(source[channel.sample]) * channel.factor) as f32;
-                *d = if channel.t == 0.0 {
-                    target[channel.entry]
-                } else {
-                    let (a, b) = (f64::from(target[channel.entry]), f64::from(target[channel.entry + 1]));
-                    (a + channel.t * (b - a)) as f32
-                };
+                (*s, *d) = channel.pair(source, target);
             }
         });
         errors.add(original, found, 0.0);
@@ -158,7 +168,11 @@ fn axis_pairs(own: Option<&Axis>, axis: Option<&Axis>) -> Option<Vec<Pair>> {
 }
 
 /// How many channels a sample of the file has, and which of them (times the factor) lie on the tensor's axis.
-fn channels(own: Option<&Axis>, factor: Option<&SpectralFactor>, axis: Option<&Axis>) -> Option<(usize, Vec<Channel>)> {
+pub(super) fn channels(
+    own: Option<&Axis>,
+    factor: Option<&SpectralFactor>,
+    axis: Option<&Axis>,
+) -> Option<(usize, Vec<Channel>)> {
     match (own, factor, axis) {
         (None, Some(joined), Some(Axis::Wavelength(to))) => {
             let found = joined.factors.iter().enumerate().filter_map(|(i, &factor)| {

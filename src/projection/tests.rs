@@ -69,7 +69,7 @@ fn grid_of(acquisition: &mut Acquisition) -> &mut AngleGrid {
 }
 
 fn levels(incoming: Option<u8>, outgoing: Option<u8>) -> AxesRequest {
-    AxesRequest { incoming_level: incoming, outgoing_level: outgoing, wavelengths: None }
+    AxesRequest { incoming_level: incoming, outgoing_level: outgoing, ..AxesRequest::default() }
 }
 
 fn wavelengths(range: &str) -> AxesRequest {
@@ -453,19 +453,4 @@ fn threads_do_not_change_a_bit() {
         })
     };
     assert!(run(1) == run(2));
-}
-
-#[test]
-fn scattered_directions_are_refused() {
-    let scattered = crate::formats::Scattered {
-        incoming: vec![[10.0, 0.0]; 3],
-        outgoing: vec![[20.0, 5.0], [31.0, 60.0], [47.0, 170.0]],
-        isotropic: true,
-        spectral: None,
-        values: vec![1.0; 3],
-        sigma: None,
-    };
-    let acquired = acquisition(Quantity::Brdf, Samples::Scattered(scattered));
-    let error = project(&acquired, &AxesRequest::default()).unwrap_err();
-    assert!(error.to_string().contains("the 3 directions of this file are scattered"), "{error}");
 }

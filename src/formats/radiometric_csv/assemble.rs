@@ -48,12 +48,22 @@ pub(super) fn samples(
         return Err(malformed("every value is missing, expected numbers"));
     }
     let spectral = spectral(&mut rows, columns, header)?;
+    let skips_sigma = |report: &mut ParseReport| {
+        if columns.has_sigma {
+            let message = "the columns of sigma: uncertainties are used at scattered directions only";
+            report.note(NoteKind::Skipped, message);
+        }
+    };
     if columns.angles.iter().all(Option::is_none) {
+        skips_sigma(report);
         return without_directions(rows, columns, spectral, report);
     }
     let directions = Directions::of(&mut rows, columns, header);
     match directions.shape(spectral.as_ref().map_or(1, Axis::len), rows.values.len()) {
-        Some(shape) => grid(&rows, &directions, shape, spectral, header, report).map(Samples::Grid),
+        Some(shape) => {
+            skips_sigma(report);
+            grid(&rows, &directions, shape, spectral, header, report).map(Samples::Grid)
+        }
         None => scattered(&rows, &directions, spectral, header, report).map(Samples::Scattered),
     }
 }
@@ -214,22 +224,27 @@ impl Places {
 
 /// Puts every value at its place; `place` is the number of a direction's row among rows of `width` values.
 fn placed(rows: &Rows, places: &[usize], count: usize, width: usize, report: &mut ParseReport) -> Vec<f32> {
+    put(rows, &rows.values, places, count, width).finish(report)
+}
+
+/// `values`, one for each of `rows`, at their places.
+fn put(rows: &Rows, values: &[f32], places: &[usize], count: usize, width: usize) -> Places {
     let mut target = Places::new(count * width);
     if rows.lengths.is_empty() {
-        for (row, &place) in rows.values.chunks_exact(width).zip(places) {
+        for (row, &place) in values.chunks_exact(width).zip(places) {
             row.iter().enumerate().for_each(|(lambda, &value)| target.put(place * width + lambda, value));
         }
     } else {
         let mut at = 0;
         for (&length, &place) in rows.lengths.iter().zip(places) {
-            for i in at..at + length as usize {
+            for (i, &value) in values.iter().enumerate().skip(at).take(length as usize) {
                 let lambda = rows.lambdas.get(i).map_or(0, |&lambda| lambda as usize);
-                target.put(place * width + lambda, rows.values[i]);
+                target.put(place * width + lambda, value);
             }
             at += length as usize;
         }
     }
-    target.finish(report)
+    target
 }
 
 fn count_missing(values: &[f32], what: &str, report: &mut ParseReport) {
@@ -379,6 +394,9 @@ fn scattered(
     }
     let values = placed(rows, &places, count, width, report);
     count_missing(&values, "pairs of direction and wavelength", report);
+    // The uncertainty of an average is at most the average uncertainty.
+    let sigma = (!rows.sigma.is_empty())
+        .then(|| put(rows, &rows.sigma, &places, count, width).finish(&mut ParseReport::default()));
     let side = |theta: usize| -> Vec<[f64; 2]> {
         if directions.angles[theta].is_empty() {
             return Vec::new();
@@ -388,12 +406,5 @@ fn scattered(
     if header.extents.iter().any(Option::is_some) || header.covers.iter().any(Option::is_some) {
         report.note(NoteKind::Skipped, "extents and covers of angles: the directions make no grid");
     }
-    Ok(Scattered {
-        incoming: side(0),
-        outgoing: side(2),
-        isotropic: directions.isotropic,
-        spectral,
-        values,
-        sigma: None,
-    })
+    Ok(Scattered { incoming: side(0), outgoing: side(2), isotropic: directions.isotropic, spectral, values, sigma })
 }

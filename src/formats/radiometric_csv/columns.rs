@@ -20,6 +20,8 @@ pub(super) enum Cell {
     Wavelength,
     /// The value at the wavelength of this number in increasing order (wide form), or the value of the row.
     Value(usize),
+    /// The standard uncertainty of the value of this number.
+    Sigma(usize),
     /// Not read.
     Ignored,
 }
@@ -66,6 +68,8 @@ pub(super) struct Columns {
     pub(super) wavelengths: Vec<f64>,
     /// Whether each row has a wavelength of its own.
     pub(super) has_wavelength: bool,
+    /// Whether there are columns of standard uncertainties.
+    pub(super) has_sigma: bool,
 }
 
 impl Columns {
@@ -98,8 +102,10 @@ pub(super) fn read(
         angles: [None; 4],
         wavelengths: Vec::new(),
         has_wavelength: false,
+        has_sigma: false,
     };
-    let (mut wide, mut value, mut unknown, mut sigma) = (Vec::new(), None, Vec::new(), false);
+    let (mut wide, mut value, mut unknown) = (Vec::new(), None, Vec::new());
+    let (mut wide_sigma, mut sigma) = (Vec::new(), None);
     let mut from_nadir = None;
     let mut at = 1;
     let mut good = true;
@@ -146,12 +152,14 @@ pub(super) fn read(
                     }
                     Cell::Value(0)
                 }
-                (_, _, Some(_)) => {
-                    sigma = true;
+                (_, _, Some(written)) => {
+                    wide_sigma.push((header.wavelength_unit.to_nanometres(written), i));
                     Cell::Ignored
                 }
                 _ if name == "sigma" => {
-                    sigma = true;
+                    if sigma.replace(i).is_some() {
+                        problem("a second column `sigma`, expected one".to_owned());
+                    }
                     Cell::Ignored
                 }
                 _ => {
@@ -172,6 +180,7 @@ pub(super) fn read(
         columns.cells[i] = Cell::Value(rank);
         columns.wavelengths.push(nanometres);
     }
+    sigma_cells(&mut columns, &wide_sigma, sigma, &mut refuse);
     if let (Some(stated), Some(found)) = (header.luminaire, from_nadir)
         && stated != found
     {
@@ -184,10 +193,31 @@ pub(super) fn read(
         let message = format!("{} column(s) that are not known: {shown}", unknown.len());
         report.note(NoteKind::Skipped, message);
     }
-    if sigma {
-        report.note(NoteKind::Skipped, "the columns of sigma: uncertainties are not kept");
-    }
     good.then_some(columns)
+}
+
+/// The columns of uncertainties: each belongs to one of values.
+fn sigma_cells(columns: &mut Columns, wide: &[(f64, usize)], alone: Option<usize>, refuse: &mut impl FnMut(String)) {
+    if let Some(i) = alone {
+        if columns.is_wide() {
+            refuse("a column `sigma` beside columns such as `v550`, expected `s550`".to_owned());
+        } else {
+            columns.cells[i] = Cell::Sigma(0);
+            columns.has_sigma = true;
+        }
+    }
+    let mut known: Vec<usize> = Vec::new();
+    for &(nanometres, i) in wide {
+        match columns.wavelengths.iter().position(|&value| value == nanometres) {
+            Some(rank) if !known.contains(&rank) => {
+                known.push(rank);
+                columns.cells[i] = Cell::Sigma(rank);
+                columns.has_sigma = true;
+            }
+            Some(_) => refuse(format!("two columns of the uncertainty at {} nm, expected one", Brief(nanometres))),
+            None => refuse(format!("an uncertainty at {} nm, where there is no column of values", Brief(nanometres))),
+        }
+    }
 }
 
 /// One form of values: `value`, or one column for each wavelength, which are sorted.

@@ -4,7 +4,8 @@
 //! `##` are remarks. Required: `quantity`, `value_unit`; `angle_unit` where there are angles; `cosine_included` for a BSDF, whose
 //! values are divided by `|cos theta_o|` if it is true. Columns in any order: `theta_i`, `phi_i`, `theta_o`, `phi_o`
 //! (emission: `theta`, `phi`, or `gamma`, `c` from nadir), then `wavelength` and `value`, or one `v550` for each
-//! wavelength. A blank cell, or `nan`, is a missing value. Directions that form a grid are read as one.
+//! wavelength. A blank cell, or `nan`, is a missing value. `sigma`, or one `s550` for each `v550`, are standard
+//! uncertainties (k = 1) of the values. Directions that form a grid are read as one.
 
 pub(super) mod arrow;
 mod assemble;

@@ -26,6 +26,8 @@ pub(super) struct Rows {
     pub(super) wavelengths: Numbered,
     /// Row-major; NaN = missing.
     pub(super) values: Vec<f32>,
+    /// Standard uncertainties of the values; empty where there are no columns of them.
+    pub(super) sigma: Vec<f32>,
     /// How many values were divided by a cosine of 0 and are missing therefore.
     pub(super) grazing: usize,
 }
@@ -87,6 +89,7 @@ impl Rows {
         let numbers: Vec<u32> = part.wavelengths.values.iter().map(|&value| self.wavelengths.number(value)).collect();
         self.lambdas.extend(part.lambdas.iter().map(|&local| numbers[local as usize]));
         self.values.extend_from_slice(&part.values);
+        self.sigma.extend_from_slice(&part.sigma);
         self.grazing += part.grazing;
     }
 }
@@ -194,20 +197,29 @@ impl Parser<'_> {
         let width = columns.width();
         let (text, base) = (self.text, self.rows.values.len());
         self.rows.values.resize(base + width, f32::NAN);
+        if columns.has_sigma {
+            self.rows.sigma.resize(base + width, f32::NAN);
+        }
         let (mut good, mut same, mut lambda) = (true, true, None);
         let mut at = self.line_start;
         let last = columns.cells.len() - 1;
         for (column, cell) in columns.cells.iter().enumerate() {
             let start = self.blanks(at);
             at = match *cell {
-                Cell::Value(value) => match decimal(text, start) {
+                Cell::Value(value) | Cell::Sigma(value) => match decimal(text, start) {
                     Some((number, end)) if ends_number(text.get(end)) => {
                         let sample = number as f32;
                         if sample.is_infinite() {
                             good = false;
                             self.refuse(start, column, "a number within the range of float32")
-                        } else {
+                        } else if matches!(cell, Cell::Value(_)) {
                             self.rows.values[base + value] = sample;
+                            end
+                        } else if sample < 0.0 {
+                            good = false;
+                            self.refuse(start, column, "an uncertainty, which is not negative")
+                        } else {
+                            self.rows.sigma[base + value] = sample;
                             end
                         }
                     }
@@ -273,6 +285,7 @@ impl Parser<'_> {
             self.keep(base, same, lambda);
         } else {
             self.rows.values.truncate(base);
+            self.rows.sigma.truncate(base);
         }
         self.line_end(at)
     }
@@ -298,6 +311,10 @@ impl Parser<'_> {
                     rows.grazing += 1;
                     *value = f32::NAN;
                 }
+            }
+            for sigma in rows.sigma.iter_mut().skip(base) {
+                let quotient = (f64::from(*sigma) / cosine) as f32;
+                *sigma = if quotient.is_finite() { quotient } else { f32::NAN };
             }
         }
         if let Some(lambda) = lambda {

@@ -197,6 +197,36 @@ fn directions_without_a_grid_stay_scattered() {
 }
 
 #[test]
+fn uncertainties_follow_their_values() {
+    let mut wide = format!("{BRDF}theta_i,phi_i,theta_o,phi_o,s500,v400,v500,s400\n");
+    let mut long = format!("{BRDF}{}", LONG.replace("value", "value,sigma"));
+    for i in 0..50 {
+        let angles = format!("{},{},{},{}", 1.5 * f64::from(i % 7), i * 5 % 360, i, i * 17 % 360);
+        let _ = writeln!(wide, "{angles},0.{i},{i},{},", i + 100);
+        let _ = write!(long, "{angles},400,{i},\n{angles},500,{},0.{i}\n", i + 100);
+    }
+    let found = good(&wide);
+    let sigma = scattered(&found).sigma.as_ref().unwrap();
+    assert!(sigma.len() == 100 && sigma[14].is_nan() && sigma[15] == 0.7 && sigma[25] == 0.12, "{sigma:?}");
+    let from_long = good(&long);
+    let bits = |sigma: &[f32]| sigma.iter().map(|s| s.to_bits()).collect::<Vec<_>>();
+    assert_eq!(bits(scattered(&from_long).sigma.as_ref().unwrap()), bits(sigma));
+    let divided = good(&wide.replace("included: false", "included: true"));
+    let cosine = f64::cos(7_f64.to_radians()) as f32;
+    assert!((scattered(&divided).sigma.as_ref().unwrap()[15] - 0.7 / cosine).abs() < 1e-6);
+    for (text, word) in [
+        (wide.replace("s400", "s410"), "an uncertainty at 410 nm"),
+        (wide.replace("s400", "s500"), "two columns of the uncertainty at 500 nm"),
+        (wide.replace("s400", "sigma"), "expected `s550`"),
+        (long.replace("value,sigma", "sigma,sigma"), "a second column `sigma`"),
+        (long.replace(",0.7\n", ",-0.7\n"), "found `-0.7`, expected an uncertainty"),
+    ] {
+        let error = plain(&text).unwrap_err();
+        assert!(error.kind == FormatErrorKind::Malformed && error.message.contains(word), "{error}");
+    }
+}
+
+#[test]
 fn cosines_are_divided_out() {
     let text = BRDF.replace("included: false", "included: true");
     let acquisition = good(&format!("{text}theta_i,theta_o,phi_o,value\n10,0,0,2\n10,60,0,2\n10,90,0,2\n"));

@@ -1,0 +1,428 @@
+//! What is fitted where: clouds of samples, the entries of the incoming axis, levels and neighbours.
+
+use super::cells::Fitted;
+use super::cloud::{self, Cloud, Incoming, one_azimuth};
+use super::rows::{Kind, Rows};
+use super::trials;
+use crate::domain::vector::Vector;
+use crate::domain::{Axis, Direction, Domain, Quantity};
+use crate::formats::Scattered;
+use crate::projection::averages::OCTANT_DEGREES;
+use crate::projection::grid::MAX_CHOSEN_SAMPLES;
+use crate::projection::levels::{self, Choice, rounded};
+use crate::projection::{AxesRequest, ProjectionError, on_axes};
+
+/// The target where none is named: a relative error.
+const TARGET: f64 = 0.01;
+/// The finest level that is chosen to represent what was measured.
+const FINEST: u8 = 6;
+/// Neighbours whose distance tells how densely samples lie.
+const DENSITY: usize = 16;
+/// Bands that choices are made on, at most.
+const BANDS: usize = 8;
+/// How far apart neighbouring incoming directions lie in parts of neighbouring outgoing ones, as neighbours are counted.
+const JOINT_STRETCH: f64 = 1.5;
+/// How far the nearest measured incoming direction may be, in distances between them.
+const JOINT_REACH: f64 = 1.5;
+/// Samples count as on one side of the plane of incidence that lie less beyond it.
+const ON_PLANE: f64 = 1e-3;
+/// Parts of a cell are at most this large, in parts of the reach of a fit.
+const PART: f64 = 0.7;
+
+/// An entry of the incoming axis: its direction, and the cloud that serves it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Entry {
+    pub(super) wi: Vector,
+    pub(super) cloud: usize,
+}
+
+/// Everything that was chosen.
+pub(super) struct Plan {
+    pub(super) isotropic: bool,
+    /// Whether mirror images stand for a half that was not measured.
+    pub(super) unfolded: bool,
+    pub(super) directions: Vec<(Vector, Vector)>,
+    pub(super) clouds: Vec<Cloud>,
+    pub(super) entries: Vec<Entry>,
+    /// The elevations of the entries.
+    pub(super) elevations: Vec<f64>,
+    incoming: Option<Choice>,
+    pub(super) outgoing: Choice,
+    pub(super) divisions: u32,
+    pub(super) neighbours: usize,
+    /// How much of the variance of a value is its own, not that of its row.
+    own_noise: f64,
+    incoming_reach: f64,
+    sides_apart: bool,
+    /// A few bands of all rows.
+    pub(super) thin: Rows<'static>,
+    pub(super) representation: Option<f64>,
+    pub(super) notes: Vec<String>,
+}
+
+/// What samples fitted together say of their incoming directions.
+struct Joint {
+    count: usize,
+    /// Between neighbouring incoming directions, in radians.
+    spacing: f64,
+}
+
+impl Joint {
+    fn of(groups: &Incoming, samples: usize) -> Option<Self> {
+        match groups {
+            Incoming::None | Incoming::Elevations(..) => None,
+            Incoming::AllElevations(elevations) => {
+                let range = elevations.last().zip(elevations.first()).map_or(0.0, |(high, low)| high - low);
+                let count = elevations.len();
+                Some(Self { count, spacing: (range / (count.max(2) - 1) as f64).to_radians().max(1e-3) })
+            }
+            Incoming::Directions(count) => {
+                let count = (*count).min((samples as f64).sqrt().ceil() as usize).max(1);
+                Some(Self { count, spacing: (std::f64::consts::TAU / count as f64).sqrt() })
+            }
+        }
+    }
+}
+
+/// The side that triangles with samples stand for, and the level asked for; refused for a side that there is not.
+fn asked(of: &Scattered, request: &AxesRequest, lone: bool) -> Result<(&'static str, Option<u8>), ProjectionError> {
+    let (name, level, other, unused) = if lone {
+        ("incoming", request.incoming_level, "outgoing", request.outgoing_level)
+    } else {
+        let unused = if of.incoming.is_empty() { request.incoming_level } else { None };
+        ("outgoing", request.outgoing_level, "incoming", unused)
+    };
+    if unused.is_some() {
+        let reason = format!("{other}_level: the data have no {other} directions to choose a level for");
+        return Err(ProjectionError::Unfit(reason));
+    }
+    Ok((name, level))
+}
+
+/// The samples of a reflectance, of which only the incoming direction is known, with that as the one that triangles stand for.
+fn turned(quantity: Quantity, scattered: &Scattered) -> Option<Scattered> {
+    (quantity == Quantity::Reflectance && scattered.outgoing.is_empty()).then(|| Scattered {
+        incoming: Vec::new(),
+        outgoing: scattered.incoming.clone(),
+        isotropic: scattered.isotropic,
+        spectral: None,
+        values: Vec::new(),
+        sigma: None,
+    })
+}
+
+impl Plan {
+    /// Chooses for `rows`, the values of `scattered`; `channels` is the number of values of a cell.
+    pub(super) fn new(
+        quantity: Quantity,
+        scattered: &Scattered,
+        rows: &Rows<'_>,
+        request: &AxesRequest,
+        channels: usize,
+    ) -> Result<Self, ProjectionError> {
+        let unfit = |reason: String| Err(ProjectionError::Unfit(reason));
+        let turned = turned(quantity, scattered);
+        let lone = turned.is_some();
+        let of = turned.as_ref().unwrap_or(scattered);
+        let mut notes = Vec::new();
+        let single = !of.isotropic && one_azimuth(of);
+        if single {
+            notes.push("incoming directions of one azimuth only: taken as isotropic".to_owned());
+        }
+        let isotropic = !of.incoming.is_empty() && (of.isotropic || single);
+        let domain = outgoing_domain(quantity);
+        let directions = cloud::directions(of, isotropic);
+        let inside = |row: u32| match domain {
+            Domain::Hemisphere => directions[row as usize].1[2] >= 0.0,
+            Domain::Lower => directions[row as usize].1[2] <= 0.0,
+            Domain::Sphere => true,
+        };
+        let live: Vec<u32> = (0..rows.kinds.len() as u32)
+            .filter(|&row| rows.kinds[row as usize] != Kind::Missing && inside(row))
+            .collect();
+        let outside = (0..rows.kinds.len() as u32).filter(|&row| !inside(row)).count();
+        if outside > 0 {
+            notes.push(format!("{outside} samples beyond the {domain} were left out"));
+        }
+        if live.is_empty() {
+            return unfit(format!(
+                "scattered directions: no sample of the {} lies on the {domain} of a {quantity}",
+                rows.kinds.len()
+            ));
+        }
+        let unfolded = isotropic && is_one_sided(&live, &directions);
+        if unfolded {
+            notes.push(
+                "samples on one side of the plane of incidence only: the other is taken as its mirror image".to_owned(),
+            );
+        }
+        let groups = cloud::incoming(of, isotropic, &live);
+        let joint = Joint::of(&groups, live.len());
+        let area = if domain == Domain::Sphere { 2.0 } else { 1.0 } * std::f64::consts::TAU;
+        let stretch = joint.as_ref().map_or(0.0, |joint| {
+            let outgoing = (area * joint.count as f64 / live.len() as f64).sqrt();
+            JOINT_STRETCH * outgoing / joint.spacing
+        });
+        let cloud = |rows: &[u32]| Cloud::new(rows.iter().copied(), &directions, quantity, stretch, unfolded);
+        let (clouds, elevations): (Vec<Cloud>, Vec<f64>) = match groups {
+            Incoming::None | Incoming::Directions(_) => (vec![cloud(&live)], Vec::new()),
+            Incoming::Elevations(elevations, groups) => (groups.iter().map(|rows| cloud(rows)).collect(), elevations),
+            Incoming::AllElevations(elevations) => (vec![cloud(&live)], elevations),
+        };
+        let spacing = joint.as_ref().map_or_else(
+            || spacing(&clouds),
+            |joint| (area * joint.count as f64 / live.len() as f64).sqrt().to_degrees(),
+        );
+        let (name, level) = asked(of, request, lone)?;
+        if let (true, Some(_)) = (isotropic, request.incoming_level) {
+            return unfit(format!("incoming_level: {}", on_axes::isotropic(elevations.len(), "incoming")));
+        }
+        let outgoing = levels::choose_by_distance(name, domain, spacing, level)?;
+        let incoming = match (&joint, isotropic) {
+            (Some(joint), false) => {
+                let degrees = joint.spacing.to_degrees();
+                Some(levels::choose_by_distance(
+                    "incoming",
+                    incoming_domain(&live, &directions),
+                    degrees,
+                    request.incoming_level,
+                )?)
+            }
+            _ => None,
+        };
+        let mut plan = Self {
+            isotropic,
+            unfolded,
+            entries: Vec::new(),
+            elevations,
+            incoming,
+            outgoing,
+            divisions: 0,
+            neighbours: 1,
+            own_noise: 0.0,
+            incoming_reach: joint.as_ref().map_or(f64::INFINITY, |joint| JOINT_REACH * joint.spacing),
+            sides_apart: quantity == Quantity::Bsdf,
+            thin: rows.thinned(scattered.sigma.as_deref(), BANDS),
+            representation: None,
+            directions,
+            clouds,
+            notes,
+        };
+        plan.own_noise = trials::own_noise(&plan.clouds, plan.fitted(&plan.thin, 0));
+        plan.neighbours = trials::neighbours(&plan.clouds, plan.fitted(&plan.thin, 0), domain);
+        plan.lower_to_fit(channels);
+        plan.represent(request.target.unwrap_or(TARGET), channels);
+        plan.entries = plan.entries();
+        let reach = (plan.neighbours as f64 / std::f64::consts::PI).sqrt() * spacing;
+        let parts = libm::log2(OCTANT_DEGREES / (PART * reach)).ceil().clamp(0.0, 8.0) as u32;
+        plan.divisions = parts.saturating_sub(u32::from(plan.outgoing.mesh.level()));
+        plan.describe(name, of);
+        Ok(plan)
+    }
+
+    fn entries(&self) -> Vec<Entry> {
+        match (&self.incoming, self.elevations.is_empty()) {
+            (Some(choice), _) => {
+                let mesh = choice.mesh;
+                (0..mesh.len()).map(|i| Entry { wi: mesh.centroid(i).vector(), cloud: 0 }).collect()
+            }
+            (None, true) => vec![Entry { wi: [0.0, 0.0, 1.0], cloud: 0 }],
+            (None, false) => {
+                let one = self.clouds.len() == 1;
+                let at = |theta: f64| Direction::from_degrees(theta, 0.0).vector();
+                let entry = |(i, &theta)| Entry { wi: at(theta), cloud: if one { 0 } else { i } };
+                self.elevations.iter().enumerate().map(entry).collect()
+            }
+        }
+    }
+
+    /// What fits `rows` with the cloud of this number.
+    pub(super) fn fitted<'b>(&'b self, rows: &'b Rows<'b>, cloud: usize) -> Fitted<'b> {
+        Fitted {
+            rows,
+            cloud: &self.clouds[cloud],
+            neighbours: self.neighbours,
+            noise: 1.0 / (1.0 - self.own_noise + self.own_noise / rows.width as f64),
+            incoming_reach: self.incoming_reach,
+            sides_apart: self.sides_apart,
+        }
+    }
+
+    pub(super) fn incoming_axis(&self) -> Option<Axis> {
+        let triangles = self.incoming.as_ref().map(|choice| Axis::Triangles(choice.mesh));
+        triangles.or_else(|| (!self.elevations.is_empty()).then(|| Axis::Elevation(self.elevations.clone())))
+    }
+
+    /// The rows under each entry of the incoming axis.
+    pub(super) fn members(&self) -> Vec<Vec<u32>> {
+        self.points_by_entry().into_iter().map(|(_, rows)| rows).collect()
+    }
+
+    /// Which cells of each entry hold a sample.
+    pub(super) fn has_sample(&self) -> Vec<Vec<bool>> {
+        self.points_by_entry().into_iter().map(|(cells, _)| cells).collect()
+    }
+
+    fn points_by_entry(&self) -> Vec<(Vec<bool>, Vec<u32>)> {
+        let mesh = self.outgoing.mesh;
+        let mut found = vec![(vec![false; mesh.len()], Vec::new()); self.entries.len()];
+        let axis = self.incoming_axis();
+        for (i, cloud) in self.clouds.iter().enumerate() {
+            for point in &cloud.points {
+                let theta = Direction::from_unit(point.wi).theta_degrees();
+                let entry = match &axis {
+                    _ if self.clouds.len() > 1 => Some(i),
+                    None => Some(0),
+                    Some(axis) => entry_of(axis, point.wi, theta),
+                };
+                let Some((cells, rows)) = entry.and_then(|entry| found.get_mut(entry)) else { continue };
+                if let Some(cell) = mesh.locate(Direction::from_unit(point.wo)) {
+                    cells[cell] = true;
+                }
+                if rows.last() != Some(&point.row) {
+                    rows.push(point.row);
+                }
+            }
+        }
+        found
+    }
+
+    fn size(&self, channels: usize) -> usize {
+        let entries = self.incoming.as_ref().map_or(self.elevations.len().max(1), |choice| choice.mesh.len());
+        entries.saturating_mul(self.outgoing.mesh.len()).saturating_mul(channels)
+    }
+
+    /// Lowers chosen levels, the finer one first, until the tensor is within its limit; what the user named stays.
+    #[allow(clippy::if_same_then_else, reason = "the order in which they are lowered differs")]
+    fn lower_to_fit(&mut self, channels: usize) {
+        while self.size(channels) > MAX_CHOSEN_SAMPLES {
+            let finer = self.incoming.as_ref().is_some_and(|choice| choice.mesh.len() > self.outgoing.mesh.len());
+            let incoming = |plan: &mut Self| plan.incoming.as_mut().is_some_and(Choice::lower);
+            let lowered =
+                if finer { incoming(self) || self.outgoing.lower() } else { self.outgoing.lower() || incoming(self) };
+            if !lowered {
+                return;
+            }
+        }
+    }
+
+    /// Takes finer outgoing triangles until they represent what the samples say to half of the target, and says why not.
+    fn represent(&mut self, target: f64, channels: usize) {
+        if self.incoming.is_some() {
+            return;
+        }
+        let limit = 0.5 * target;
+        let reason = loop {
+            self.representation = trials::representation(&self.clouds, self.fitted(&self.thin, 0), self.outgoing.mesh);
+            match self.representation {
+                Some(error) if error > limit => {}
+                _ => return,
+            }
+            if self.outgoing.requested {
+                break "the level is the one requested";
+            }
+            let level = self.outgoing.mesh.level();
+            if level >= FINEST {
+                break "finer levels are for who asks for them";
+            }
+            if self.size(channels).saturating_mul(4) > MAX_CHOSEN_SAMPLES {
+                break "a finer level makes the tensor too large";
+            }
+            if !self.outgoing.raise() {
+                break "there is no finer level";
+            }
+        };
+        let error = self.representation.unwrap_or(0.0);
+        self.notes.push(format!(
+            "outgoing level {} represents the samples to {:.2} %, more than half of the target of {:.2} %: {reason}",
+            self.outgoing.mesh.level(),
+            100.0 * error,
+            100.0 * target
+        ));
+    }
+
+    fn describe(&mut self, name: &str, of: &Scattered) {
+        let mut notes = Vec::new();
+        if self.isotropic {
+            let how = if self.clouds.len() == self.elevations.len() {
+                "measured"
+            } else {
+                "even elevations, samples between them"
+            };
+            notes.push(format!("incoming: {} elevations (isotropic), {how}", self.elevations.len()));
+        }
+        notes.extend(self.incoming.iter().map(|choice| choice.note("incoming")));
+        notes.push(self.outgoing.note(name));
+        let coordinates = if self.clouds[0].slopes { "slopes of the half vector" } else { "tangent coordinates" };
+        let weights = if of.sigma.is_some() { ", by nearness and stated uncertainty" } else { ", by nearness" };
+        notes.push(format!(
+            "{name} cells are averages of robust quadratic fits in {coordinates} to the {} nearest samples{weights}; of \
+             logarithms where all of these are positive",
+            self.neighbours
+        ));
+        if let Some(error) = self.representation {
+            notes.push(format!("{name} triangles represent the fit to about {} %", rounded(100.0 * error)));
+        }
+        notes.append(&mut self.notes);
+        self.notes = notes;
+    }
+}
+
+/// The entry of an axis of directions for a direction of this elevation in degrees; the nearest of elevations.
+pub(super) fn entry_of(axis: &Axis, d: Vector, theta: f64) -> Option<usize> {
+    match axis {
+        Axis::Triangles(mesh) => mesh.locate(Direction::from_unit(d)),
+        Axis::Elevation(values) => {
+            let above = values.partition_point(|&v| v < theta);
+            let below = above.saturating_sub(1);
+            let far = |i: usize| values.get(i).map_or(f64::INFINITY, |v| (v - theta).abs());
+            Some(if far(above) < far(below) { above } else { below })
+        }
+        _ => None,
+    }
+}
+
+/// Whether all samples lie on one side of the plane of incidence, and not all of them in it.
+fn is_one_sided(live: &[u32], directions: &[(Vector, Vector)]) -> bool {
+    let beside = live.iter().map(|&row| directions[row as usize].1[1]);
+    let (low, high) = beside.fold((0.0_f64, 0.0_f64), |(l, h), y| (l.min(y), h.max(y)));
+    (low >= -ON_PLANE || high <= ON_PLANE) && high - low > 10.0 * ON_PLANE
+}
+
+fn outgoing_domain(quantity: Quantity) -> Domain {
+    match quantity {
+        Quantity::Brdf | Quantity::Reflectance => Domain::Hemisphere,
+        Quantity::Btdf => Domain::Lower,
+        _ => Domain::Sphere,
+    }
+}
+
+fn incoming_domain(live: &[u32], directions: &[(Vector, Vector)]) -> Domain {
+    let heights = live.iter().map(|&row| directions[row as usize].0[2]);
+    let (low, high) = heights.fold((1.0_f64, -1.0_f64), |(l, h), z| (l.min(z), h.max(z)));
+    match (low, high) {
+        (low, _) if low >= -1e-9 => Domain::Hemisphere,
+        (_, high) if high <= 1e-9 => Domain::Lower,
+        _ => Domain::Sphere,
+    }
+}
+
+/// The distance between neighbouring samples in degrees, from how far their sixteenth neighbour is, in the middle of many.
+fn spacing(clouds: &[Cloud]) -> f64 {
+    let mut found = Vec::new();
+    let mut all: Vec<f64> = trials::trials(clouds, 200)
+        .into_iter()
+        .filter_map(|trial| {
+            let cloud = &clouds[trial.cloud];
+            let count = DENSITY.min(cloud.points.len() - 1);
+            cloud.tree.nearest(&cloud.keys[trial.point as usize], count + 1, |_| true, &mut found);
+            let square = found.last()?.0;
+            (count > 0 && square > 0.0).then(|| (std::f64::consts::PI * square / count as f64).sqrt().to_degrees())
+        })
+        .collect();
+    if all.is_empty() {
+        return 90.0;
+    }
+    let middle = all.len() / 2;
+    *all.select_nth_unstable_by(middle, f64::total_cmp).1
+}

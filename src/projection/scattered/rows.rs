@@ -1,0 +1,257 @@
+//! The values of scattered samples as rows: their logarithms, their light, and weighted means of them.
+
+use crate::domain::wide;
+use rayon::prelude::*;
+use std::borrow::Cow;
+
+/// Points within a cell whose values are averaged.
+pub(super) const PARTS: usize = 4;
+/// Bands that are summed at a time.
+const BLOCK: usize = 256;
+
+/// Rows of values `[sample, band]` as they are fitted.
+pub(super) struct Rows<'a> {
+    pub(super) width: usize,
+    values: Cow<'a, [f32]>,
+    /// NaN where a value is missing or not positive.
+    logs: Vec<f32>,
+    pub(super) kinds: Vec<Kind>,
+    /// The mean over bands: of the logarithm where all are positive, of the value else; NaN where some are missing.
+    pub(super) light: Vec<[f64; 2]>,
+    /// The inverse of the variance, absolute and relative to the row's own values; empty if none is stated.
+    pub(super) certainty: Vec<[f64; 2]>,
+}
+
+/// What a row holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Kind {
+    /// Values in all bands, all of them positive.
+    Positive,
+    /// Values in all bands.
+    Whole,
+    /// Some are missing.
+    Partial,
+    /// All are missing.
+    Missing,
+}
+
+impl<'a> Rows<'a> {
+    pub(super) fn new(values: Cow<'a, [f32]>, sigma: Option<&[f32]>, width: usize) -> Self {
+        let logs: Vec<f32> = values
+            .par_chunks(1 << 14)
+            .flat_map_iter(|chunk| chunk.iter().map(|&v| if v > 0.0 { libm::logf(v) } else { f32::NAN }))
+            .collect();
+        let about: Vec<(Kind, [f64; 2])> =
+            values.par_chunks(width).zip(logs.par_chunks(width)).map(|(row, logs)| look(row, logs)).collect();
+        let certainty = sigma.map_or_else(Vec::new, |sigma| {
+            values.par_chunks(width).zip(sigma.par_chunks(width)).map(|(row, sigma)| certainty(row, sigma)).collect()
+        });
+        let (kinds, light) = about.into_iter().unzip();
+        Self { width, values, logs, kinds, light, certainty }
+    }
+
+    /// At most `count` of the bands, evenly over all.
+    pub(super) fn thinned(&self, sigma: Option<&[f32]>, count: usize) -> Rows<'static> {
+        let chosen: Vec<usize> = match self.width {
+            width if width <= count => (0..width).collect(),
+            width => (0..count).map(|i| (2 * i + 1) * width / (2 * count)).collect(),
+        };
+        let thin = |values: &[f32]| -> Vec<f32> {
+            values.chunks(self.width).flat_map(|row| chosen.iter().map(|&band| row[band])).collect()
+        };
+        let sigma = sigma.map(thin);
+        Rows::new(Cow::Owned(thin(&self.values)), sigma.as_deref(), chosen.len())
+    }
+
+    pub(super) fn row(&self, row: u32) -> &[f32] {
+        &self.values[row as usize * self.width..][..self.width]
+    }
+
+    fn log_row(&self, row: u32) -> &[f32] {
+        &self.logs[row as usize * self.width..][..self.width]
+    }
+
+    /// Writes into `out` the mean by `shares` over points of the values that `weights` `[point, row]` make of `rows`, whose
+    /// first is the one that the others are compared with. In bands where all rows are positive it is the logarithm
+    /// that is summed, in others the value; bands where some row is missing become NaN.
+    pub(super) fn combine(&self, rows: &[u32], weights: &[[f32; PARTS]], shares: [f32; PARTS], out: &mut [f32]) {
+        let positive = rows.iter().all(|&row| self.kinds[row as usize] == Kind::Positive);
+        let total: f32 = shares.iter().sum();
+        let (first, base) = (self.row(rows[0]), self.log_row(rows[0]));
+        for start in (0..self.width).step_by(BLOCK) {
+            let range = start..(start + BLOCK).min(self.width);
+            let (first, base) = (&first[range.clone()], &base[range.clone()]);
+            let out = &mut out[range.clone()];
+            let mut sums = [[0.0_f32; BLOCK]; PARTS];
+            self.sum(&self.logs, (rows, weights), base, start, &mut sums);
+            wide(
+                #[inline(always)]
+                || {
+                    let [a, b, c, d] = &sums;
+                    for (k, (out, &first)) in out.iter_mut().zip(first).enumerate() {
+                        let mean = shares[0] * exp(a[k])
+                            + shares[1] * exp(b[k])
+                            + shares[2] * exp(c[k])
+                            + shares[3] * exp(d[k]);
+                        *out = first * (mean / total);
+                    }
+                },
+            );
+            if positive {
+                continue;
+            }
+            let logs = sums;
+            sums = [[0.0; BLOCK]; PARTS];
+            self.sum(&self.values, (rows, weights), first, start, &mut sums);
+            for (k, (out, &first)) in out.iter_mut().zip(first).enumerate() {
+                if logs[0][k].is_nan() {
+                    let mean: f32 = (0..PARTS).map(|p| shares[p] * sums[p][k]).sum();
+                    *out = first + mean / total;
+                }
+            }
+        }
+    }
+
+    /// As [`Rows::combine`], in one band that all `rows` have.
+    pub(super) fn combine_band(
+        &self,
+        band: usize,
+        rows: &[u32],
+        weights: &[[f32; PARTS]],
+        shares: [f32; PARTS],
+    ) -> f32 {
+        let total: f32 = shares.iter().sum();
+        let sums = |from: &[f32]| {
+            let at = |row: u32| from[row as usize * self.width + band];
+            let mut sums = [0.0_f32; PARTS];
+            for (&row, weights) in rows.iter().zip(weights) {
+                let difference = at(row) - at(rows[0]);
+                sums.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += weight * difference);
+            }
+            sums
+        };
+        let (logs, first) = (sums(&self.logs), self.row(rows[0])[band]);
+        if logs[0].is_nan() {
+            let sums = sums(&self.values);
+            first + (0..PARTS).map(|p| shares[p] * sums[p]).sum::<f32>() / total
+        } else {
+            first * ((0..PARTS).map(|p| shares[p] * exp(logs[p])).sum::<f32>() / total)
+        }
+    }
+
+    /// Adds the weighted differences from `base`.
+    fn sum(
+        &self,
+        from: &[f32],
+        (rows, weights): (&[u32], &[[f32; PARTS]]),
+        base: &[f32],
+        start: usize,
+        sums: &mut [[f32; BLOCK]; PARTS],
+    ) {
+        wide(
+            #[inline(always)]
+            || {
+                let [a, b, c, d] = sums;
+                for (&row, weights) in rows.iter().zip(weights) {
+                    let row = &from[row as usize * self.width + start..][..base.len()];
+                    let [a, b, c, d] =
+                        [&mut a[..base.len()], &mut b[..base.len()], &mut c[..base.len()], &mut d[..base.len()]];
+                    for k in 0..base.len() {
+                        let difference = row[k] - base[k];
+                        a[k] += weights[0] * difference;
+                        b[k] += weights[1] * difference;
+                        c[k] += weights[2] * difference;
+                        d[k] += weights[3] * difference;
+                    }
+                }
+            },
+        );
+    }
+}
+
+fn look(row: &[f32], logs: &[f32]) -> (Kind, [f64; 2]) {
+    let missing = row.iter().filter(|v| v.is_nan()).count();
+    let kind = match missing {
+        0 if row.iter().all(|&v| v > 0.0) => Kind::Positive,
+        0 => Kind::Whole,
+        _ if missing < row.len() => Kind::Partial,
+        _ => Kind::Missing,
+    };
+    let mean = |values: &[f32]| values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64;
+    (kind, [mean(logs), mean(row)])
+}
+
+/// The inverse of the mean variance of the bands, absolute and in parts of the mean square of the values; 0 where nothing
+/// is stated.
+fn certainty(row: &[f32], sigma: &[f32]) -> [f64; 2] {
+    let (mut variance, mut square, mut count) = (0.0, 0.0, 0.0);
+    for (&value, &sigma) in row.iter().zip(sigma) {
+        if sigma > 0.0 && sigma.is_finite() && !value.is_nan() {
+            variance += f64::from(sigma).powi(2);
+            square += f64::from(value).powi(2);
+            count += 1.0;
+        }
+    }
+    if variance > 0.0 { [count / variance, square / variance] } else { [0.0; 2] }
+}
+
+/// `e^x` to some 2 units in the last place, without a branch; 1 at 0. NaN stays.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+fn exp(x: f32) -> f32 {
+    const ROUND: f32 = 12_582_912.0;
+    let x = if x > 88.0 { 88.0 } else { x };
+    let x = if x < -87.0 { -87.0 } else { x };
+    // The whole part stands in the lowest bits of the rounded sum.
+    let shifted = x * std::f32::consts::LOG2_E + ROUND;
+    let n = shifted - ROUND;
+    let r = x - n * 0.693_359_4;
+    let r = r + n * 2.121_944_4e-4;
+    let p = 1.0 / 5040.0;
+    let p = p * r + 1.0 / 720.0;
+    let p = p * r + 1.0 / 120.0;
+    let p = p * r + 1.0 / 24.0;
+    let p = p * r + 1.0 / 6.0;
+    let p = p * r + 0.5;
+    let p = p * r + 1.0;
+    let p = p * r + 1.0;
+    p * f32::from_bits((shifted.to_bits() << 23).wrapping_add(127 << 23))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exponentials_are_close_and_exact_at_zero() {
+        assert_eq!(exp(0.0), 1.0);
+        assert!(exp(f32::NAN).is_nan());
+        for i in -8600..8700 {
+            let x = i as f32 * 0.01 + 0.003;
+            let expected = libm::exp(f64::from(x));
+            assert!((f64::from(exp(x)) / expected - 1.0).abs() < 4e-7, "{x}");
+        }
+    }
+
+    #[test]
+    fn rows_are_told_by_what_they_hold() {
+        let values = [1.0, 2.0, 1.0, 0.0, f32::NAN, 1.0, f32::NAN, f32::NAN];
+        let rows = Rows::new(Cow::Borrowed(&values), Some(&[0.1, 0.1, 0.5, 0.5, 1.0, 0.5, 1.0, 1.0]), 2);
+        assert_eq!(rows.kinds, [Kind::Positive, Kind::Whole, Kind::Partial, Kind::Missing]);
+        assert!((rows.light[0][0] - 0.5 * libm::log(2.0)).abs() < 1e-7 && rows.light[1][1] == 0.5);
+        assert!((rows.certainty[0][1] - 250.0).abs() < 1e-3 && rows.certainty[3] == [0.0; 2]);
+    }
+
+    #[test]
+    fn equal_rows_stay_and_signs_choose_the_sum() {
+        let values = [0.3, -0.3, 0.3, -0.3, 0.3, -0.3];
+        let rows = Rows::new(Cow::Borrowed(&values), None, 2);
+        let mut out = [0.0; 2];
+        rows.combine(&[0, 1, 2], &[[0.7; PARTS], [0.5; PARTS], [-0.2; PARTS]], [0.1, 0.2, 0.3, 0.4], &mut out);
+        assert_eq!(out, [0.3, -0.3]);
+        let values = [1.0, 1.0, 4.0, -1.0];
+        let rows = Rows::new(Cow::Borrowed(&values), None, 2);
+        rows.combine(&[0, 1], &[[0.5; PARTS]; 2], [1.0; PARTS], &mut out);
+        assert!((out[0] - 2.0).abs() < 1e-6 && out[1].abs() < 1e-6, "{out:?}");
+    }
+}
