@@ -29,7 +29,7 @@ pub use viewing::Viewing;
 use crate::domain::colour::ColourError;
 use crate::domain::{Axis, Quantity};
 use crate::evaluate::{EvaluateError, Material};
-use channels::Channels;
+pub(crate) use channels::Channels;
 use std::ops::RangeInclusive;
 
 /// Sizes of pictures, in pixels along a side.
