@@ -16,7 +16,8 @@ const COLOURS: &str = "linear sRGB of the spectrum (D65, CIE 1931)";
 
 pub(super) fn rgl(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
     let spectral = wavelengths(material).filter(|_| !options.rgb).cloned();
-    let subject = if spectral.is_some() { Subject::spectra(material, options) } else { coloured(material, options)? };
+    let subject =
+        if spectral.is_some() { Subject::spectra(material, options) } else { Subject::rgb(material, options)? };
     let incident = resolution::incident(material, options, subject.channels())?;
     let directions = if incident.phi.is_empty() {
         format!("{} incident elevations", incident.theta.len())
@@ -38,7 +39,7 @@ pub(super) fn rgl(material: &Material, options: &ExportOptions) -> Result<Export
 }
 
 pub(super) fn merl(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
-    let subject = coloured(material, options)?;
+    let subject = Subject::rgb(material, options)?;
     check_size(Some(12 + 24 * 90 * 90 * 180), options, "the format has one size")?;
     let written = write_merl(&subject)?;
     let error = compare(&written, &subject, what_of(material), REFLECTED, None)?;
@@ -48,7 +49,7 @@ pub(super) fn merl(material: &Material, options: &ExportOptions) -> Result<Expor
 
 pub(super) fn mbsdf(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
     let rgb = material.axes().last().is_some_and(Axis::is_spectral);
-    let subject = if rgb { coloured(material, options)? } else { Subject::spectra(material, options) };
+    let subject = if rgb { Subject::rgb(material, options)? } else { Subject::spectra(material, options) };
     let theta = resolution::side(material, options)?;
     let quantity = material.quantity();
     let (above, below) = (quantity != Quantity::Btdf, quantity != Quantity::Brdf);
@@ -75,10 +76,6 @@ pub(super) fn mbsdf(material: &Material, options: &ExportOptions) -> Result<Expo
     };
     let resolution = format!("{side}, {theta} × {theta} polar angles, {phi} azimuths");
     Ok(exported(ExportFormat::Mbsdf, resolution, lost_spectrum(material), written, error))
-}
-
-fn coloured<'a>(material: &'a Material, options: &ExportOptions) -> Result<Subject<'a>, ExportError> {
-    Subject::rgb(material, options)
 }
 
 fn what_of(material: &Material) -> &'static str {

@@ -11,6 +11,7 @@ pub fn fitting(material: &Material) -> Vec<ExportFormat> {
 
 /// Refuses a format that does not hold the material, and options that do nothing or do not fit.
 pub(super) fn check(material: &Material, format: ExportFormat, options: &ExportOptions) -> Result<(), ExportError> {
+    use ExportFormat::{Eulumdat, Lm63, Mbsdf, Rgl, Tabphase};
     if let Some(holds) = why_not(material, format) {
         let names: Vec<&str> = fitting(material).into_iter().map(ExportFormat::name).collect();
         let message = format!(
@@ -20,7 +21,6 @@ pub(super) fn check(material: &Material, format: ExportFormat, options: &ExportO
         );
         return Err(ExportError::Unfit(message));
     }
-    use ExportFormat::{Eulumdat, Lm63, Mbsdf, Rgl, Tabphase};
     let given: [(&str, bool, &[ExportFormat]); 4] = [
         ("side", options.side.is_some(), &[Rgl, Mbsdf, Tabphase]),
         ("step", options.step.is_some(), &[Rgl, Lm63, Eulumdat]),

@@ -10,6 +10,7 @@ use crate::formats::{
     self, AngleGrid, CPlanes, FormatError, FormatErrorKind, Interpretation, Samples, flux_of_planes, write_eulumdat,
     write_lm63,
 };
+use crate::preview::JOULES_PER_MICROMOLE;
 use rayon::prelude::*;
 
 /// What one intensity of a luminaire file is of a spectrum.
@@ -21,9 +22,6 @@ pub(super) struct Photometry {
     /// What was lost, if anything.
     lost: Option<String>,
 }
-
-/// The energy of a µmol of photons is this, in J, through their wavelength in nm (SI of 2019).
-const JOULES_PER_MICROMOLE: f64 = 119.626_565_8;
 
 impl Photometry {
     /// Nothing where the material is no luminaire, or its values are neither single nor densities.
@@ -39,7 +37,9 @@ impl Photometry {
             let single = material.lambdas() == 1 && is_intensity;
             return single.then(|| Self { weights: vec![1.0], unit, lost: None });
         };
-        let total = Unit::ALL.iter().copied().find(|total| total.per_nanometre() == Some(unit))?;
+        // Relative spectra are taken as densities.
+        let density = if unit == Unit::Relative { Unit::RelativePerNanometre } else { unit };
+        let total = Unit::ALL.iter().copied().find(|total| total.per_nanometre() == Some(density))?;
         let watts = match total {
             Unit::WattPerSteradian | Unit::MicromolePerSecondSteradian => Some(1.0),
             Unit::MilliwattPerSteradian => Some(1e-3),

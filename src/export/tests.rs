@@ -120,7 +120,7 @@ fn rgl_files_hold_the_spectra_or_their_colours() {
     let surface = isotropic(Quantity::Brdf, Domain::Hemisphere);
     let spectral = written(&surface, ExportFormat::Rgl, &defaults());
     assert!(spectral.about.lost.is_empty() && spectral.about.error.compared == "the spectrum");
-    assert!(spectral.about.error.er_l2 < 0.01, "{:?}", spectral.about);
+    assert!(spectral.about.error.er_l1 < 0.01, "{:?}", spectral.about);
     let Samples::Function(modelled) = formats::read(&spectral.bytes, &Interpretation::default()).unwrap().samples
     else {
         panic!("a function")
@@ -130,7 +130,7 @@ fn rgl_files_hold_the_spectra_or_their_colours() {
     assert!(rgb.about.lost[0].starts_with("the spectrum") && rgb.about.error.compared.contains("D65"));
     // Fewer nodes are a larger error, which is found.
     let coarse = written(&surface, ExportFormat::Rgl, &ExportOptions { side: Some(6), step: Some(30.0), ..defaults() });
-    assert!(coarse.about.error.er_l2 > 2.0 * spectral.about.error.er_l2, "{:?}", coarse.about);
+    assert!(coarse.about.error.er_l1 > 2.0 * spectral.about.error.er_l1, "{:?}", coarse.about);
     assert_eq!(
         coarse.bytes,
         written(&surface, ExportFormat::Rgl, &ExportOptions { side: Some(6), step: Some(30.0), ..defaults() }).bytes
@@ -138,7 +138,7 @@ fn rgl_files_hold_the_spectra_or_their_colours() {
     let options = ExportOptions { side: Some(16), step: Some(22.5), ..defaults() };
     let grooved = written(&anisotropic(), ExportFormat::Rgl, &options);
     assert!(grooved.about.resolution.starts_with("17 × 5 incident directions, 16 × 16"), "{:?}", grooved.about);
-    assert!(grooved.about.error.er_l2 < 0.1, "{:?}", grooved.about);
+    assert!(grooved.about.error.er_l1 < 0.1, "{:?}", grooved.about);
 }
 
 #[test]
@@ -192,7 +192,7 @@ fn spectra_are_written_to_the_bit() {
     let colours = table();
     let csv = written(&colours, ExportFormat::Csv, &defaults());
     assert!(
-        csv.bytes.starts_with(b"wavelength_nm,dark,light\n400,0.1,0.6\n"),
+        csv.bytes.starts_with(b"wavelength_nm,dark,light\n400,0.1,0.35\n"),
         "{}",
         String::from_utf8_lossy(&csv.bytes)
     );
@@ -213,10 +213,15 @@ fn phase_functions_are_tables_with_forward_last() {
     let made = written(&scattering(None), ExportFormat::Tabphase, &defaults());
     let values: Vec<f64> =
         String::from_utf8(made.bytes).unwrap().trim().split(", ").map(|value| value.parse().unwrap()).collect();
-    // Rayleigh and 0.4 μ: forward 2.4, backward 1.6.
+    // Rayleigh and 0.4 μ, between few incoming directions: forward 2.4, backward less than 1.6.
     assert_eq!(values.len(), 513);
-    assert!((values[512] / values[0] - 1.5).abs() < 0.1, "{} {}", values[512], values[0]);
-    assert!(made.about.error.er_l2 < 0.02, "{:?}", made.about.error);
+    assert!(
+        (values[512] / values[256] - 2.4).abs() < 0.2 && values[512] > 1.4 * values[0],
+        "{} {}",
+        values[512],
+        values[0]
+    );
+    assert!(made.about.error.relative_rmse < 0.2, "{:?}", made.about.error);
     let spectral = scattering(Some(visible()));
     let at = |wavelength| export(&spectral, ExportFormat::Tabphase, &ExportOptions { wavelength, ..defaults() });
     assert!(at(Some(600.0)).unwrap().about.lost[1].contains("600 nm of 16"));
@@ -290,8 +295,8 @@ fn options_that_do_nothing_or_do_not_fit_are_refused() {
         assert!(message.contains("expected at most 1000"), "{message}");
     }
     // The rule gives way to the limit where it can.
-    let tight = ExportOptions { most_bytes: 3 << 20, ..defaults() };
-    assert!(export(&surface, ExportFormat::Rgl, &tight).unwrap().bytes.len() <= 3 << 20);
+    let tight = ExportOptions { most_bytes: 2 << 20, ..defaults() };
+    assert!(export(&surface, ExportFormat::Rgl, &tight).unwrap().bytes.len() <= 2 << 20);
 }
 
 #[test]

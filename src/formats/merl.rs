@@ -307,6 +307,15 @@ mod tests {
         }
     }
 
+    #[derive(Debug)]
+    struct Huge;
+
+    impl DirectionalFunction for Huge {
+        fn evaluate(&self, _: Direction, _: Direction, values: &mut [f64]) {
+            values.fill(f64::INFINITY);
+        }
+    }
+
     #[test]
     fn what_is_written_reads_back_as_the_function_to_the_size_of_cells() {
         let written = write_merl(&Lobe).unwrap();
@@ -396,13 +405,6 @@ mod tests {
         let asked = Interpretation { quantity: Some(Quantity::Btdf), ..Interpretation::default() };
         let asked = super::super::read(&file(180, false, |_| 1.0), &asked).unwrap_err();
         assert_eq!(asked.kind, NeedsOption);
-        #[derive(Debug)]
-        struct Huge;
-        impl DirectionalFunction for Huge {
-            fn evaluate(&self, _: Direction, _: Direction, values: &mut [f64]) {
-                values.fill(f64::INFINITY);
-            }
-        }
         assert_eq!(write_merl(&Huge).unwrap_err().kind, Malformed);
     }
 }

@@ -23,6 +23,7 @@ mod polar;
 mod scale;
 mod viewing;
 
+pub(crate) use colours::JOULES_PER_MICROMOLE;
 pub use colours::{Colour, Colours, Question, colours};
 pub use viewing::Viewing;
 

@@ -250,6 +250,7 @@ fn grid(quantity: Quantity, block: Block) -> AngleGrid {
 
 #[cfg(test)]
 mod tests {
+    use super::joined::BELOW_HORIZON;
     use super::*;
 
     fn file(blocks: &[(&str, [u32; 3], usize)]) -> Vec<u8> {
@@ -262,8 +263,6 @@ mod tests {
         }
         bytes
     }
-
-    use super::joined::BELOW_HORIZON;
 
     const UP: &str = "MBSDF_DATA_REFLECTION=";
     const DOWN: &str = "MBSDF_DATA_TRANSMISSION=";

@@ -128,6 +128,14 @@ mod tests {
         }
     }
 
+    #[derive(Debug)]
+    struct Constant(f64);
+    impl DirectionalFunction for Constant {
+        fn evaluate(&self, _: Direction, _: Direction, values: &mut [f64]) {
+            values.fill(self.0);
+        }
+    }
+
     fn grid() -> MbsdfGrid {
         MbsdfGrid {
             theta: 9,
@@ -158,13 +166,6 @@ mod tests {
 
     #[test]
     fn what_the_format_cannot_hold_is_counted_or_refused() {
-        #[derive(Debug)]
-        struct Constant(f64);
-        impl DirectionalFunction for Constant {
-            fn evaluate(&self, _: Direction, _: Direction, values: &mut [f64]) {
-                values.fill(self.0);
-            }
-        }
         let all = 2 * 9 * 9 * 7 * 3;
         let written = write_mbsdf(&grid(), &Constant(f64::NAN)).unwrap();
         assert_eq!((written.filled, written.clipped), (all, 0));
