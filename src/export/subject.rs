@@ -81,7 +81,7 @@ impl<'a> Subject<'a> {
             }
             Made::Sum(weights) => {
                 let sum = weights.iter().zip(&spectrum).map(|(weight, &s)| weight * f64::from(s)).sum();
-                values.iter_mut().for_each(|value| *value = sum);
+                values.fill(sum);
             }
         }
     }

@@ -58,7 +58,9 @@ impl TabulatedPhase {
         if !(total > 0.0 && total.is_finite()) {
             return Err(malformed("values that integrate to 0, expected a phase function"));
         }
-        values.iter_mut().for_each(|value| *value /= total);
+        for value in &mut values {
+            *value /= total;
+        }
         Ok(Self { values })
     }
 

@@ -27,6 +27,8 @@ SIZE = 128
 PLACES, SAMPLES = 4, 64
 TOLERANCE = 0.005
 BANDS = [450.0, 550.0, 650.0]
+# Of a band, in nm: spectra have kinks at their samples, which a wide band would average.
+WIDTH = 0.1
 LIGHTS = np.array([[0.3, 0.4, 1.0], [-0.8, 0.1, 0.5], [0.2, -0.7, 0.6]])
 LIGHTS /= np.linalg.norm(LIGHTS, axis=1, keepdims=True)
 ALBEDO = 0.5
@@ -52,7 +54,7 @@ MATERIALS = {
 def scene(bsdf, wavelength, light):
     """`bsdf` on a unit sphere, seen along -z; one light, so that none is drawn among several."""
     transform = mi.ScalarTransform4f().look_at(origin=[0, 0, 5], target=[0, 0, 0], up=[0, 1, 0])
-    band = {"type": "irregular", "wavelengths": f"{wavelength - 0.5}, {wavelength + 0.5}", "values": "1, 1"}
+    band = {"type": "irregular", "wavelengths": f"{wavelength - WIDTH / 2}, {wavelength + WIDTH / 2}", "values": "1, 1"}
     return mi.load_dict({
         "type": "scene",
         "integrator": {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0},

@@ -79,7 +79,7 @@ pub fn write_rgl(grid: &RglGrid, function: &dyn DirectionalFunction) -> Result<W
         .zip(luminances.par_chunks_mut(4 * n * n))
         .zip(values.par_chunks_mut(4 * channels * n * n))
         .zip(incident)
-        .map(|(((density, luminance), values), wi)| sampler.slice(wi, Slice { density, luminance, values }))
+        .map(|(((density, luminance), values), wi)| sampler.slice(wi, &mut Slice { density, luminance, values }))
         .collect::<Result<Vec<usize>, _>>()?;
     Ok(Written { bytes, filled: filled.into_iter().sum(), clipped: 0 })
 }
@@ -151,7 +151,7 @@ fn put(room: &mut [u8], at: usize, value: f32) {
 
 impl Sampler<'_> {
     /// Fills one slice; how many numbers were missing.
-    fn slice(&self, (theta, phi): (f64, f64), slice: Slice<'_>) -> Result<usize, FormatError> {
+    fn slice(&self, (theta, phi): (f64, f64), slice: &mut Slice<'_>) -> Result<usize, FormatError> {
         // Isotropic functions are stored relative to the incident azimuth, which is 0 then.
         let wi = Direction::from_degrees(theta, phi);
         let mut values = vec![0.0; self.channels];
