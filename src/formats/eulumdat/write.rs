@@ -99,7 +99,7 @@ mod tests {
 
     #[test]
     fn what_is_written_reads_back() {
-        for (unit, flux) in [(Unit::Candela, 1234.567_89), (Unit::CandelaPerKilolumen, f64::NAN)] {
+        for (unit, flux) in [(Unit::Candela, 1_234.567_89), (Unit::CandelaPerKilolumen, f64::NAN)] {
             let planes = planes();
             let bytes = write_eulumdat(&planes, unit, flux, "Lämp").unwrap();
             let found = read(&bytes, &Interpretation::default()).unwrap();
