@@ -2,7 +2,8 @@
 //!
 //! Data flow downward; nothing imports upward:
 //! file → [`formats`] → [`projection`] → tensor ([`domain`]) → [`transform`] → [`codec`] → [`compress`] → [`algebra`] → [`evaluate`].
-//! [`preview`] says what an opened material looks like: its colours, and a picture.
+//! [`preview`] says what an opened material looks like: its colours, and a picture; [`export`] writes it as files that others
+//! open.
 //! `paper` makes the tables of the paper again on the same rooms.
 //! The service stands on these: `store` (bytes under their digest) → `catalog` (what is known of them) → `jobs` → `api`.
 
@@ -17,6 +18,7 @@ pub mod codec;
 pub mod compress;
 pub mod domain;
 pub mod evaluate;
+pub mod export;
 pub mod formats;
 #[cfg(feature = "service")]
 pub mod jobs;

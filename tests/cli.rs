@@ -386,10 +386,45 @@ fn projected_and_exported_arrays_can_be_read_again() {
     let made = material(&dir);
     let answer = json(&["export", &made, "--format", "npy", "-o", &exported, "--json"]);
     assert_eq!(answer["shape"], serde_json::json!([INCOMING, OUTGOING, LAMBDAS]));
+    assert_eq!((&answer["format"], &answer["error"]["er_l2"]), (&"npy".into(), &0.0.into()));
     done(&["compress", &exported, "-o", &at(&dir, "again.wlm"), "--lossless"]);
     let lamp = at(&dir, "lamp.npy");
     done(&["project", &data("aerolamp.ies"), "-o", &lamp, "--outgoing-level", "1"]);
     assert_eq!(read_npy(Path::new(&lamp)).1.len(), 32);
+}
+
+#[test]
+fn exports_state_their_error_and_refusals_name_what_fits() {
+    let dir = workshop();
+    let (made, out) = (material(&dir), at(&dir, "m.bsdf"));
+    let rgl = ["export", &made, "--format", "rgl", "-o", &out, "--side", "8", "--step", "45"];
+    let answer = json(&[&rgl[..], &["--json"]].concat());
+    assert_eq!(answer["resolution"], "9 × 3 incident directions, 8 × 8 nodes");
+    assert_eq!(answer["bytes"], fs::metadata(&out).unwrap().len());
+    let error = answer["error"]["er_l2"].as_f64().unwrap();
+    assert!(error > 0.0 && error < 0.5 && answer["error"]["pairs"] == 10_000, "{answer}");
+    let shown = done(&rgl);
+    assert!(shown.contains("error added  er(L2) ") && shown.contains("the spectrum at 10,000 pairs"), "{shown}");
+    let again = json(&["inspect", &out, "--json"]);
+    assert_eq!((&again["format"], &again["quantity"]), (&"rgl".into(), &"brdf".into()));
+    let refusal = refused(2, &["export", &made, "--format", "merl", "-o", &out]);
+    assert!(refusal.trim_end().ends_with("it can be written as rgl or npy"), "{refusal}");
+    assert!(refused(2, &["export", &made, "--format", "axf", "-o", &out]).contains("expected one of rgl, merl"));
+    assert!(
+        refused(2, &["export", &made, "--format", "npy", "-o", &at(&dir, "none/x.npy"), "--side"]).contains("side")
+    );
+    refused(2, &["export", &made, "--format", "rgl", "-o", &out, "--side", "1"]);
+
+    let lamp = at(&dir, "lamp.wlm");
+    done(&["compress", &data("aerolamp.ies"), "-o", &lamp, "--outgoing-level", "3"]);
+    let answer = json(&["export", &lamp, "--format", "ies", "-o", &at(&dir, "lamp.ies"), "--json"]);
+    assert_eq!((&answer["format"], &answer["unit"]), (&"lm63".into(), &"mW/sr".into()));
+    assert!(answer["flux_error"].as_f64().unwrap().abs() < 0.005, "{answer}");
+    let light = at(&dir, "light.wlm");
+    done(&["compress", &data("illuminant_D65.csv"), "-o", &light]);
+    done(&["export", &light, "--format", "spd", "-o", &at(&dir, "light.spd")]);
+    let text = fs::read_to_string(dir.path().join("light.spd")).unwrap();
+    assert!(text.lines().filter(|line| !line.starts_with('#')).all(|line| line.split(' ').count() == 2), "{text}");
 }
 
 #[test]

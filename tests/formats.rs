@@ -85,7 +85,19 @@ fn the_table_names_every_format_once() {
     let names: Vec<&str> = formats().iter().map(|format| format.name).collect();
     assert_eq!(
         names,
-        ["npy", "mbsdf", "rgl", "lm-63", "eulumdat", "radiometric-csv", "tm-27", "virtual", "spectral-table"]
+        [
+            "npy",
+            "mbsdf",
+            "rgl",
+            "merl",
+            "lm-63",
+            "eulumdat",
+            "radiometric-csv",
+            "tm-27",
+            "virtual",
+            "spectral-table",
+            "tabphase"
+        ]
     );
 }
 
@@ -521,7 +533,12 @@ fn small_measured_bsdfs_read_exactly() {
     // theta_out 45° of the file (its second row) is theta_o 135°.
     assert_eq!(grid(&through).values[..8], [4.0, 5.0, 6.0, 7.0, 0.0, 1.0, 2.0, 3.0]);
     let both = at("test_reflection_scalar_theta_2_phi_3_transmission_scalar_theta_2_phi_4");
-    assert!(has_note(&plain(&both).unwrap(), NoteKind::Warning, "reflection and transmission"));
+    let bsdf = plain(&both).unwrap();
+    assert_eq!(
+        (bsdf.quantity, bsdf.dialect.as_str()),
+        (Quantity::Bsdf, "V1, reflection and transmission, scalar 2 × 2 × 3 and scalar 2 × 2 × 4")
+    );
+    assert_eq!(grid(&bsdf).outgoing.as_ref().unwrap().phi.as_ref().unwrap().phi, [0.0, 60.0, 90.0, 120.0, 180.0]);
     let how = Interpretation { quantity: Some(Quantity::Btdf), ..Interpretation::default() };
     assert_eq!(read(&both, &how).unwrap().quantity, Quantity::Btdf);
     for (name, word) in [("test_none", "no measurement data"), ("test_file_format_error", "`file format error")] {

@@ -17,6 +17,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("algebra", &["compress", "codec", "transform", "domain"]),
     ("evaluate", &["compress", "codec", "transform", "domain"]),
     ("preview", &["evaluate", "domain"]),
+    ("export", &["preview", "evaluate", "formats", "domain"]),
     ("paper", &["projection", "formats", "compress", "codec", "transform", "domain"]),
     ("pipeline", SCIENCE),
     ("store", &[]),
@@ -27,7 +28,7 @@ const ROOMS: &[(&str, &[&str])] = &[
 ];
 
 const SCIENCE: &[&str] =
-    &["domain", "formats", "projection", "transform", "codec", "compress", "algebra", "evaluate", "preview"];
+    &["domain", "formats", "projection", "transform", "codec", "compress", "algebra", "evaluate", "preview", "export"];
 const BELOW_JOBS: &[&str] = &[
     "domain",
     "formats",
@@ -38,6 +39,7 @@ const BELOW_JOBS: &[&str] = &[
     "algebra",
     "evaluate",
     "preview",
+    "export",
     "paper",
     "pipeline",
     "store",
@@ -53,6 +55,7 @@ const BELOW_API: &[&str] = &[
     "algebra",
     "evaluate",
     "preview",
+    "export",
     "paper",
     "pipeline",
     "store",
@@ -69,6 +72,7 @@ const BELOW_CLI: &[&str] = &[
     "algebra",
     "evaluate",
     "preview",
+    "export",
     "paper",
     "pipeline",
     "store",

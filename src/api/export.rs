@@ -1,68 +1,180 @@
-//! `/v1/materials/{id}/export`: a material in a format that others read.
+//! `/v1/materials/{id}/export`: a material in a format that others read, with the error that the format adds.
 
+use super::content::not_modified;
 use super::extract::{Id, Query};
 use super::materials::absent;
 use super::problem::{Kind, Problem};
+use super::query::{indices, open};
 use super::state::App;
-use crate::formats::{manifest_of, write_npy};
+use crate::export::{self, AddedError, ExportFormat, ExportOptions, Exported};
+use crate::formats::manifest_of;
+use crate::store::Digest;
+use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderValue, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
 use serde::Deserialize;
+use std::convert::Infallible;
+use std::sync::Arc;
+use tokio::sync::OwnedSemaphorePermit;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
+
+/// The header that states what the file adds to the error of the material.
+pub(crate) const EXPORT_ERROR: HeaderName = HeaderName::from_static("wavelume-export-error");
+
+/// Bytes of a file that are handed over at a time.
+const PIECE: usize = 1 << 20;
 
 /// The routes of this resource.
 pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new().routes(routes!(export))
 }
 
-/// Which format.
+/// Which format, and how densely.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct ExportQuery {
-    /// `npy`: the dense float32 tensor, NaN = masked; `manifest`: its axes.
+    /// `rgl`, `merl`, `mbsdf` (surfaces), `lm63`, `eulumdat` (luminaires), `spd`, `csv` (spectra), `tabphase` (phase
+    /// functions), `npy` (the dense float32 tensor, NaN = masked) or `manifest` (its axes).
     format: String,
+    /// One entry, from 0, for each leading index axis: `I,J`.
+    index: Option<String>,
+    /// Nodes along a side (rgl), polar angles (mbsdf) or cosines (tabphase); by the material's own axes if nothing is said.
+    #[param(value_type = Option<u32>)]
+    side: Option<usize>,
+    /// Degrees between incident directions (rgl) or between angles (lm63, eulumdat); by the material's own axes if nothing is
+    /// said.
+    step: Option<f64>,
+    /// Linear sRGB instead of spectra (rgl).
+    #[serde(default)]
+    #[param(value_type = Option<bool>)]
+    rgb: bool,
+    /// The wavelength in nm, instead of the mean over wavelengths (tabphase).
+    wavelength: Option<f64>,
 }
 
 /// A material in another format.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/export", tag = "materials",
     params(("id" = String, Path, description = "The material"), ExportQuery),
-    responses((status = 200, description = "The file", content(
-        (String = "application/octet-stream"), (serde_json::Value = "application/json"),
-    )))
+    responses(
+        (
+            status = 200, description = "The file",
+            content(
+                (Vec<u8> = "application/octet-stream"), (String = "text/plain"), (String = "text/csv"),
+                (serde_json::Value = "application/json"),
+            ),
+            headers(("Wavelume-Export-Error" = String, description =
+                "What the file adds to the error of the material, measured on its bytes: er_l2, er_l1, max (relative errors), \
+                 relative_rmse, pairs (of directions), of (what was compared), and flux (of luminaires, relative)")),
+        ),
+        (status = 304, description = "The file of If-None-Match is this one"),
+    )
 )]
-async fn export(State(app): State<App>, Id(id): Id, Query(query): Query<ExportQuery>) -> Result<Response, Problem> {
-    let json = match query.format.as_str() {
-        "npy" => false,
-        "manifest" => true,
-        other => {
-            let shown: String = other.chars().take(40).collect();
-            let detail = format!("format: `{shown}` is not available yet, expected npy or manifest");
-            return Err(Problem::new(Kind::NotAvailable, detail));
-        }
+async fn export(
+    State(app): State<App>,
+    Id(id): Id,
+    Query(query): Query<ExportQuery>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let format = match query.format.as_str() {
+        "manifest" => None,
+        name => Some(ExportFormat::of_name(name).map_err(|_| unknown(name))?),
+    };
+    let index = query.index.as_deref().map(indices).transpose();
+    let options = ExportOptions {
+        index: index.map_err(|detail| Problem::new(Kind::BadQuery, detail))?,
+        side: query.side,
+        step: query.step,
+        rgb: query.rgb,
+        wavelength: query.wavelength,
+        // What is sent could be uploaded.
+        most_bytes: usize::try_from(app.engine.limits.upload_bytes).unwrap_or(usize::MAX),
     };
     if app.engine.archive.catalog.material(id).await?.is_none() {
         return Err(Problem::new(Kind::NotFound, absent(id)));
     }
-    let measurement = app.engine.decoded(id).await.map_err(|error| Problem::from(&error))?.measurement;
-    let (bytes, media_type, extension) = app
-        .engine
-        .queries
-        .run(move || {
-            if json {
-                (manifest_of(&measurement).to_string().into_bytes(), "application/json", "axes.json")
-            } else {
-                let tensor = &measurement.tensor;
-                (write_npy(&tensor.shape(), tensor.samples()), "application/octet-stream", "npy")
-            }
-        })
-        .await?;
-    let name = format!("attachment; filename=\"{}.{extension}\"", &id.to_string()[..15]);
-    let mut response = ([(header::CONTENT_TYPE, HeaderValue::from_static(media_type))], bytes).into_response();
-    response.headers_mut().extend(HeaderValue::from_str(&name).ok().map(|v| (header::CONTENT_DISPOSITION, v)));
+    // Another version may write another file.
+    let what = format!("{id} export {format:?} {options:?} {}", env!("CARGO_PKG_VERSION"));
+    let etag = format!("\"{}\"", Digest::of(what.as_bytes()));
+    let mut response = if not_modified(&headers, &etag) {
+        StatusCode::NOT_MODIFIED.into_response()
+    } else {
+        match format {
+            Some(format) => file(&app, id, format, options).await?,
+            None => manifest(&app, id).await?,
+        }
+    };
+    let headers = response.headers_mut();
+    headers.extend(HeaderValue::from_str(&etag).ok().map(|value| (header::ETAG, value)));
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("public, max-age=31536000, immutable"));
     Ok(response)
+}
+
+fn unknown(name: &str) -> Problem {
+    let shown: String = name.chars().take(40).collect();
+    let names: Vec<&str> = ExportFormat::ALL.iter().map(|format| format.name()).collect();
+    let detail = format!("format: `{shown}` is not written, expected manifest, {}", names.join(", "));
+    Problem::new(Kind::NotAvailable, detail)
+}
+
+async fn manifest(app: &App, id: Digest) -> Result<Response, Problem> {
+    let measurement = app.engine.decoded(id).await.map_err(|error| Problem::from(&error))?.measurement;
+    let text = app.engine.queries.run(move || manifest_of(&measurement).to_string()).await?;
+    let mut response = ([(header::CONTENT_TYPE, HeaderValue::from_static("application/json"))], text).into_response();
+    name(&mut response, id, "axes.json");
+    Ok(response)
+}
+
+async fn file(app: &App, id: Digest, format: ExportFormat, options: ExportOptions) -> Result<Response, Problem> {
+    // Until its last byte is sent: a file is held whole.
+    let Ok(place) = Arc::clone(&app.exports).try_acquire_owned() else {
+        return Err(Problem::new(Kind::Overloaded, "too many files are being exported"));
+    };
+    let Exported { bytes, about } = if format == ExportFormat::Npy {
+        let measurement = app.engine.decoded(id).await.map_err(|error| Problem::from(&error))?.measurement;
+        app.engine.exports.run(move || export::array(&measurement, &options)).await??
+    } else {
+        let material = open(app, id).await?;
+        app.engine.exports.run(move || export::export(&material, format, &options)).await??
+    };
+    let length = bytes.len();
+    let mut response = pieces(bytes, place).into_response();
+    let headers = response.headers_mut();
+    headers.insert(header::CONTENT_LENGTH, HeaderValue::from(length));
+    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()));
+    let stated = stated(&about.error, about.flux_error);
+    headers.extend(HeaderValue::from_str(&stated).ok().map(|value| (EXPORT_ERROR, value)));
+    name(&mut response, id, format.extension());
+    Ok(response)
+}
+
+/// The value of the header.
+fn stated(error: &AddedError, flux: Option<f64>) -> String {
+    let flux = flux.map_or_else(String::new, |flux| format!(", flux={flux:.6}"));
+    format!(
+        "er_l2={:.6}, er_l1={:.6}, max={:.6}, relative_rmse={:.6}, pairs={}, of=\"{}\"{flux}",
+        error.er_l2, error.er_l1, error.max_relative_error, error.relative_rmse, error.pairs, error.compared
+    )
+}
+
+fn name(response: &mut Response, id: Digest, extension: &str) {
+    let name = format!("attachment; filename=\"{}.{extension}\"", &id.to_string()[..15]);
+    response.headers_mut().extend(HeaderValue::from_str(&name).ok().map(|v| (header::CONTENT_DISPOSITION, v)));
+}
+
+/// The bytes piece by piece; `place` is held until the last one is taken.
+fn pieces(bytes: Vec<u8>, place: OwnedSemaphorePermit) -> Body {
+    let parts = futures::stream::unfold((Bytes::from(bytes), place), |(mut rest, place)| async move {
+        if rest.is_empty() {
+            return None;
+        }
+        let piece = rest.split_to(rest.len().min(PIECE));
+        Some((Ok::<_, Infallible>(piece), (rest, place)))
+    });
+    Body::from_stream(parts)
 }

@@ -37,6 +37,7 @@ pub(crate) fn cors() -> CorsLayer {
             header::ACCEPT_RANGES,
             header::CONTENT_DISPOSITION,
             REQUEST_ID,
+            super::export::EXPORT_ERROR,
         ])
 }
 

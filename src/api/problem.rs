@@ -2,6 +2,7 @@
 
 use crate::catalog::CatalogError;
 use crate::evaluate::EvaluateError;
+use crate::export::ExportError;
 use crate::formats::FormatErrorKind;
 use crate::jobs::{Code, IngestError, JobProblem, MathsError, OpenError};
 use crate::preview::PreviewError;
@@ -199,6 +200,19 @@ impl From<PreviewError> for Problem {
             PreviewError::Unfit(detail) => Self::new(Kind::UnfitQuery, detail),
             PreviewError::Colour(error) => Self::new(Kind::UnfitQuery, error.to_string()),
             PreviewError::Encode(_) => Self::internal(&error),
+        }
+    }
+}
+
+impl From<ExportError> for Problem {
+    fn from(error: ExportError) -> Self {
+        match error {
+            ExportError::Unfit(detail) => Self::new(Kind::NotAvailable, detail),
+            ExportError::Setting(detail) => Self::new(Kind::BadSetting, detail),
+            ExportError::OverLimit(detail) => Self::new(Kind::OverLimit, detail),
+            ExportError::Values(detail) => Self::new(Kind::UnfitQuery, detail),
+            ExportError::Evaluate(error) => error.into(),
+            ExportError::Colour(error) => error.into(),
         }
     }
 }

@@ -89,6 +89,7 @@ impl Server {
             uploads: Arc::new(Semaphore::new(engine.limits.uploads)),
             bodies: Arc::new(Semaphore::new((BODIES * engine.limits.json_bytes) >> 10)),
             streams: Arc::new(Semaphore::new(engine.limits.streams)),
+            exports: Arc::new(Semaphore::new(engine.limits.exports)),
             contents: Contents::new(engine.limits.content_bytes),
             engine: Arc::clone(&engine),
             stop: stop.clone(),

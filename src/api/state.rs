@@ -17,6 +17,8 @@ pub(crate) struct App {
     pub(crate) bodies: Arc<Semaphore>,
     /// Batches that may be answered as streams at the same time.
     pub(crate) streams: Arc<Semaphore>,
+    /// Exported files that may be made or sent at the same time.
+    pub(crate) exports: Arc<Semaphore>,
     /// Small material files that were asked for lately.
     pub(crate) contents: Contents,
     /// The service is stopping: streams end.

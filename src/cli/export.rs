@@ -1,8 +1,16 @@
 //! `wavelume export`: a material in a format that others read.
 
-use super::decode::{decode, write_array};
+use super::decode::decode;
 use super::failure::Failure;
+use super::input::read_file;
+use super::output::{Sheet, count, per_cent, print, print_json, write_file};
+use super::query::{self, List};
 use super::request::ThreadsArgs;
+use crate::domain::Axis;
+use crate::evaluate::Material;
+use crate::export::{self, ExportFormat, ExportOptions, Exported, Summary};
+use crate::formats::manifest_of;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -10,12 +18,27 @@ pub(crate) struct Args {
     /// The material
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
-    /// The format to write
-    #[arg(long, value_enum)]
-    format: Format,
+    /// The format to write: rgl, merl, mbsdf, lm63, eulumdat, spd, csv, tabphase or npy
+    #[arg(long, value_parser = format)]
+    format: ExportFormat,
     /// The file to write; an existing one is replaced whole
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
+    /// One entry, from 0, for each leading index axis
+    #[arg(long, value_name = "I,...", value_parser = query::index)]
+    index: Option<List<usize>>,
+    /// Nodes along a side (rgl), polar angles (mbsdf) or cosines (tabphase) [default: by the material's own axes]
+    #[arg(long, value_name = "N")]
+    side: Option<usize>,
+    /// Degrees between incident directions (rgl) or between angles (lm63, eulumdat) [default: by the material's own axes]
+    #[arg(long, value_name = "DEGREES")]
+    step: Option<f64>,
+    /// Linear sRGB instead of spectra (rgl)
+    #[arg(long)]
+    rgb: bool,
+    /// The wavelength in nm, instead of the mean over wavelengths (tabphase)
+    #[arg(long, value_name = "NM")]
+    wavelength: Option<f64>,
     #[command(flatten)]
     threads: ThreadsArgs,
     /// Print what was written as one line of JSON
@@ -23,16 +46,93 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// The formats that are written.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Format {
-    /// A dense float32 array with its manifest beside it.
-    Npy,
+fn format(name: &str) -> Result<ExportFormat, String> {
+    ExportFormat::of_name(name).map_err(|error| error.to_string())
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let measurement = decode(&args.material, None, &args.threads)?;
-    match args.format {
-        Format::Npy => write_array(&args.output, measurement, None, args.json),
+    let options = ExportOptions {
+        index: args.index.as_ref().map(|index| index.0.clone()),
+        side: args.side,
+        step: args.step,
+        rgb: args.rgb,
+        wavelength: args.wavelength,
+        ..ExportOptions::default()
+    };
+    let about = |failure: Failure| failure.about(&args.material);
+    let mut answer = json!({ "output": args.output.display().to_string() });
+    let mut beside = None;
+    let Exported { bytes, about: summary } = if args.format == ExportFormat::Npy {
+        let measurement = decode(&args.material, None, &args.threads)?;
+        let exported = export::array(&measurement, &options).map_err(|error| about(error.into()))?;
+        let axes = measurement.tensor.axes();
+        answer["quantity"] = json!(measurement.quantity);
+        answer["shape"] = json!(measurement.tensor.shape());
+        answer["axes"] = axes.iter().map(Axis::describe).collect();
+        answer["samples"] = json!(measurement.tensor.len());
+        answer["masked_samples"] = json!(measurement.tensor.masked());
+        beside = Some((args.output.with_extension("axes.json"), manifest_of(&measurement)));
+        exported
+    } else {
+        let bytes = read_file(&args.material)?;
+        let work = || {
+            let material = Material::open(&bytes).map_err(Failure::from)?;
+            export::export(&material, args.format, &options).map_err(Failure::from)
+        };
+        args.threads.run(work)?.map_err(about)?
+    };
+    write_file(&args.output, &bytes)?;
+    if let Some((path, manifest)) = &beside {
+        write_file(path, format!("{manifest}\n").as_bytes())?;
+        answer["manifest"] = json!(path.display().to_string());
     }
+    if args.json {
+        answer["bytes"] = json!(bytes.len());
+        if let (Value::Object(answer), Ok(Value::Object(summary))) = (&mut answer, serde_json::to_value(&summary)) {
+            answer.extend(summary);
+        }
+        return print_json(&answer);
+    }
+    let mut sheet = sheet(&summary, bytes.len());
+    if let Some((path, _)) = beside {
+        sheet.line("manifest", path.display());
+    }
+    print(&sheet.render(&args.output.display().to_string()))
+}
+
+fn sheet(summary: &Summary, bytes: usize) -> Sheet {
+    let mut sheet = Sheet::default();
+    sheet.line("format", summary.format);
+    sheet.line("resolution", &summary.resolution);
+    sheet.line("unit", &summary.unit);
+    sheet.line("bytes", count(bytes as u64));
+    for lost in &summary.lost {
+        sheet.line("lost", lost);
+    }
+    if summary.filled > 0 {
+        sheet.line("filled", format!("{} masked numbers are 0", count(summary.filled as u64)));
+    }
+    if summary.clipped > 0 {
+        sheet.line("clipped", format!("{} negative numbers are 0", count(summary.clipped as u64)));
+    }
+    let error = &summary.error;
+    sheet.line(
+        "error added",
+        format!(
+            "er(L2) {}, er(L1) {}, at most {}; relative RMS {}",
+            per_cent(error.er_l2),
+            per_cent(error.er_l1),
+            per_cent(error.max_relative_error),
+            per_cent(error.relative_rmse)
+        ),
+    );
+    if error.mask_mismatches > 0 {
+        sheet.line("error added", format!("{} samples are masked on one side only", count(error.mask_mismatches)));
+    }
+    let places = if error.pairs == export::PAIRS { "pairs of directions" } else { "places" };
+    sheet.line("compared", format!("{} at {} {places}", error.compared, count(error.pairs as u64)));
+    if let Some(flux) = summary.flux_error {
+        sheet.line("flux", format!("{:+.3} % of the material's", 100.0 * flux));
+    }
+    sheet
 }

@@ -3,6 +3,7 @@
 use crate::algebra::AlgebraError;
 use crate::compress::{CompressError, DecodeError};
 use crate::evaluate::EvaluateError;
+use crate::export::ExportError;
 use crate::formats::FormatErrorKind;
 use crate::pipeline::PipelineError;
 use crate::preview::PreviewError;
@@ -108,6 +109,17 @@ impl From<AlgebraError> for Failure {
         match error {
             AlgebraError::Compress(CompressError::Setting(_)) | AlgebraError::Unlike { .. } => Self::usage(error),
             _ => Self::failed(error),
+        }
+    }
+}
+
+impl From<ExportError> for Failure {
+    fn from(error: ExportError) -> Self {
+        match error {
+            ExportError::Evaluate(error) => error.into(),
+            ExportError::Colour(error) => error.into(),
+            ExportError::Unfit(_) | ExportError::Setting(_) | ExportError::OverLimit(_) => Self::usage(error),
+            ExportError::Values(_) => Self::failed(error),
         }
     }
 }

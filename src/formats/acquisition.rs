@@ -1,5 +1,6 @@
 //! What every parser gives: samples as the instrument took them, and a report of all that was assumed.
 
+use crate::domain::vector::{Vector, unit};
 use crate::domain::{Axis, Direction, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
 use serde::Serialize;
 use std::fmt::Debug;
@@ -89,11 +90,31 @@ pub struct Modelled {
     pub function: Arc<dyn DirectionalFunction>,
 }
 
-/// A function of two directions above the surface.
+/// A function of two directions, above the surface unless its user says otherwise.
 pub trait DirectionalFunction: Debug + Send + Sync {
     /// Writes f(wi, wo) in the acquisition's unit, one value a channel of its spectral axis (one without); a BRDF is
     /// without the cosine. NaN = missing.
     fn evaluate(&self, wi: Direction, wo: Direction, values: &mut [f64]);
+}
+
+/// A function as the bytes of a format, and what the format could not hold.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Written {
+    /// The file.
+    pub bytes: Vec<u8>,
+    /// Numbers that are 0 because the function has none there (the format has no mask that renderers know).
+    pub filled: usize,
+    /// Numbers that are 0 because the function is negative there, which the format cannot say.
+    pub clipped: usize,
+}
+
+/// The cosine that stands for the horizon itself.
+pub(super) const HORIZON: f64 = 1e-3;
+
+/// A unit vector lifted to the horizon if it lies below.
+pub(super) fn lifted(direction: Vector) -> Direction {
+    let [x, y, z] = direction;
+    Direction::from_unit(if z >= HORIZON { direction } else { unit([x, y, HORIZON]) })
 }
 
 /// A full grid of angles; values row-major in the order

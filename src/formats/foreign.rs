@@ -66,7 +66,6 @@ const TABLE: &[Foreign] = &[
     Foreign { name: "an OpenEXR image", advice: CONVERT, matches: |s| s.bytes.starts_with(b"\x76\x2f\x31\x01") },
     Foreign { name: "a PDF document", advice: "send the data themselves", matches: |s| s.bytes.starts_with(b"%PDF-") },
     Foreign { name: "ASD FieldSpec", advice: "export it as text", matches: is_asd },
-    Foreign { name: "a MERL BRDF (.binary)", advice: CONVERT, matches: is_merl },
     Foreign {
         name: "a UTIA BRDF (.bin)",
         advice: CONVERT,
@@ -135,17 +134,6 @@ fn is_asd(sample: &Sample<'_>) -> bool {
     sample.head.contains('\0') && (mark == Some(b"ASD") || matches!(mark, Some([b'a', b's', b'2'..=b'8'])))
 }
 
-/// Three little-endian i32 whose product is the number of RGB cells of f64.
-fn is_merl(sample: &Sample<'_>) -> bool {
-    let Some(head) = sample.bytes.first_chunk::<12>() else { return false };
-    let (words, _) = head.as_chunks::<4>();
-    let cells = words
-        .iter()
-        .map(|word| usize::try_from(i32::from_le_bytes(*word)).ok().filter(|&n| n > 0))
-        .try_fold(24_usize, |product, n| product.checked_mul(n?));
-    cells.and_then(|bytes| bytes.checked_add(12)) == Some(sample.bytes.len())
-}
-
 /// The local name of the root element, if the text is XML.
 pub(super) fn xml_root(head: &str) -> Option<&str> {
     let mut rest = head.trim_start();
@@ -191,8 +179,6 @@ mod tests {
 
     #[test]
     fn every_known_stranger_is_named() {
-        let mut merl = vec![90, 0, 0, 0, 2, 0, 0, 0, 1, 0, 0, 0];
-        merl.resize(12 + 24 * 180, 0);
         let mut tar = vec![0; 512];
         tar[257..262].copy_from_slice(b"ustar");
         for (bytes, word) in [
@@ -213,7 +199,6 @@ mod tests {
             (b"\xff\xd8\xff\xe0".to_vec(), "JPEG"),
             (b"%PDF-1.7".to_vec(), "PDF"),
             (b"as7\0\0\0\0".to_vec(), "ASD"),
-            (merl, "MERL"),
             (vec![0; 1_990_656], "UTIA"),
             (b"##TITLE=x\n".to_vec(), "JCAMP"),
             (b"ENVI\nsamples = 3\n".to_vec(), "ENVI"),

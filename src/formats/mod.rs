@@ -10,12 +10,15 @@ mod foreign;
 mod lm63;
 mod manifest;
 mod mbsdf;
+mod merl;
 mod npy;
 mod phase_table;
 mod photometry;
+mod planes;
 mod radiometric_csv;
 mod rgl;
 mod spectral_table;
+mod tabphase;
 mod template;
 mod text;
 mod tm27;
@@ -23,16 +26,24 @@ mod type_c;
 
 pub use acquisition::{
     Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, DirectionalFunction, Modelled, Note, NoteKind, Outside,
-    ParseReport, Samples, Scattered, SpectralFactor,
+    ParseReport, Samples, Scattered, SpectralFactor, Written,
 };
 pub use archive::{Archive, Member, is_archive};
 pub use error::{FormatError, FormatErrorKind, Position};
+pub use eulumdat::write_eulumdat;
+pub use lm63::write_lm63;
 pub use manifest::manifest_of;
+pub use mbsdf::{MbsdfGrid, write_mbsdf};
+pub use merl::write_merl;
 pub use npy::write_npy;
 pub use phase_table::Normalization;
 pub use photometry::attach_spectrum;
-pub use rgl::{RglGrid, WrittenRgl, write_rgl};
+pub use planes::CPlanes;
+pub use rgl::{RglGrid, write_rgl};
+pub use spectral_table::{write_spd, write_spectra};
+pub use tabphase::{TabulatedPhase, write_tabphase};
 pub use template::{TEMPLATES, Template, template};
+pub(crate) use type_c::flux as flux_of_planes;
 
 use crate::domain::{Quantity, Unit};
 use serde::{Deserialize, Serialize};
@@ -88,6 +99,7 @@ const TABLE: &[Reader] = &[
     npy::READER,
     mbsdf::READER,
     rgl::READER,
+    merl::READER,
     lm63::READER,
     eulumdat::READER,
     radiometric_csv::READER,
@@ -121,9 +133,12 @@ struct Sample<'a> {
 const SURE: u8 = 50;
 const HEAD_BYTES: usize = 1 << 16;
 
-/// Every format known, in the order they are probed.
+/// Formats that are only written.
+const WRITTEN: &[Format] = &[tabphase::ABOUT];
+
+/// Every format known: those that are read in the order they are probed, then those that are only written.
 pub fn formats() -> Vec<Format> {
-    TABLE.iter().map(|reader| reader.about).collect()
+    TABLE.iter().map(|reader| reader.about).chain(WRITTEN.iter().copied()).collect()
 }
 
 /// Reads a measurement from `bytes`, whatever its format.

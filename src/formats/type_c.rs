@@ -279,7 +279,7 @@ fn assume_closed(first: f64, last: f64, report: &mut ParseReport) {
 
 /// The flux in lumens of a grid of candela: `∫ I dω` of the interpolant that is linear in gamma and in C, over what the
 /// grid covers.
-pub(super) fn flux(grid: &AngleGrid) -> f64 {
+pub(crate) fn flux(grid: &AngleGrid) -> f64 {
     let Some(Angles { theta, phi, .. }) = &grid.outgoing else { return 0.0 };
     let columns = grid.values.len() / theta.len();
     let weights: Vec<f64> = match phi {

@@ -36,6 +36,8 @@ pub struct Limits {
     pub json_bytes: usize,
     /// Queries that compute at the same time; more wait a little, then get 503.
     pub queries: usize,
+    /// Exported files that are made, wait to be made or are sent at the same time; more get 503.
+    pub exports: usize,
     /// Directions or pairs in one batch.
     pub batch: usize,
     /// Values in one answer: pairs × wavelengths.
@@ -74,6 +76,7 @@ impl Default for Limits {
             uploads: 16,
             json_bytes: 64 << 20,
             queries: 64,
+            exports: 4,
             batch: 1_000_000,
             values: 4_000_000,
             streams: 16,

@@ -25,6 +25,8 @@ pub struct Engine {
     pub(crate) background_light: Maths,
     /// Opening and evaluating: threads of their own, so that a query never waits behind a compression.
     pub(crate) queries: Maths,
+    /// Files for other programs, one after the other.
+    pub(crate) exports: Maths,
     pub(crate) hub: Hub,
     pub(crate) presence: Presence,
     opened: moka::future::Cache<Digest, Arc<Material>>,
@@ -63,6 +65,7 @@ impl Engine {
             background: Maths::new("compress", config.threads, workers, workers, Duration::from_hours(1))?,
             background_light: Maths::new("read", config.threads, 0, limits.uploads, PATIENCE)?,
             queries: Maths::new("query", config.threads, 0, limits.queries, PATIENCE)?,
+            exports: Maths::new("export", config.threads, 1, limits.exports, PATIENCE)?,
             archive,
             limits,
             hub: Hub::new(),

@@ -12,7 +12,7 @@ use crate::evaluate::Material;
 
 /// Weights by wavelength: linear sRGB = Σ weight · sample, with 1 for the perfect diffuser.
 #[derive(Clone, Debug)]
-pub(super) struct Channels {
+pub(crate) struct Channels {
     weights: Vec<[f32; 3]>,
     /// Whether hue means something.
     coloured: bool,
@@ -26,7 +26,7 @@ const FEWEST: usize = 3;
 const LANES: usize = 8;
 
 impl Channels {
-    pub(super) fn of(material: &Material, viewing: &Viewing) -> Result<Self, PreviewError> {
+    pub(crate) fn of(material: &Material, viewing: &Viewing) -> Result<Self, PreviewError> {
         let grid = match material.axes().last() {
             Some(Axis::Wavelength(grid)) => grid,
             Some(Axis::Rgb) => {
@@ -46,13 +46,13 @@ impl Channels {
         Ok(Self { weights: weights.collect(), coloured: true })
     }
 
-    pub(super) fn coloured(&self) -> bool {
+    pub(crate) fn coloured(&self) -> bool {
         self.coloured
     }
 
     /// Linear sRGB, out of gamut where the colour is. Masked samples are passed over, the others weigh more; NaN where all
     /// are masked.
-    pub(super) fn linear(&self, spectrum: &[f32]) -> [f32; 3] {
+    pub(crate) fn linear(&self, spectrum: &[f32]) -> [f32; 3] {
         // Sums side by side, which do not wait for one another.
         let mut sums = [[0.0_f32; 3]; LANES];
         let mut weights = self.weights.chunks_exact(LANES);

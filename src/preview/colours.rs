@@ -251,7 +251,7 @@ impl<'a> Look<'a> {
 }
 
 /// Avogadro's h·c × 10⁻⁶ mol/µmol × 10⁹ nm/m (SI of 2019): the energy of a µmol of photons is this through their wavelength in nm.
-pub(super) const JOULES_PER_MICROMOLE: f64 = 119.626_565_8;
+pub(crate) const JOULES_PER_MICROMOLE: f64 = 119.626_565_8;
 
 pub(super) fn emits(quantity: Quantity) -> bool {
     matches!(quantity, Quantity::Spectrum | Quantity::Edf)

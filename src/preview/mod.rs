@@ -23,13 +23,14 @@ mod polar;
 mod scale;
 mod viewing;
 
+pub(crate) use colours::JOULES_PER_MICROMOLE;
 pub use colours::{Colour, Colours, Question, colours};
 pub use viewing::Viewing;
 
 use crate::domain::colour::ColourError;
 use crate::domain::{Axis, Quantity};
 use crate::evaluate::{EvaluateError, Material};
-use channels::Channels;
+pub(crate) use channels::Channels;
 use std::ops::RangeInclusive;
 
 /// Sizes of pictures, in pixels along a side.

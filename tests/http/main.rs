@@ -11,6 +11,7 @@
 mod service;
 
 mod content;
+mod exports;
 mod jobs;
 mod queries;
 mod streams;

@@ -9,6 +9,9 @@ mod lines;
 mod planes;
 #[cfg(test)]
 mod tests;
+mod write;
+
+pub use write::write_eulumdat;
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
@@ -26,7 +29,7 @@ pub(super) const READER: Reader = Reader {
         description: "EULUMDAT luminaire (.ldt)",
         extensions: &["ldt"],
         reads: true,
-        writes: false,
+        writes: true,
     },
     options: &[],
     probe,

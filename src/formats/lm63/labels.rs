@@ -170,6 +170,9 @@ impl Labels {
             if let Some(unit) = intensity_unit(text) {
                 return unit;
             }
+            if text.eq_ignore_ascii_case(Unit::Relative.name()) {
+                return Unit::Relative;
+            }
             report.note(
                 NoteKind::Warning,
                 format!(

@@ -6,6 +6,9 @@
 
 mod labels;
 mod native;
+mod write;
+
+pub use write::write_lm63;
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
@@ -25,7 +28,7 @@ pub(super) const READER: Reader = Reader {
         description: "IES LM-63 luminaire (.ies)",
         extensions: &["ies"],
         reads: true,
-        writes: false,
+        writes: true,
     },
     options: &[],
     probe,

@@ -11,7 +11,7 @@ mod tests;
 mod warp;
 mod write;
 
-pub use write::{RglGrid, WrittenRgl, write_rgl};
+pub use write::{RglGrid, write_rgl};
 
 use super::acquisition::{Acquisition, Angles, AzimuthExtent, Azimuths, Modelled, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};

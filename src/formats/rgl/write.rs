@@ -3,7 +3,7 @@
 //! `ndf` is 4 and `sigma` 1 everywhere, so that the numbers are f · cos θo under any reader, `jacobian` or not. The density
 //! that plays the visible normals' part is half uniform and half the lobe's own light, so that narrow lobes have nodes.
 
-use super::super::acquisition::DirectionalFunction;
+use super::super::acquisition::{DirectionalFunction, Written, lifted};
 use super::super::error::{FormatError, FormatErrorKind};
 use super::container::MAGIC;
 use super::warp::{Warp, unit_to_azimuth, unit_to_elevation};
@@ -29,42 +29,26 @@ pub struct RglGrid {
     pub description: String,
 }
 
-/// A file, and what the function did not say.
-#[derive(Clone, Debug, PartialEq)]
-pub struct WrittenRgl {
-    /// The file.
-    pub bytes: Vec<u8>,
-    /// Numbers that are 0 because the function has none there (the format has no mask that renderers know).
-    pub filled: usize,
-}
-
 /// Nodes along a side of the density.
 const DENSITY_SIDE: usize = 64;
 /// The part of the density that is uniform.
 const UNIFORM: f64 = 0.5;
 /// How far below the horizon f · cos is continued, as the cosine: interpolation at the horizon needs its neighbours.
 const BELOW: f64 = 0.15;
-/// The cosine that stands for the horizon itself.
-const HORIZON: f64 = 1e-3;
 
 /// Writes `function`, which has as many channels as `grid`.
 ///
 /// Between nodes readers interpolate; the more nodes, the nearer to the function.
-pub fn write_rgl(grid: &RglGrid, function: &dyn DirectionalFunction) -> Result<WrittenRgl, FormatError> {
+pub fn write_rgl(grid: &RglGrid, function: &dyn DirectionalFunction) -> Result<Written, FormatError> {
     let channels = grid.wavelengths.as_ref().map_or(3, WavelengthGrid::len);
     check(grid, channels)?;
     let azimuths = if grid.phi_i.is_empty() { vec![0.0] } else { grid.phi_i.clone() };
     let incident: Vec<(f64, f64)> =
         azimuths.iter().flat_map(|&phi| grid.theta_i.iter().map(move |&theta| (theta, phi))).collect();
-    let sampler = Sampler { grid, function, channels };
-    let slices: Vec<Slice> =
-        incident.into_par_iter().map(|(theta, phi)| sampler.slice(theta, phi)).collect::<Result<_, _>>()?;
-
     let (p, t, n, d) = (azimuths.len(), grid.theta_i.len(), grid.side, DENSITY_SIDE);
     let radians = |degrees: &[f64]| degrees.iter().map(|d| d.to_radians() as f32).collect::<Vec<f32>>();
-    let joined = |part: fn(&Slice) -> &[f32]| slices.iter().flat_map(part).copied().collect::<Vec<f32>>();
     let mut file = Tensors::default();
-    file.add("description", 1, &[grid.description.len()], grid.description.as_bytes().to_vec());
+    file.add("description", 1, &[grid.description.len()], Some(grid.description.as_bytes().to_vec()));
     file.floats("phi_i", &[p], &radians(&azimuths));
     file.floats("theta_i", &[t], &radians(&grid.theta_i));
     if let Some(wavelengths) = &grid.wavelengths {
@@ -73,12 +57,31 @@ pub fn write_rgl(grid: &RglGrid, function: &dyn DirectionalFunction) -> Result<W
     }
     file.floats("ndf", &[2, 2], &[4.0; 4]);
     file.floats("sigma", &[2, 2], &[1.0; 4]);
-    file.floats("vndf", &[p, t, d, d], &joined(|slice| &slice.density));
-    file.floats("luminance", &[p, t, n, n], &joined(|slice| &slice.luminance));
-    let name = if grid.wavelengths.is_some() { "spectra" } else { "rgb" };
-    file.floats(name, &[p, t, channels, n, n], &joined(|slice| &slice.values));
-    file.add("jacobian", 1, &[1], vec![1]);
-    Ok(WrittenRgl { bytes: file.finish(), filled: slices.iter().map(|slice| slice.filled).sum() })
+    file.later("vndf", &[p, t, d, d]);
+    file.later("luminance", &[p, t, n, n]);
+    file.later(if grid.wavelengths.is_some() { "spectra" } else { "rgb" }, &[p, t, channels, n, n]);
+    file.add("jacobian", 1, &[1], Some(vec![1]));
+    let Laid { mut bytes, mut rooms } = file.lay();
+    // The three large fields are written where they will stay.
+    let mut rest = &mut bytes[..];
+    let mut before = 0;
+    let mut next = || {
+        let (at, length) = rooms.next().unwrap_or((before, 0));
+        let (_, from) = std::mem::take(&mut rest).split_at_mut(at - before);
+        let (field, after) = from.split_at_mut(length);
+        (rest, before) = (after, at + length);
+        field
+    };
+    let (densities, luminances, values) = (next(), next(), next());
+    let sampler = Sampler { grid, function, channels };
+    let filled = densities
+        .par_chunks_mut(4 * d * d)
+        .zip(luminances.par_chunks_mut(4 * n * n))
+        .zip(values.par_chunks_mut(4 * channels * n * n))
+        .zip(incident)
+        .map(|(((density, luminance), values), wi)| sampler.slice(wi, &mut Slice { density, luminance, values }))
+        .collect::<Result<Vec<usize>, _>>()?;
+    Ok(Written { bytes, filled: filled.into_iter().sum(), clipped: 0 })
 }
 
 fn refuse(kind: FormatErrorKind, message: String) -> FormatError {
@@ -132,45 +135,51 @@ struct Sampler<'a> {
     channels: usize,
 }
 
-/// The numbers of one incident direction.
-struct Slice {
-    density: Vec<f32>,
-    luminance: Vec<f32>,
+/// Room for the f32 of one incident direction, little-endian.
+struct Slice<'a> {
+    /// `[row, column]`.
+    density: &'a mut [u8],
+    /// `[row, column]`.
+    luminance: &'a mut [u8],
     /// `[channel, row, column]`.
-    values: Vec<f32>,
-    filled: usize,
+    values: &'a mut [u8],
+}
+
+fn put(room: &mut [u8], at: usize, value: f32) {
+    room[4 * at..4 * at + 4].copy_from_slice(&value.to_le_bytes());
 }
 
 impl Sampler<'_> {
-    fn slice(&self, theta: f64, phi: f64) -> Result<Slice, FormatError> {
+    /// Fills one slice; how many numbers were missing.
+    fn slice(&self, (theta, phi): (f64, f64), slice: &mut Slice<'_>) -> Result<usize, FormatError> {
         // Isotropic functions are stored relative to the incident azimuth, which is 0 then.
         let wi = Direction::from_degrees(theta, phi);
         let mut values = vec![0.0; self.channels];
         let density = self.density(wi, &mut values);
-        let warp = Warp::new(DENSITY_SIDE, DENSITY_SIDE, density.clone())
+        density.iter().enumerate().for_each(|(node, &value)| put(slice.density, node, value));
+        let warp = Warp::new(DENSITY_SIDE, DENSITY_SIDE, density)
             .map_err(|_| refuse(FormatErrorKind::Malformed, format!("no density at theta_i {theta}°, a bug")))?;
         let n = self.grid.side;
         let nodes = n * n;
-        let mut slice =
-            Slice { density, luminance: vec![0.0; nodes], values: vec![0.0; nodes * self.channels], filled: 0 };
+        let mut filled = 0;
         for node in 0..nodes {
             let at = |i: usize| i as f64 / (n - 1) as f64;
             let (u, density) = warp.warp(&[(0, 1.0)], [at(node % n), at(node / n)]);
             let (wo, weight) = outgoing(wi.vector(), u);
-            slice.filled += self.light(wi, wo, &mut values);
+            filled += self.light(wi, wo, &mut values);
             for (channel, &value) in values.iter().enumerate() {
                 let value = value as f32;
                 if value.is_nan() || value.abs() > LARGEST {
                     let message = format!("the function times the cosine is {value:e}, expected at most {LARGEST:e}");
                     return Err(refuse(FormatErrorKind::Malformed, message));
                 }
-                slice.values[channel * nodes + node] = value;
+                put(slice.values, channel * nodes + node, value);
             }
             // Sampling by luminance after the warp: what the density does not account for; never 0 everywhere.
             let rest = mean(&values).max(0.0) * weight / density.max(1e-6);
-            slice.luminance[node] = (rest + 1e-6) as f32;
+            put(slice.luminance, node, (rest + 1e-6) as f32);
         }
-        Ok(slice)
+        Ok(filled)
     }
 
     /// The density of outgoing light over the square, one part uniform.
@@ -196,8 +205,7 @@ impl Sampler<'_> {
 
     /// f · cos θo for a unit `wo`, continued below the horizon with the slope that it has there; how many were missing.
     fn light(&self, wi: Direction, wo: Vector, values: &mut [f64]) -> usize {
-        let above = if wo[2] >= HORIZON { wo } else { unit([wo[0], wo[1], HORIZON]) };
-        self.function.evaluate(wi, Direction::from_unit(above), values);
+        self.function.evaluate(wi, lifted(wo), values);
         let cosine = wo[2].max(-BELOW);
         let mut missing = 0;
         for value in values.iter_mut() {
@@ -224,45 +232,68 @@ fn outgoing(wi: Vector, u: [f64; 2]) -> (Vector, f64) {
     (unit(sub(scale(m, 2.0 * cosine), wi)), u[0] * libm::sin(theta) * cosine.max(0.0))
 }
 
+/// A field: its name, type and shape, and its data unless they come later.
+type Entry = (&'static str, u8, Vec<usize>, Option<Vec<u8>>);
+
 /// A tensor file in the making.
 #[derive(Default)]
 struct Tensors {
-    fields: Vec<(&'static str, u8, Vec<usize>, Vec<u8>)>,
+    fields: Vec<Entry>,
+}
+
+/// A file with room for the f32 that come later: where each field starts and how many bytes it takes, in order.
+struct Laid {
+    bytes: Vec<u8>,
+    rooms: std::vec::IntoIter<(usize, usize)>,
 }
 
 impl Tensors {
-    fn add(&mut self, name: &'static str, code: u8, shape: &[usize], data: Vec<u8>) {
+    fn add(&mut self, name: &'static str, code: u8, shape: &[usize], data: Option<Vec<u8>>) {
         self.fields.push((name, code, shape.to_vec(), data));
     }
 
     fn floats(&mut self, name: &'static str, shape: &[usize], values: &[f32]) {
         debug_assert_eq!(values.len(), shape.iter().product::<usize>(), "{name}");
-        self.add(name, 10, shape, values.iter().flat_map(|v| v.to_le_bytes()).collect());
+        self.add(name, 10, shape, Some(values.iter().flat_map(|v| v.to_le_bytes()).collect()));
+    }
+
+    /// A field of f32 that is filled later.
+    fn later(&mut self, name: &'static str, shape: &[usize]) {
+        self.add(name, 10, shape, None);
     }
 
     /// The table, then the arrays at multiples of 8 bytes.
-    fn finish(self) -> Vec<u8> {
-        let entry = |(name, _, shape, _): &(&str, u8, Vec<usize>, Vec<u8>)| 13 + name.len() + 8 * shape.len();
-        let table = 18 + self.fields.iter().map(entry).sum::<usize>();
+    fn lay(self) -> Laid {
+        let entry = |(name, _, shape, _): &Entry| 13 + name.len() + 8 * shape.len();
+        let size =
+            |(_, _, shape, data): &Entry| data.as_ref().map_or_else(|| 4 * shape.iter().product::<usize>(), Vec::len);
         let mut bytes = MAGIC.to_vec();
         bytes.extend([1, 0]);
         bytes.extend((self.fields.len() as u32).to_le_bytes());
-        let mut at = table;
-        for (name, code, shape, data) in &self.fields {
+        let mut at = 18 + self.fields.iter().map(entry).sum::<usize>();
+        let mut places = Vec::with_capacity(self.fields.len());
+        for field in &self.fields {
+            let (name, code, shape, _) = field;
             at = at.next_multiple_of(8);
+            places.push(at);
             bytes.extend((name.len() as u16).to_le_bytes());
             bytes.extend(name.as_bytes());
             bytes.extend((shape.len() as u16).to_le_bytes());
             bytes.push(*code);
             bytes.extend((at as u64).to_le_bytes());
             bytes.extend(shape.iter().flat_map(|&n| (n as u64).to_le_bytes()));
-            at += data.len();
+            at += size(field);
         }
-        for (.., data) in self.fields {
-            bytes.resize(bytes.len().next_multiple_of(8), 0);
-            bytes.extend(data);
+        bytes.reserve_exact(at - bytes.len());
+        bytes.resize(at, 0);
+        let mut rooms = Vec::new();
+        for (field, at) in self.fields.iter().zip(places) {
+            match &field.3 {
+                Some(data) => bytes[at..at + data.len()].copy_from_slice(data),
+                None => rooms.push((at, size(field))),
+            }
         }
-        bytes
+        Laid { bytes, rooms: rooms.into_iter() }
     }
 }
 

@@ -4,6 +4,9 @@
 
 pub(super) mod rows;
 pub(super) mod wavelength_unit;
+mod write;
+
+pub use write::{write_spd, write_spectra};
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
@@ -21,7 +24,7 @@ pub(super) const READER: Reader = Reader {
         description: "spectral table: wavelengths and columns of values as CSV, TSV or blank separated text (.csv, .spd, .txt)",
         extensions: &["csv", "tsv", "spd", "txt", "dat"],
         reads: true,
-        writes: false,
+        writes: true,
     },
     options: &["wavelength_unit", "column"],
     probe: |sample: &Sample<'_>| if sample.head.contains('\0') { 0 } else { rows::probe(&sample.head) },

@@ -4,6 +4,11 @@
 //! `i · 90°/n`, the m azimuths `j · 180°/(m − 1)` between the two directions, 180° where one mirrors the other (MDL SDK,
 //! `IBsdf_isotropic_data`). This is the convention of this crate, so that values are not moved.
 
+mod joined;
+mod write;
+
+pub use write::{MbsdfGrid, write_mbsdf};
+
 use super::acquisition::{
     Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, NoteKind, Outside, ParseReport, Samples,
 };
@@ -12,6 +17,7 @@ use super::text::snippet;
 use super::{Format, Interpretation, Reader, Sample};
 use crate::domain::limits::MAX_SAMPLES;
 use crate::domain::{Axis, Quantity, Unit};
+use joined::joined;
 
 const NAME: &str = "mbsdf";
 
@@ -21,7 +27,7 @@ pub(super) const READER: Reader = Reader {
         description: "NVIDIA MDL measured BSDF (.mbsdf)",
         extensions: &["mbsdf"],
         reads: true,
-        writes: false,
+        writes: true,
     },
     options: &[],
     probe: |sample: &Sample<'_>| match sample.head.find("NVIDIA ARC MBSDF") {
@@ -45,6 +51,19 @@ struct Block {
     values: Vec<f32>,
 }
 
+/// What of a file is read.
+enum Part {
+    One(Block),
+    Both(Block, Block),
+}
+
+impl Block {
+    fn describe(&self) -> String {
+        let kind = if self.rgb { "RGB" } else { "scalar" };
+        format!("{kind} {} × {} × {}", self.theta, self.theta, self.phi)
+    }
+}
+
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
     let mut report = ParseReport::default();
     let (reflection, transmission) = blocks(bytes, &mut report)?;
@@ -63,38 +82,37 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         (Some(_), None) => "reflection",
         _ => "transmission",
     };
-    let has_both = reflection.is_some() && transmission.is_some();
-    let (quantity, block) = match (how.quantity, reflection, transmission) {
-        (None | Some(Quantity::Brdf), Some(block), _) => (Quantity::Brdf, block),
-        (None | Some(Quantity::Btdf), _, Some(block)) => (Quantity::Btdf, block),
-        (Some(Quantity::Bsdf), Some(above), Some(below)) => (Quantity::Bsdf, joined(&above, &below)?),
+    let (quantity, part) = match (how.quantity, reflection, transmission) {
+        (None | Some(Quantity::Bsdf), Some(above), Some(below)) => (Quantity::Bsdf, Part::Both(above, below)),
+        (None | Some(Quantity::Brdf), Some(block), _) => (Quantity::Brdf, Part::One(block)),
+        (None | Some(Quantity::Btdf), _, Some(block)) => (Quantity::Btdf, Part::One(block)),
         (Some(quantity), ..) => {
             return Err(needs(&format!("quantity {quantity} was asked for, the file holds {sides}")));
         }
-        // Without a quantity one of the first two arms holds: a block exists.
+        // Without a quantity one of the first three arms holds: a block exists.
         (None, None, None) => return Err(needs("the file holds no measurement data")),
     };
-    if has_both && how.quantity.is_none() {
-        report.note(
-            NoteKind::Warning,
-            "the file holds reflection and transmission; this is the reflection, ask for quantity btdf or bsdf otherwise",
-        );
-    }
     report.note(NoteKind::Assumed, "polar angles at i · 90°/n from the normal, held from the last one to 90°");
-    let dialect = format!(
-        "V1, {} of {sides}, {} × {} × {}",
-        if block.rgb { "RGB" } else { "scalar" },
-        block.theta,
-        block.theta,
-        block.phi
-    );
-    count_negatives(&block.values, &mut report);
+    let (sizes, grid) = match part {
+        Part::One(block) => (block.describe(), grid(quantity, block)),
+        Part::Both(above, below) => {
+            let (a, b) = (above.describe(), below.describe());
+            report
+                .note(NoteKind::Filled, "the rows nearest to the horizon repeated at it, so that the sides do not mix");
+            if a != b {
+                report.note(NoteKind::Assumed, "each side is linear between its own angles, both lists are kept");
+            }
+            (if a == b { a } else { format!("{a} and {b}") }, joined(&above, &below)?)
+        }
+    };
+    let dialect = format!("V1, {sides}, {sizes}");
+    count_negatives(&grid.values, &mut report);
     Ok(Acquisition {
         format: NAME,
         dialect,
         quantity,
         unit: Unit::PerSteradian,
-        samples: Samples::Grid(grid(quantity, block, &mut report)),
+        samples: Samples::Grid(grid),
         spectral_factor: None,
         report,
     })
@@ -202,54 +220,24 @@ fn polar_angles(n: usize) -> impl DoubleEndedIterator<Item = f64> {
     (0..n).map(move |i| i as f64 * 90.0 / n as f64)
 }
 
-/// The horizon of the transmitted side, told apart from that of the reflected side, both listed in a joined table.
-const BELOW_HORIZON: f64 = 90.000_001;
-
-/// Reflection above, transmission below: per incoming angle the rows 0..90°, the horizon twice, then 180°
-/// down to it reversed, so that the outgoing angle increases.
-fn joined(above: &Block, below: &Block) -> Result<Block, FormatError> {
-    if (above.theta, above.phi, above.rgb) != (below.theta, below.phi, below.rgb) {
-        let message =
-            "reflection and transmission differ in resolution, expected the same to join them; ask for brdf or btdf";
-        return Err(FormatError::new(FormatErrorKind::Unsupported, NAME, message));
-    }
-    let row = above.phi * if above.rgb { 3 } else { 1 };
-    let side = above.theta * row;
-    let mut values = Vec::with_capacity(2 * above.values.len() + 2 * side);
-    for (up, down) in above.values.chunks_exact(side).zip(below.values.chunks_exact(side)) {
-        values.extend_from_slice(up);
-        values.extend_from_slice(&up[side - row..]);
-        values.extend_from_slice(&down[side - row..]);
-        values.extend(down.chunks_exact(row).rev().flatten());
-    }
-    Ok(Block { theta: above.theta, phi: above.phi, rgb: above.rgb, values })
+/// The azimuths between two directions; one stands for all of them.
+fn azimuths(m: usize) -> Vec<f64> {
+    (0..m).map(|j| if m > 1 { j as f64 * 180.0 / (m - 1) as f64 } else { 0.0 }).collect()
 }
 
-fn grid(quantity: Quantity, block: Block, report: &mut ParseReport) -> AngleGrid {
+/// One side.
+fn grid(quantity: Quantity, block: Block) -> AngleGrid {
     let Block { theta: n, phi: m, rgb, mut values } = block;
     let incoming: Vec<f64> = polar_angles(n).collect();
-    let below = || polar_angles(n).rev().map(|theta| 180.0 - theta);
-    let (outgoing, covers): (Vec<f64>, _) = match quantity {
-        Quantity::Btdf => {
-            let row = m * if rgb { 3 } else { 1 };
-            values = values
-                .chunks_exact(n * row)
-                .flat_map(|table| table.chunks_exact(row).rev().flatten())
-                .copied()
-                .collect();
-            (below().collect(), (90.0, 180.0))
-        }
-        Quantity::Bsdf => {
-            report
-                .note(NoteKind::Filled, "the rows nearest to the horizon repeated at it, so that the sides do not mix");
-            (polar_angles(n).chain([90.0, BELOW_HORIZON]).chain(below()).collect(), (0.0, 180.0))
-        }
-        _ => (incoming.clone(), (0.0, 90.0)),
+    let (outgoing, covers): (Vec<f64>, _) = if quantity == Quantity::Btdf {
+        let row = m * if rgb { 3 } else { 1 };
+        values =
+            values.chunks_exact(n * row).flat_map(|table| table.chunks_exact(row).rev().flatten()).copied().collect();
+        (polar_angles(n).rev().map(|theta| 180.0 - theta).collect(), (90.0, 180.0))
+    } else {
+        (incoming.clone(), (0.0, 90.0))
     };
-    let phi = (m > 1).then(|| Azimuths {
-        phi: (0..m).map(|j| j as f64 * 180.0 / (m - 1) as f64).collect(),
-        extent: AzimuthExtent::Mirrored,
-    });
+    let phi = (m > 1).then(|| Azimuths { phi: azimuths(m), extent: AzimuthExtent::Mirrored });
     AngleGrid {
         index: Vec::new(),
         incoming: Some(Angles { theta: incoming, covers: (0.0, 90.0), phi: None }),
@@ -262,6 +250,7 @@ fn grid(quantity: Quantity, block: Block, report: &mut ParseReport) -> AngleGrid
 
 #[cfg(test)]
 mod tests {
+    use super::joined::BELOW_HORIZON;
     use super::*;
 
     fn file(blocks: &[(&str, [u32; 3], usize)]) -> Vec<u8> {
@@ -290,21 +279,41 @@ mod tests {
     #[test]
     fn the_sides_are_picked_by_quantity() {
         let both = file(&[(UP, [0, 2, 2], 8), (DOWN, [0, 2, 2], 8)]);
-        let (quantity, grid) = grid_as(&both, None).unwrap();
+        let (quantity, grid) = grid_as(&both, Some(Quantity::Brdf)).unwrap();
         assert_eq!((quantity, grid.values[1]), (Quantity::Brdf, 1.0));
         let (_, grid) = grid_as(&both, Some(Quantity::Btdf)).unwrap();
         let outgoing = grid.outgoing.unwrap();
         assert_eq!((outgoing.theta, outgoing.covers), (vec![135.0, 180.0], (90.0, 180.0)));
         assert_eq!(grid.values, [2.0, 3.0, 0.0, 1.0, 6.0, 7.0, 4.0, 5.0]);
-        let (_, grid) = grid_as(&both, Some(Quantity::Bsdf)).unwrap();
+        let (quantity, grid) = grid_as(&both, None).unwrap();
+        assert_eq!(quantity, Quantity::Bsdf);
         assert_eq!(grid.outgoing.unwrap().theta, [0.0, 45.0, 90.0, BELOW_HORIZON, 135.0, 180.0]);
         assert_eq!(grid.values[..12], [0.0, 1.0, 2.0, 3.0, 2.0, 3.0, 2.0, 3.0, 2.0, 3.0, 0.0, 1.0]);
         let up = file(&[(UP, [0, 2, 2], 8)]);
         for quantity in [Quantity::Btdf, Quantity::Bsdf, Quantity::Edf] {
             assert_eq!(grid_as(&up, Some(quantity)).unwrap_err().kind, FormatErrorKind::NeedsOption);
         }
-        let uneven = file(&[(UP, [0, 2, 2], 8), (DOWN, [0, 2, 3], 12)]);
-        assert_eq!(grid_as(&uneven, Some(Quantity::Bsdf)).unwrap_err().kind, FormatErrorKind::Unsupported);
+    }
+
+    #[test]
+    fn sides_of_different_resolution_are_joined_on_the_angles_of_both() {
+        // 2 polar angles and 2 azimuths above, scalar; 3 and 3 below, RGB.
+        let uneven = file(&[(UP, [0, 2, 2], 8), (DOWN, [1, 3, 3], 81)]);
+        let (quantity, grid) = grid_as(&uneven, None).unwrap();
+        assert_eq!((quantity, grid.spectral), (Quantity::Bsdf, Some(Axis::Rgb)));
+        let (incoming, outgoing) = (grid.incoming.unwrap(), grid.outgoing.unwrap());
+        assert_eq!(incoming.theta, [0.0, 30.0, 45.0, 60.0]);
+        assert_eq!(outgoing.theta, [0.0, 45.0, 90.0, BELOW_HORIZON, 120.0, 150.0, 180.0]);
+        assert_eq!(outgoing.phi.unwrap().phi, [0.0, 90.0, 180.0]);
+        let at = |i: usize, o: usize, p: usize, c: usize| grid.values[((i * 7 + o) * 3 + p) * 3 + c];
+        // Above: the values count 0, 1 over azimuth, then rows of 2, then incoming angles of 4; grey.
+        assert_eq!([at(0, 0, 0, 0), at(0, 0, 1, 1), at(0, 0, 2, 2), at(2, 1, 2, 0)], [0.0, 0.5, 1.0, 7.0]);
+        assert!((at(1, 0, 0, 0) - 4.0 * 30.0 / 45.0).abs() < 1e-6 && at(3, 0, 0, 0) == 4.0);
+        // Below: channels count 1, azimuths 3, rows 9, incoming angles 27.
+        assert_eq!([at(0, 6, 0, 0), at(0, 6, 0, 2), at(0, 5, 1, 0), at(1, 4, 2, 1)], [0.0, 2.0, 12.0, 52.0]);
+        assert_eq!((at(2, 6, 0, 0), at(0, 3, 0, 0)), (40.5, 18.0));
+        let huge = |theta| Block { theta, phi: 100, rgb: false, values: Vec::new() };
+        assert_eq!(joined(&huge(2000), &huge(2001)).unwrap_err().kind, FormatErrorKind::OverLimit);
     }
 
     #[test]

@@ -1,0 +1,37 @@
+//! The samples of a decoded material as a `NumPy` array.
+
+use super::measure::AddedError;
+use super::{ExportError, ExportFormat, ExportOptions, Exported, Summary, check_size};
+use crate::domain::{ErrorReport, Measurement};
+use crate::formats::{self, FormatError, FormatErrorKind, Interpretation, Samples, manifest_of, write_npy};
+
+/// Writes the samples of `measurement`, NaN = masked; [`manifest_of`] gives the manifest that goes beside them.
+pub fn array(measurement: &Measurement, options: &ExportOptions) -> Result<Exported, ExportError> {
+    let tensor = &measurement.tensor;
+    check_size(tensor.len().checked_mul(4), options, "decode a coarser level of it")?;
+    let shape = tensor.shape();
+    let bytes = write_npy(&shape, tensor.samples());
+    let how = Interpretation { axes: Some(manifest_of(measurement)), ..Interpretation::default() };
+    let acquisition = formats::read(&bytes, &how)?;
+    let found = match &acquisition.samples {
+        Samples::OnAxes { tensor: found, .. } if found.len() == tensor.len() => found.samples(),
+        _ => {
+            let message = "what was written is not read as the same array, a bug".to_owned();
+            let kind = FormatErrorKind::Malformed;
+            return Err(FormatError { kind, format: acquisition.format, position: None, message }.into());
+        }
+    };
+    let report = ErrorReport::measure(tensor.samples(), found, 0.0);
+    let shape: Vec<String> = shape.iter().map(usize::to_string).collect();
+    let about = Summary {
+        format: ExportFormat::Npy,
+        resolution: format!("{} samples", shape.join(" × ")),
+        unit: measurement.unit.to_string(),
+        lost: Vec::new(),
+        filled: 0,
+        clipped: 0,
+        flux_error: None,
+        error: AddedError::of("every sample", tensor.len(), &report),
+    };
+    Ok(Exported { bytes, about })
+}

@@ -1,0 +1,189 @@
+//! Luminaires: LM-63 and EULUMDAT, in candela where the light is seen, else in its own unit over all wavelengths.
+
+use super::measure::{Draws, measure};
+use super::subject::{Subject, entry, wavelengths};
+use super::{ExportError, ExportFormat, ExportOptions, Exported, Summary, check_size, read_back, resolution};
+use crate::domain::colour::Tristimulus;
+use crate::domain::{Axis, Direction, Domain, Quantity, Unit};
+use crate::evaluate::{Interpolation, Material};
+use crate::formats::{
+    self, AngleGrid, CPlanes, FormatError, FormatErrorKind, Interpretation, Samples, flux_of_planes, write_eulumdat,
+    write_lm63,
+};
+use crate::preview::JOULES_PER_MICROMOLE;
+use rayon::prelude::*;
+
+/// What one intensity of a luminaire file is of a spectrum.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Photometry {
+    /// Intensity = Σ weight · sample.
+    weights: Vec<f64>,
+    unit: Unit,
+    /// What was lost, if anything.
+    lost: Option<String>,
+}
+
+impl Photometry {
+    /// Nothing where the material is no luminaire, or its values are neither single nor densities.
+    pub(super) fn of(material: &Material) -> Option<Self> {
+        let layout = material.layout();
+        if material.quantity() != Quantity::Edf || layout.outgoing.is_none() {
+            return None;
+        }
+        let unit = material.unit();
+        let Some(grid) = wavelengths(material) else {
+            let is_intensity =
+                matches!(unit, Unit::Candela | Unit::CandelaPerKilolumen) || unit.per_nanometre().is_some();
+            let single = material.lambdas() == 1 && is_intensity;
+            return single.then(|| Self { weights: vec![1.0], unit, lost: None });
+        };
+        // Relative spectra are taken as densities.
+        let density = if unit == Unit::Relative { Unit::RelativePerNanometre } else { unit };
+        let total = Unit::ALL.iter().copied().find(|total| total.per_nanometre() == Some(density))?;
+        let watts = match total {
+            Unit::WattPerSteradian | Unit::MicromolePerSecondSteradian => Some(1.0),
+            Unit::MilliwattPerSteradian => Some(1e-3),
+            Unit::MicrowattPerSteradian => Some(1e-6),
+            _ => None,
+        };
+        let photons = total == Unit::MicromolePerSecondSteradian;
+        let count = grid.len();
+        if let (Some(watts), Ok(tristimulus)) = (watts, Tristimulus::emission(grid)) {
+            let energy = |lambda: f64| if photons { JOULES_PER_MICROMOLE / lambda } else { 1.0 };
+            let weights =
+                tristimulus.weights().iter().zip(grid.values()).map(|(w, l)| watts * energy(l) * w[1]).collect();
+            let lost = format!("the spectrum: of {count} wavelengths, what is seen (683 lm/W, V(lambda)) is left");
+            return Some(Self { weights, unit: Unit::Candela, lost: Some(lost) });
+        }
+        let lost = format!("the spectrum: of {count} wavelengths, the total is left");
+        Some(Self { weights: grid.weights(), unit: total, lost: Some(lost) })
+    }
+
+    /// Whether intensities are those that are seen.
+    pub(super) fn is_luminous(&self) -> bool {
+        matches!(self.unit, Unit::Candela | Unit::CandelaPerKilolumen)
+    }
+}
+
+pub(super) fn lm63(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
+    let (photometry, lamp) = sampled(material, options)?;
+    let mut notes = vec![format!("values in {}, written by wavelume", photometry.unit)];
+    notes.extend(photometry.lost.iter().map(|lost| format!("lost: {lost}")));
+    if let Some(grid) = wavelengths(material) {
+        let (first, last) = grid.range();
+        notes.push(format!("the spectra went from {first} to {last} nm, samples in {}", material.unit()));
+    }
+    let bytes = write_lm63(&lamp.planes, photometry.unit, &notes)?;
+    lamp.exported(material, options, ExportFormat::Lm63, bytes, photometry)
+}
+
+pub(super) fn eulumdat(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
+    let (photometry, lamp) = sampled(material, options)?;
+    let bytes = write_eulumdat(&lamp.planes, photometry.unit, lamp.flux, "wavelume")?;
+    lamp.exported(material, options, ExportFormat::Eulumdat, bytes, photometry)
+}
+
+/// Intensities on planes, and the flux of the material itself.
+struct Lamp {
+    planes: CPlanes,
+    filled: usize,
+    clipped: usize,
+    flux: f64,
+}
+
+fn sampled(material: &Material, options: &ExportOptions) -> Result<(Photometry, Lamp), ExportError> {
+    let Some(photometry) = Photometry::of(material) else {
+        return Err(ExportError::Unfit("this is no luminaire".to_owned()));
+    };
+    let subject = Subject::sum(material, options, photometry.weights.clone());
+    let (gamma_step, c_step) = resolution::planes(material, options);
+    let (low, high) = gamma_range(material);
+    let list = |from: f64, to: f64, step: f64, closed: bool| -> Vec<f64> {
+        let parts = libm::ceil((to - from) / step - 1e-9).max(1.0) as usize;
+        (0..parts + usize::from(closed)).map(|i| from + (to - from) * i as f64 / parts as f64).collect()
+    };
+    let (gamma, c) = (list(low, high, gamma_step, true), list(0.0, 360.0, c_step, false));
+    check_size(Some(12 * gamma.len() * c.len()), options, "ask for a larger step")?;
+    let mut values = vec![0.0; gamma.len() * c.len()];
+    let counts: Vec<(usize, usize)> = values
+        .par_chunks_mut(gamma.len())
+        .zip(&c)
+        .map(|(plane, &c)| {
+            let mut counts = (0, 0);
+            for (value, &gamma) in plane.iter_mut().zip(&gamma) {
+                let mut found = [0.0];
+                // Where the planes meet they are one.
+                let c = if gamma == 0.0 || gamma == 180.0 { 0.0 } else { c };
+                subject.at(None, Direction::from_luminaire_degrees(c, gamma), &mut found);
+                counts.0 += usize::from(found[0].is_nan());
+                counts.1 += usize::from(found[0] < 0.0);
+                // NaN becomes 0, too.
+                *value = found[0].max(0.0);
+            }
+            counts
+        })
+        .collect();
+    let mut flux = vec![0.0; material.lambdas()];
+    material.albedo(&entry(material, options), None, Interpolation::Smooth, &mut flux)?;
+    let flux = flux.iter().zip(&photometry.weights).map(|(&flux, weight)| f64::from(flux) * weight).sum();
+    let sum = |part: fn(&(usize, usize)) -> usize| counts.iter().map(part).sum();
+    let lamp = Lamp {
+        planes: CPlanes { gamma, c, values },
+        filled: sum(|counts| counts.0),
+        clipped: sum(|counts| counts.1),
+        flux,
+    };
+    Ok((photometry, lamp))
+}
+
+/// The gamma angles that the outgoing axis covers.
+fn gamma_range(material: &Material) -> (f64, f64) {
+    match material.layout().outgoing.map(|axis| &material.axes()[axis]) {
+        Some(Axis::Triangles(mesh)) if mesh.domain() == Domain::Lower => (0.0, 90.0),
+        Some(Axis::Triangles(mesh)) if mesh.domain() == Domain::Hemisphere => (90.0, 180.0),
+        _ => (0.0, 180.0),
+    }
+}
+
+impl Lamp {
+    /// Reads the file back and compares it, also its flux.
+    fn exported(
+        self,
+        material: &Material,
+        options: &ExportOptions,
+        format: ExportFormat,
+        bytes: Vec<u8>,
+        photometry: Photometry,
+    ) -> Result<Exported, ExportError> {
+        let grid = grid(&bytes)?;
+        let subject = Subject::sum(material, options, photometry.weights);
+        let (low, high) = gamma_range(material);
+        // z falls from 1 at zenith to −1 at nadir.
+        let z = |gamma: f64| -libm::round(libm::cos(gamma.to_radians())) as i8;
+        let error = measure(
+            if photometry.lost.is_some() { "the intensity over all wavelengths" } else { "the intensity" },
+            Draws::Emission { low: z(low), high: z(high) },
+            1,
+            &|_, wo, values: &mut [f64]| subject.at(None, wo, values),
+            &|_, wo, values: &mut [f64]| read_back::evaluate(&grid, None, wo, values),
+        );
+        let flux_error = (self.flux > 0.0).then(|| flux_of_planes(&grid) / self.flux - 1.0);
+        let resolution = format!("{} C planes of {} gamma angles", self.planes.c.len(), self.planes.gamma.len());
+        let (unit, lost) = (photometry.unit.to_string(), photometry.lost.into_iter().collect());
+        let (filled, clipped) = (self.filled, self.clipped);
+        Ok(Exported { bytes, about: Summary { format, resolution, unit, lost, filled, clipped, flux_error, error } })
+    }
+}
+
+fn grid(bytes: &[u8]) -> Result<AngleGrid, FormatError> {
+    let acquisition = formats::read(bytes, &Interpretation::default())?;
+    match acquisition.samples {
+        Samples::Grid(grid) => Ok(grid),
+        _ => Err(FormatError {
+            kind: FormatErrorKind::Malformed,
+            format: acquisition.format,
+            position: None,
+            message: "what was written is not read as a grid, a bug".to_owned(),
+        }),
+    }
+}

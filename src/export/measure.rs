@@ -1,0 +1,154 @@
+//! How far a file, read back, is from the material: at pairs of directions drawn from a fixed seed.
+
+use crate::domain::{Direction, ErrorAccumulator, ErrorReport};
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::f64::consts::TAU;
+
+/// Pairs of directions that a file is compared at.
+pub const PAIRS: usize = 10_000;
+const SEED: u64 = 0x6578_706f_7274;
+/// Pairs whose values are held at the same time, at most, and values.
+const BLOCK: (usize, usize) = (512, 1 << 20);
+
+/// The error of a file against the material that it was written of.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AddedError {
+    /// What was compared.
+    pub compared: &'static str,
+    /// At how many pairs of directions, or with how many samples where there are no directions.
+    pub pairs: usize,
+    /// The mean of |file − material| / material over samples > 0.
+    pub er_l1: f64,
+    /// The root of the mean square of the same.
+    pub er_l2: f64,
+    /// The largest of the same.
+    pub max_relative_error: f64,
+    /// √(Σ (file − material)² / Σ material²) over all samples.
+    pub relative_rmse: f64,
+    /// Samples that enter the relative errors.
+    pub scored_samples: u64,
+    /// Samples that are masked in one of the two only.
+    pub mask_mismatches: u64,
+}
+
+/// Which directions are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Draws {
+    /// `wi` above a surface and `wo` above, below, or either, each in proportion to |cos θ|.
+    Surface { above: bool, below: bool },
+    /// `wo` uniformly between two values of its z; no `wi`.
+    Emission { low: i8, high: i8 },
+    /// Both uniformly on the sphere.
+    Sphere,
+}
+
+/// A function that may have no incoming direction.
+pub(super) type Function<'a> = dyn Fn(Option<Direction>, Direction, &mut [f64]) + Sync + 'a;
+
+/// Compares `file` with `material`, both of `channels` channels.
+pub(super) fn measure(
+    compared: &'static str,
+    draws: Draws,
+    channels: usize,
+    material: &Function<'_>,
+    file: &Function<'_>,
+) -> AddedError {
+    let mut random = Pcg64::seed_from_u64(SEED);
+    let pairs: Vec<(Option<Direction>, Direction)> = (0..PAIRS).map(|_| draws.draw(&mut random)).collect();
+    let mut accumulator = ErrorAccumulator::default();
+    let block = (BLOCK.1 / channels).clamp(1, BLOCK.0);
+    for pairs in pairs.chunks(block) {
+        let values = |function: &Function<'_>| -> Vec<f32> {
+            let mut values = vec![0.0_f32; pairs.len() * channels];
+            values.par_chunks_mut(channels).zip(pairs).for_each(|(row, &(wi, wo))| {
+                let mut found = vec![0.0; channels];
+                function(wi, wo, &mut found);
+                row.iter_mut().zip(found).for_each(|(value, found)| *value = found as f32);
+            });
+            values
+        };
+        accumulator.add(&values(material), &values(file), 0.0);
+    }
+    AddedError::of(compared, PAIRS, &accumulator.finish())
+}
+
+impl AddedError {
+    pub(super) fn of(compared: &'static str, pairs: usize, report: &ErrorReport) -> Self {
+        Self {
+            compared,
+            pairs,
+            er_l1: report.er_l1,
+            er_l2: report.er_l2,
+            max_relative_error: report.max_relative_error,
+            relative_rmse: report.relative_rmse,
+            scored_samples: report.scored_samples,
+            mask_mismatches: report.mask_mismatches,
+        }
+    }
+}
+
+impl Draws {
+    /// Every draw takes five numbers, whatever is made of them.
+    fn draw(self, random: &mut Pcg64) -> (Option<Direction>, Direction) {
+        let [a, b, c, d, side] = [(); 5].map(|()| uniform(random));
+        match self {
+            Self::Surface { above, below } => {
+                let down = below && (!above || side < 0.5);
+                let z = c.sqrt();
+                (Some(direction(a.sqrt(), b)), direction(if down { -z } else { z }, d))
+            }
+            Self::Emission { low, high } => {
+                let (low, high) = (f64::from(low), f64::from(high));
+                (None, direction(low + (high - low) * a, b))
+            }
+            Self::Sphere => (Some(direction(2.0 * a - 1.0, b)), direction(2.0 * c - 1.0, d)),
+        }
+    }
+}
+
+/// In (0, 1), never an end.
+fn uniform(random: &mut Pcg64) -> f64 {
+    ((random.next_u64() >> 12) as f64 + 0.5) / (1_u64 << 52) as f64
+}
+
+fn direction(z: f64, turn: f64) -> Direction {
+    let (sin, cos) = libm::sincos(TAU * turn);
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    Direction::from_unit([r * cos, r * sin, z])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn draws_have_their_densities_and_are_the_same_every_time() {
+        let mean = |draws: Draws, of: fn(Option<Direction>, Direction) -> f64| {
+            let mut random = Pcg64::seed_from_u64(SEED);
+            (0..PAIRS).map(|_| draws.draw(&mut random)).map(|(wi, wo)| of(wi, wo)).sum::<f64>() / PAIRS as f64
+        };
+        let surface = |above, below| Draws::Surface { above, below };
+        // E[cos θ] of a density cos θ / π is 2/3; five standard errors are 0.012.
+        assert!((mean(surface(true, false), |wi, _| wi.unwrap().cos_theta()) - 2.0 / 3.0).abs() < 0.012);
+        assert!((mean(surface(false, true), |_, wo| wo.cos_theta()) + 2.0 / 3.0).abs() < 0.012);
+        assert!(mean(surface(true, true), |_, wo| wo.cos_theta()).abs() < 0.036);
+        assert!(mean(Draws::Sphere, |wi, wo| wi.unwrap().dot(wo)).abs() < 0.03);
+        assert!((mean(Draws::Emission { low: -1, high: 0 }, |_, wo| wo.cos_theta()) + 0.5).abs() < 0.015);
+    }
+
+    #[test]
+    fn a_known_error_is_found() {
+        let one = |_: Option<Direction>, _: Direction, values: &mut [f64]| values.fill(1.0);
+        let off = |_: Option<Direction>, wo: Direction, values: &mut [f64]| {
+            values.fill(if wo.cos_theta() > 0.0 { 1.1 } else { f64::NAN });
+        };
+        let found = measure("test", Draws::Surface { above: true, below: false }, 3, &one, &off);
+        assert_eq!((found.pairs, found.scored_samples, found.mask_mismatches), (PAIRS, 3 * PAIRS as u64, 0));
+        assert!((found.er_l1 - 0.1).abs() < 1e-6 && (found.er_l2 - 0.1).abs() < 1e-6, "{found:?}");
+        let found = measure("test", Draws::Surface { above: false, below: true }, 3, &one, &off);
+        assert_eq!((found.scored_samples, found.mask_mismatches), (0, 3 * PAIRS as u64));
+    }
+}

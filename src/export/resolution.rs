@@ -1,0 +1,159 @@
+//! How densely a material is written: rules over its own axes, and what options say instead.
+
+use super::{ExportError, ExportOptions, check_size, setting};
+use crate::domain::Axis;
+use crate::evaluate::Material;
+
+/// Numbers that a file has by rule, at most.
+const MOST_NUMBERS: usize = 1 << 26;
+/// The widest gap between incident elevations, in degrees.
+const ELEVATIONS: f64 = 3.75;
+/// The narrowest step between incident azimuths, in degrees.
+const AZIMUTHS: f64 = 5.0;
+/// Nodes and polar angles by rule.
+const SIDES: (usize, usize) = (32, 128);
+/// Nodes and polar angles that may be asked for.
+const ASKED_SIDES: std::ops::RangeInclusive<usize> = 2..=1024;
+
+/// The level of the outgoing triangles.
+pub(super) fn outgoing_level(material: &Material) -> u8 {
+    match material.layout().outgoing.map(|axis| &material.axes()[axis]) {
+        Some(Axis::Triangles(mesh)) => mesh.level(),
+        _ => 0,
+    }
+}
+
+/// The width of an outgoing cell in degrees.
+pub(super) fn cell(material: &Material) -> f64 {
+    90.0 / f64::from(1_u32 << outgoing_level(material))
+}
+
+/// Nodes along a side, or polar angles.
+pub(super) fn side(material: &Material, options: &ExportOptions) -> Result<usize, ExportError> {
+    match options.side {
+        Some(side) if ASKED_SIDES.contains(&side) => Ok(side),
+        Some(side) => {
+            let (low, high) = (ASKED_SIDES.start(), ASKED_SIDES.end());
+            setting(format!("side {side}, expected {low} to {high}"))
+        }
+        None => Ok((4_usize << outgoing_level(material)).clamp(SIDES.0, SIDES.1)),
+    }
+}
+
+/// Where an RGL file is sampled.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Incident {
+    /// Elevations in degrees.
+    pub(super) theta: Vec<f64>,
+    /// Azimuths in degrees, none where the material is isotropic.
+    pub(super) phi: Vec<f64>,
+    /// Nodes along a side.
+    pub(super) side: usize,
+}
+
+/// Incident directions and nodes of a file with `channels` channels.
+pub(super) fn incident(material: &Material, options: &ExportOptions, channels: usize) -> Result<Incident, ExportError> {
+    let axis = material.layout().incoming.map(|axis| &material.axes()[axis]);
+    let own = match axis {
+        Some(Axis::Elevation(values)) => values.clone(),
+        _ => Vec::new(),
+    };
+    let azimuth_step = match axis {
+        Some(Axis::Triangles(mesh)) => {
+            Some(options.step.unwrap_or((22.5 / f64::from(1_u32 << mesh.level())).max(AZIMUTHS)))
+        }
+        _ => None,
+    };
+    let mut theta_step = options.step.unwrap_or(ELEVATIONS);
+    let mut phi_step = azimuth_step;
+    let mut side = side(material, options)?;
+    let bytes = |found: &Incident| {
+        // Of each incident direction also the density and the luminance.
+        let slice = found.side.checked_mul(found.side)?.checked_mul(channels + 1)?.checked_add(64 * 64)?;
+        found.phi.len().max(1).checked_mul(found.theta.len())?.checked_mul(slice)?.checked_mul(4)
+    };
+    let most = options.most_bytes.min(4 * MOST_NUMBERS);
+    loop {
+        let found = Incident { theta: elevations(&own, theta_step), phi: phi_step.map_or_else(Vec::new, turn), side };
+        if bytes(&found).is_some_and(|bytes| bytes <= most) {
+            return Ok(found);
+        }
+        // What was asked for stays; of the rest, first nodes, then incident directions are fewer.
+        if options.side.is_none() && side > SIDES.0 {
+            side = (side / 2).max(SIDES.0);
+        } else if options.step.is_none() && theta_step < 7.5 {
+            theta_step *= 2.0;
+        } else if options.step.is_none() && phi_step.is_some_and(|step| step < 22.5) {
+            phi_step = phi_step.map(|step| 2.0 * step);
+        } else {
+            check_size(bytes(&found), options, "ask for a smaller side or a larger step")?;
+            return Ok(found);
+        }
+    }
+}
+
+/// The own elevations, 0° and 90°, and between them as many as keep them at most `step` apart; own ones where they are
+/// denser are left out down to it.
+fn elevations(own: &[f64], step: f64) -> Vec<f64> {
+    let mut kept = vec![0.0];
+    for &theta in own.iter().filter(|theta| **theta < 90.0 - 0.5 * step) {
+        if theta - kept[kept.len() - 1] >= 0.5 * step {
+            kept.push(theta);
+        }
+    }
+    kept.push(90.0);
+    let mut filled = vec![0.0];
+    for [a, b] in kept.array_windows() {
+        let parts = libm::ceil((b - a) / step - 1e-9).max(1.0) as usize;
+        filled.extend((1..=parts).map(|i| if i == parts { *b } else { a + (b - a) * i as f64 / parts as f64 }));
+    }
+    filled
+}
+
+/// Azimuths from −180° to 180°, at most `step` apart.
+fn turn(step: f64) -> Vec<f64> {
+    let parts = (libm::ceil(360.0 / step - 1e-9) as usize).max(2);
+    (0..=parts).map(|i| if i == parts { 180.0 } else { 360.0 * i as f64 / parts as f64 - 180.0 }).collect()
+}
+
+/// Polar angles of a luminaire: the step between gamma angles and that between C planes.
+pub(super) fn planes(material: &Material, options: &ExportOptions) -> (f64, f64) {
+    let first =
+        |steps: &[f64], most: f64| steps.iter().copied().find(|&step| step <= most).unwrap_or(steps[steps.len() - 1]);
+    let cell = cell(material);
+    match options.step {
+        Some(step) => (step, step),
+        None => (first(&[5.0, 2.5, 1.0, 0.5], 0.25 * cell), first(&[15.0, 10.0, 5.0, 2.5, 1.0], 0.5 * cell)),
+    }
+}
+
+/// Cosines of a phase function.
+pub(super) fn cosines(material: &Material, options: &ExportOptions) -> Result<usize, ExportError> {
+    match options.side {
+        Some(count) if (2..=1 << 20).contains(&count) => Ok(count),
+        Some(count) => setting(format!("side {count}, expected 2 to {} cosines", 1 << 20)),
+        None => Ok(((8_usize << (2 * outgoing_level(material))) + 1).clamp(257, 16_385)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn elevations_hold_their_own_and_leave_no_wide_gap() {
+        let found = elevations(&[0.0, 10.0, 30.0, 87.0], 5.0);
+        assert_eq!(found[..4], [0.0, 5.0, 10.0, 15.0]);
+        assert!(found.contains(&30.0) && found.contains(&87.0) && found.last() == Some(&90.0));
+        assert!(found.array_windows().all(|[a, b]| b > a && b - a <= 5.0 + 1e-9));
+        let dense: Vec<f64> = (0..=90).map(f64::from).collect();
+        assert_eq!(elevations(&dense, 1.0).len(), 91);
+        assert!(elevations(&dense, 3.75).len() <= 46);
+    }
+
+    #[test]
+    fn a_turn_has_both_ends() {
+        assert_eq!(turn(90.0), [-180.0, -90.0, 0.0, 90.0, 180.0]);
+        assert_eq!((turn(11.25).len(), turn(7.0).len()), (33, 53));
+    }
+}

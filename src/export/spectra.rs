@@ -1,0 +1,103 @@
+//! Spectra without directions: two columns, or CSV.
+
+use super::measure::AddedError;
+use super::subject::{entry, wavelengths};
+use super::{ExportError, ExportFormat, ExportOptions, Exported, Summary, setting};
+use crate::domain::{Axis, ErrorReport, Quantity, WavelengthGrid};
+use crate::evaluate::{Interpolation, Material, Place};
+use crate::formats::{self, FormatError, FormatErrorKind, Interpretation, Samples, write_spd, write_spectra};
+
+pub(super) fn spd(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
+    let grid = grid(material)?;
+    let index = entry(material, options);
+    let samples = spectrum(material, &index)?;
+    let comment = format!("{} in {}, wavelengths in nm", material.quantity(), material.unit());
+    let bytes = write_spd(grid, &samples, &comment)?;
+    let written: Vec<f32> = samples.iter().copied().filter(|sample| !sample.is_nan()).collect();
+    let masked = samples.len() - written.len();
+    let mut lost: Vec<String> =
+        (masked > 0).then(|| format!("{masked} masked samples, which have no row")).into_iter().collect();
+    let entries: usize = material.axes()[..material.layout().indices].iter().map(Axis::len).product();
+    if entries > 1 {
+        lost.push(format!("{} of {entries} spectra", entries - 1));
+    }
+    finish(material, ExportFormat::Spd, bytes, &written, 1, lost)
+}
+
+pub(super) fn csv(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
+    let grid = grid(material)?;
+    let axes = &material.axes()[..material.layout().indices];
+    let entries: Vec<Vec<usize>> = match &options.index {
+        Some(index) => vec![index.clone()],
+        None => (0..axes.iter().map(Axis::len).product()).map(|entry| material.index_of(entry)).collect(),
+    };
+    let mut samples = Vec::with_capacity(entries.len() * grid.len());
+    for index in &entries {
+        samples.extend(spectrum(material, index)?);
+    }
+    let names: Vec<String> = entries.iter().map(|index| name(material, axes, index)).collect();
+    super::check_size(samples.len().checked_mul(4), options, "name one entry by its index")?;
+    let bytes = write_spectra(grid, &samples, &names)?;
+    finish(material, ExportFormat::Csv, bytes, &samples, entries.len(), Vec::new())
+}
+
+fn grid(material: &Material) -> Result<&WavelengthGrid, ExportError> {
+    wavelengths(material).map_or_else(|| setting("no wavelengths"), Ok)
+}
+
+fn spectrum(material: &Material, index: &[usize]) -> Result<Vec<f32>, ExportError> {
+    let mut samples = vec![0.0; material.lambdas()];
+    material.spectrum(Place { index, wi: None, wo: None }, Interpolation::Constant, &mut samples)?;
+    Ok(samples)
+}
+
+/// The label of an entry, or its numbers; of a single spectrum the quantity.
+fn name(material: &Material, axes: &[Axis], index: &[usize]) -> String {
+    let parts: Vec<String> = axes
+        .iter()
+        .zip(index)
+        .map(|(axis, &i)| match axis {
+            Axis::Index { labels, .. } if !labels.is_empty() => labels[i].clone(),
+            _ => i.to_string(),
+        })
+        .collect();
+    if parts.is_empty() { material.quantity().to_string() } else { parts.join(" ") }
+}
+
+/// Reads the file back and compares every sample.
+fn finish(
+    material: &Material,
+    format: ExportFormat,
+    bytes: Vec<u8>,
+    samples: &[f32],
+    spectra: usize,
+    lost: Vec<String>,
+) -> Result<Exported, ExportError> {
+    // A spectrum is kept as it stands, a reflectance might be taken as percent.
+    let how = Interpretation {
+        quantity: Some(Quantity::Spectrum),
+        wavelength_unit: Some("nm".to_owned()),
+        ..Interpretation::default()
+    };
+    let acquisition = formats::read(&bytes, &how)?;
+    let found = match &acquisition.samples {
+        Samples::OnAxes { tensor, .. } if tensor.len() == samples.len() => tensor.samples(),
+        _ => {
+            let message = "what was written is not read as the same spectra, a bug".to_owned();
+            let kind = FormatErrorKind::Malformed;
+            return Err(FormatError { kind, format: acquisition.format, position: None, message }.into());
+        }
+    };
+    let error = AddedError::of("every sample", samples.len(), &ErrorReport::measure(samples, found, 0.0));
+    let about = Summary {
+        format,
+        resolution: format!("{spectra} spectra of {} samples", samples.len() / spectra),
+        unit: material.unit().to_string(),
+        lost,
+        filled: 0,
+        clipped: 0,
+        flux_error: None,
+        error,
+    };
+    Ok(Exported { bytes, about })
+}

@@ -1,0 +1,94 @@
+//! A material as the function that is written: its spectra, their linear sRGB, or a weighted sum of them.
+
+use super::{ExportError, ExportOptions};
+use crate::domain::{Axis, Direction, WavelengthGrid};
+use crate::evaluate::{Interpolation, Material, Place};
+use crate::formats::DirectionalFunction;
+use crate::preview::{Channels, Viewing};
+
+/// What is made of a spectrum.
+#[derive(Debug)]
+enum Made {
+    Spectrum,
+    Rgb(Channels),
+    Sum(Vec<f64>),
+}
+
+/// A function of directions with one value a channel.
+#[derive(Debug)]
+pub(super) struct Subject<'a> {
+    material: &'a Material,
+    index: Vec<usize>,
+    made: Made,
+}
+
+/// The weights that make linear sRGB, where the wavelengths have colours.
+pub(super) fn colours(material: &Material) -> Option<Channels> {
+    Channels::of(material, &Viewing::default()).ok().filter(Channels::coloured)
+}
+
+/// The entry that is written.
+pub(super) fn entry(material: &Material, options: &ExportOptions) -> Vec<usize> {
+    options.index.clone().unwrap_or_else(|| vec![0; material.layout().indices])
+}
+
+pub(super) fn wavelengths(material: &Material) -> Option<&WavelengthGrid> {
+    match material.axes().last() {
+        Some(Axis::Wavelength(grid)) => Some(grid),
+        _ => None,
+    }
+}
+
+impl<'a> Subject<'a> {
+    /// The spectra.
+    pub(super) fn spectra(material: &'a Material, options: &ExportOptions) -> Self {
+        Self { material, index: entry(material, options), made: Made::Spectrum }
+    }
+
+    /// Three channels of linear sRGB.
+    pub(super) fn rgb(material: &'a Material, options: &ExportOptions) -> Result<Self, ExportError> {
+        let channels = Channels::of(material, &Viewing::default())?;
+        Ok(Self { material, index: entry(material, options), made: Made::Rgb(channels) })
+    }
+
+    /// One channel, Σ weight · sample.
+    pub(super) fn sum(material: &'a Material, options: &ExportOptions, weights: Vec<f64>) -> Self {
+        Self { material, index: entry(material, options), made: Made::Sum(weights) }
+    }
+
+    /// How many channels there are.
+    pub(super) fn channels(&self) -> usize {
+        match &self.made {
+            Made::Spectrum => self.material.lambdas(),
+            Made::Rgb(_) => 3,
+            Made::Sum(_) => 1,
+        }
+    }
+
+    /// The values at a place, NaN where they are masked or the material takes no such direction.
+    pub(super) fn at(&self, wi: Option<Direction>, wo: Direction, values: &mut [f64]) {
+        let mut spectrum = vec![0.0_f32; self.material.lambdas()];
+        let place = Place { index: &self.index, wi, wo: Some(wo) };
+        if self.material.spectrum(place, Interpolation::Smooth, &mut spectrum).is_err() {
+            values.fill(f64::NAN);
+            return;
+        }
+        match &self.made {
+            Made::Spectrum => values.iter_mut().zip(&spectrum).for_each(|(value, &s)| *value = f64::from(s)),
+            Made::Rgb(channels) => {
+                let linear = channels.linear(&spectrum).map(f64::from);
+                values.iter_mut().zip(linear).for_each(|(value, c)| *value = c);
+            }
+            Made::Sum(weights) => {
+                let sum = weights.iter().zip(&spectrum).map(|(weight, &s)| weight * f64::from(s)).sum();
+                values.fill(sum);
+            }
+        }
+    }
+}
+
+impl DirectionalFunction for Subject<'_> {
+    fn evaluate(&self, wi: Direction, wo: Direction, values: &mut [f64]) {
+        self.at(Some(wi), wo, values);
+    }
+}

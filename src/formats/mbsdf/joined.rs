@@ -1,0 +1,95 @@
+//! Reflection and transmission of one file as one table over both sides, whatever the resolution of each.
+
+use super::super::acquisition::{AngleGrid, Angles, AzimuthExtent, Azimuths, Outside};
+use super::super::error::{FormatError, FormatErrorKind};
+use super::{Block, NAME, azimuths, polar_angles};
+use crate::domain::Axis;
+use crate::domain::limits::MAX_SAMPLES;
+
+/// The horizon of the transmitted side, told apart from that of the reflected side, both listed in a joined table.
+pub(super) const BELOW_HORIZON: f64 = 90.000_001;
+
+/// Reflection above, transmission below. Incoming and azimuth angles are those of both, between which each side is linear as
+/// it was; scalar values are grey beside RGB. Outgoing angles are those of the reflection, the horizon twice, each time as
+/// the row nearest to it, and those of the transmission from 180°.
+pub(super) fn joined(above: &Block, below: &Block) -> Result<AngleGrid, FormatError> {
+    let incoming = union(polar_angles(above.theta).collect(), polar_angles(below.theta).collect());
+    let phi = union(azimuths(above.phi), azimuths(below.phi));
+    let rgb = above.rgb || below.rgb;
+    let channels = if rgb { 3 } else { 1 };
+    let outgoing: Vec<f64> = polar_angles(above.theta)
+        .chain([90.0, BELOW_HORIZON])
+        .chain(polar_angles(below.theta).rev().map(|theta| 180.0 - theta))
+        .collect();
+    let shape = [incoming.len(), outgoing.len(), phi.len(), channels];
+    let count = shape.into_iter().try_fold(1_usize, usize::checked_mul).filter(|&n| n <= MAX_SAMPLES);
+    let Some(count) = count else {
+        let message = format!(
+            "reflection and transmission on the angles of both, {} × {} × {}, are more than {MAX_SAMPLES} values; ask for \
+             brdf or btdf",
+            incoming.len(),
+            outgoing.len(),
+            phi.len()
+        );
+        return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));
+    };
+    let rows_above = (0..above.theta).chain([above.theta - 1]).map(|row| (above, row));
+    let rows_below = [below.theta - 1].into_iter().chain((0..below.theta).rev()).map(|row| (below, row));
+    let rows: Vec<(&Block, usize)> = rows_above.chain(rows_below).collect();
+    let around = |block: &Block| {
+        let (theta, azimuth) = (polar_angles(block.theta).collect::<Vec<f64>>(), azimuths(block.phi));
+        let places = |known: &[f64], wanted: &[f64]| wanted.iter().map(|&x| between(known, x)).collect::<Vec<_>>();
+        (places(&theta, &incoming), places(&azimuth, &phi))
+    };
+    let (of_above, of_below) = (around(above), around(below));
+    let mut values = Vec::with_capacity(count);
+    for i in 0..incoming.len() {
+        for (o, &(block, row)) in rows.iter().enumerate() {
+            let (thetas, phis) = if o <= above.theta { &of_above } else { &of_below };
+            for &j in phis {
+                values.extend((0..channels).map(|channel| block.at(thetas[i], row, j, channel)));
+            }
+        }
+    }
+    let phi = (phi.len() > 1).then_some(Azimuths { phi, extent: AzimuthExtent::Mirrored });
+    Ok(AngleGrid {
+        index: Vec::new(),
+        incoming: Some(Angles { theta: incoming, covers: (0.0, 90.0), phi: None }),
+        outgoing: Some(Angles { theta: outgoing, covers: (0.0, 180.0), phi }),
+        spectral: rgb.then_some(Axis::Rgb),
+        outside: Outside::Masked,
+        values,
+    })
+}
+
+/// Both lists, increasing, each angle once. The same angle of both is the same number: it is one rounded quotient.
+fn union(mut a: Vec<f64>, mut b: Vec<f64>) -> Vec<f64> {
+    a.append(&mut b);
+    a.sort_by(f64::total_cmp);
+    a.dedup();
+    a
+}
+
+/// Two entries of a list, and the weight of the second.
+type Place = (usize, usize, f64);
+
+/// The entries of increasing `angles` around `angle` and the weight of the second; the ends hold beyond them.
+fn between(angles: &[f64], angle: f64) -> Place {
+    let above = angles.partition_point(|&known| known <= angle);
+    match above.checked_sub(1) {
+        None => (0, 0, 0.0),
+        Some(below) if above == angles.len() => (below, below, 0.0),
+        Some(below) => (below, above, (angle - angles[below]) / (angles[above] - angles[below])),
+    }
+}
+
+impl Block {
+    /// Linear in the incoming angle and the azimuth.
+    fn at(&self, (i0, i1, s): Place, row: usize, (j0, j1, t): Place, channel: usize) -> f32 {
+        let (channels, channel) = if self.rgb { (3, channel) } else { (1, 0) };
+        let value =
+            |i: usize, j: usize| f64::from(self.values[((i * self.theta + row) * self.phi + j) * channels + channel]);
+        let mixed = |a: f64, b: f64, weight: f64| if weight == 0.0 { a } else { (1.0 - weight) * a + weight * b };
+        mixed(mixed(value(i0, j0), value(i0, j1), t), mixed(value(i1, j0), value(i1, j1), t), s) as f32
+    }
+}

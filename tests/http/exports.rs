@@ -1,0 +1,74 @@
+//! Materials as the files of others, over HTTP: what the file adds stands in a header, and nothing else waits for it.
+
+use crate::service::{CHECKER, LAMP, Service, config, problem};
+use reqwest::StatusCode;
+use serde_json::json;
+
+fn header<'a>(response: &'a reqwest::Response, name: &str) -> &'a str {
+    response.headers().get(name).unwrap_or_else(|| panic!("no {name}")).to_str().unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn files_state_what_they_add() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    let path = format!("/v1/materials/{}/export", service.brdf().await);
+    let rgl = format!("{path}?format=rgl&side=8&step=45");
+    let response = service.get(&rgl).send().await.unwrap();
+    assert_eq!(response.status(), StatusCode::OK);
+    let stated = header(&response, "wavelume-export-error").to_owned();
+    assert!(stated.starts_with("er_l2=0.") && stated.contains("pairs=10000, of=\"the spectrum\""), "{stated}");
+    assert!(header(&response, "content-disposition").ends_with(".bsdf\""));
+    let (length, etag) = (header(&response, "content-length").to_owned(), header(&response, "etag").to_owned());
+    let bytes = response.bytes().await.unwrap();
+    assert!(bytes.starts_with(b"tensor_file\0") && length == bytes.len().to_string());
+    let again = service.get(&rgl).header("if-none-match", &etag).send().await.unwrap();
+    assert_eq!(again.status(), StatusCode::NOT_MODIFIED);
+    // What was written is a measurement again.
+    let measurement = service.upload("?filename=m.bsdf", bytes.to_vec()).await;
+    assert_eq!((&measurement["format"], &measurement["quantity"]), (&json!("rgl"), &json!("brdf")));
+
+    let array = service.get(&format!("{path}?format=npy")).send().await.unwrap();
+    assert!(header(&array, "wavelume-export-error").starts_with("er_l2=0.000000, "));
+    for (query, status, code, word) in [
+        ("format=merl", 422, "not-available", "it can be written as rgl or npy"),
+        ("format=axf", 422, "not-available", "expected manifest, rgl"),
+        ("format=rgl&side=1", 422, "bad-setting", "expected 2 to 1024"),
+        ("format=rgl&wavelength=500", 422, "bad-setting", "does nothing for rgl"),
+        ("format=rgl&side=1024&step=1", 422, "over-limit", "expected at most"),
+        ("format=rgl&index=x", 400, "bad-query", "index"),
+        ("format=rgl&index=0", 422, "unfit-query", "1 indices"),
+        ("format=rgl&nonsense=1", 400, "bad-query", "nonsense"),
+    ] {
+        let refusal = problem(service.get(&format!("{path}?{query}")), status, code).await;
+        assert!(refusal["detail"].as_str().unwrap().contains(word), "{query}: {refusal}");
+    }
+
+    let lamp = service.upload("?filename=lamp.ies", LAMP).await;
+    let axes = json!({ "measurement": lamp["id"], "outgoing_level": 3, "target": { "er_l2": 0.01 } });
+    let lamp = service.compress(&axes).await["material"].as_str().unwrap().to_owned();
+    let response = service.get(&format!("/v1/materials/{lamp}/export?format=lm63")).send().await.unwrap();
+    assert!(header(&response, "wavelume-export-error").contains("flux="));
+    assert_eq!(header(&response, "content-type"), "text/plain");
+    assert!(response.text().await.unwrap().starts_with("IESNA:LM-63-2002\r\n"));
+    let checker = service.upload("?quantity=reflectance", CHECKER).await;
+    let job = service.compress(&json!({ "measurement": checker["id"], "target": "lossless" })).await;
+    let csv = format!("/v1/materials/{}/export?format=csv", job["material"].as_str().unwrap());
+    let response = service.get(&csv).send().await.unwrap();
+    assert_eq!(header(&response, "content-type"), "text/csv");
+    assert!(response.text().await.unwrap().starts_with("wavelength_nm,dark skin,"));
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn more_exports_than_may_be_are_refused() {
+    let data = tempfile::tempdir().unwrap();
+    let mut config = config(data.path());
+    config.work.limits.exports = 0;
+    let service = Service::start(config).await;
+    let path = format!("/v1/materials/{}/export", service.brdf().await);
+    problem(service.get(&format!("{path}?format=rgl")), 503, "overloaded").await;
+    let manifest = service.get(&format!("{path}?format=manifest")).send().await.unwrap();
+    assert_eq!(manifest.status(), StatusCode::OK);
+    service.stop().await;
+}
