@@ -368,10 +368,11 @@ pub(super) fn carried_to_four(
     wo: Vector,
 ) -> ([f32x4; 3], f32x4) {
     let stays = wo.map(|x| f32x4::splat(x as f32));
-    let lower = domain == Domain::Sphere && wo[2] < 0.0;
+    // A phase function, which alone turns on the whole sphere, has no horizon.
+    let is_free = domain == Domain::Sphere && alignment == Alignment::Rotation;
     // What goes through a surface turns.
+    let lower = domain == Domain::Sphere && wo[2] < 0.0;
     let alignment = if lower { Alignment::Rotation } else { alignment };
-    let is_free = domain == Domain::Sphere && alignment == Alignment::Rotation && !lower;
     carried_to(alignment, is_free, Origin::four([wi; 4]), Origin::four(to), stays)
 }
 

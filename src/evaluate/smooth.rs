@@ -487,7 +487,8 @@ impl Smooth {
     /// What stands at the first places of a block, as many as `to` has: first they are all looked up, then gathered.
     pub(super) fn at_block(&self, entry: usize, seen: &mut SeenBlock, to: &mut [Mixed]) {
         let alignment = if matches!(self.nodes, Nodes::One) { Alignment::None } else { self.alignment };
-        if self.domain == Domain::Sphere && alignment != Alignment::None {
+        let is_whole = self.domain == Domain::Sphere;
+        if is_whole && !matches!(alignment, Alignment::None | Alignment::Rotation) {
             // Above and below the horizon there are different ways.
             to.iter_mut().enumerate().for_each(|(i, to)| *to = self.at(entry, &seen.get(i)));
             return;
@@ -499,7 +500,7 @@ impl Smooth {
                 known(
                     alignment,
                     #[inline(always)]
-                    |alignment| self.look_up_block(alignment, count, seen),
+                    |alignment| self.look_up_block(alignment, is_whole, count, seen),
                 );
                 let SeenBlock { patches: [a, b, c], weights, .. } = &*seen;
                 for (i, to) in to.iter_mut().enumerate() {
@@ -513,7 +514,7 @@ impl Smooth {
     /// Writes the patches in which places are seen under `count` nodes around, and multiplies weights with their worth.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
-    fn look_up_block(&self, alignment: Alignment, count: usize, seen: &mut SeenBlock) {
+    fn look_up_block(&self, alignment: Alignment, is_free: bool, count: usize, seen: &mut SeenBlock) {
         let mut origins = [[0.0; BLOCK]; 5];
         for i in 0..BLOCK {
             let Origin { direction: [x, y, z], azimuth: [cos, sin] } = Origin::new(vector_of(&seen.wi, i));
@@ -538,7 +539,7 @@ impl Smooth {
                     azimuth: [of[3][i], of[4][i]],
                 };
                 let (there, worth) =
-                    carried_to(alignment, false, at(&origins), at(&to), [wo[0][i], wo[1][i], wo[2][i]]);
+                    carried_to(alignment, is_free, at(&origins), at(&to), [wo[0][i], wo[1][i], wo[2][i]]);
                 self.elements.write(there, patches, i);
                 weights[i] *= worth;
                 for shares in &mut patches.weights {

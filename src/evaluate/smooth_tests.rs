@@ -188,3 +188,40 @@ fn carried_samples_go_back_to_where_they_came_from() {
     // All but those that came up again from below the horizon.
     assert!(back > 1950, "{back}");
 }
+
+#[test]
+fn phase_functions_have_no_horizon() {
+    let g = 0.6;
+    let forward = |wi: Vector, wo: Vector| {
+        (1.0 - g * g) / (4.0 * std::f64::consts::PI * (1.0 + g * g + 2.0 * g * dot(wi, wo)).powf(1.5))
+    };
+    let [incoming, out] = [2, 4].map(|level| TriangleMesh::new(Domain::Sphere, level).unwrap());
+    let mut samples = Vec::new();
+    for wi in 0..incoming.len() {
+        let wi = incoming.centroid(wi).xyz();
+        samples.extend((0..out.len()).map(|wo| forward(wi, out.centroid(wo).xyz()) as f32));
+    }
+    let tensor = Tensor::new(vec![Axis::Triangles(incoming), Axis::Triangles(out)], samples).unwrap();
+    let measurement = Measurement::new(Quantity::Phase, Unit::PerSteradian, Sampling::Average, tensor).unwrap();
+    let material = Material::of(measurement).unwrap();
+    assert_eq!(material.report().alignment, Alignment::Rotation);
+
+    let mut value = [0.0];
+    for k in 0..200 {
+        let [wi, wo] = [k, 3 * k + 1].map(|k| {
+            let z = 1.0 - 2.0 * ((f64::from(k) + 0.5) * 0.618_034).fract();
+            Direction::from_degrees(z.acos().to_degrees(), 137.5 * f64::from(k))
+        });
+        let mut at = |wi: Vector, wo: Vector| {
+            let [wi, wo] = [wi, wo].map(|[x, y, z]| Direction::new(x, y, z));
+            material.spectrum(Place { index: &[], wi, wo }, Interpolation::Smooth, &mut value).unwrap();
+            f64::from(value[0])
+        };
+        let (wi, wo) = (wi.xyz(), wo.xyz());
+        let found = at(wi, wo);
+        let down = at([wi[0], wi[1], -wi[2]], [wo[0], wo[1], -wo[2]]);
+        assert!((found - down).abs() < 1e-3 * found, "{found}, upside down {down}");
+        let truth = forward(wi, wo);
+        assert!((found - truth).abs() < 0.05 * truth, "{found}, not {truth}");
+    }
+}
