@@ -4,7 +4,7 @@ use super::failure::Failure;
 use super::input::Loaded;
 use super::output::{Table, count};
 use crate::domain::{Quantity, Unit};
-use crate::formats::{self, Archive, FormatError, Interpretation};
+use crate::formats::{Acquisition, Archive};
 use serde::Serialize;
 
 /// The files of an archive.
@@ -38,17 +38,16 @@ struct Understood {
 impl Contents {
     /// Reads every file with what the user said of all of them.
     pub(crate) fn read(loaded: &Loaded) -> Result<Self, Failure> {
-        let archive = Archive::open(loaded.bytes()).map_err(Failure::failed)?;
-        let members = archive.members().iter().map(|member| {
-            let how = Interpretation { member: Some(member.name.clone()), ..loaded.interpretation().clone() };
-            let (understood, problem) = match formats::read(loaded.bytes(), &how) {
-                Ok(read) => {
-                    let formats::Acquisition { format, dialect, quantity, unit, .. } = read;
+        let mut archive = Archive::open(loaded.bytes()).map_err(Failure::failed)?;
+        let members = archive.members().to_vec();
+        let members = members.into_iter().map(|member| {
+            let (understood, problem) = match archive.read(&member, loaded.interpretation()) {
+                Ok(Acquisition { format, dialect, quantity, unit, .. }) => {
                     (Some(Understood { format, dialect, quantity, unit }), None)
                 }
-                Err(error) => (None, Some(alone(&error, &member.name))),
+                Err(error) => (None, Some(error.to_string())),
             };
-            Inside { name: member.name.clone(), bytes: member.bytes, understood, problem }
+            Inside { name: member.name, bytes: member.bytes, understood, problem }
         });
         Ok(Self { kind: "archive", bytes: loaded.bytes().len() as u64, members: members.collect() })
     }
@@ -72,13 +71,4 @@ impl Contents {
             table.render()
         )
     }
-}
-
-/// The reason without the name, which stands beside it.
-fn alone(error: &FormatError, name: &str) -> String {
-    let text = error.to_string();
-    let prefix: String = name.chars().take(40).collect();
-    text.split_once(&format!("`{prefix}"))
-        .and_then(|(_, rest)| rest.split_once("`: "))
-        .map_or(text.clone(), |(_, rest)| rest.to_owned())
 }

@@ -135,6 +135,25 @@ impl<'a> Archive<'a> {
         Ok(bytes)
     }
 
+    /// Reads a file of this archive as it would be read alone; an array finds its manifest beside it.
+    pub fn read(&mut self, member: &Member, how: &Interpretation) -> Result<Acquisition, FormatError> {
+        let unpacked = self.unpack(member)?;
+        self.read_unpacked(member, &unpacked, how)
+    }
+
+    fn read_unpacked(
+        &mut self,
+        member: &Member,
+        unpacked: &[u8],
+        how: &Interpretation,
+    ) -> Result<Acquisition, FormatError> {
+        let mut how = Interpretation { member: None, ..how.clone() };
+        if how.axes.is_none() {
+            how.axes = self.side_car(member)?;
+        }
+        super::read(unpacked, &how)
+    }
+
     /// The member of that name, or whose name without folders it is.
     fn find(&self, wanted: &str) -> Result<Member, FormatError> {
         let exact = self.members.iter().find(|member| member.name == wanted);
@@ -195,11 +214,8 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         None => archive.only_measurement()?,
     };
     let unpacked = archive.unpack(&member)?;
-    let mut inner = Interpretation { member: None, ..how.clone() };
-    if inner.axes.is_none() {
-        inner.axes = archive.side_car(&member)?;
-    }
-    let mut acquisition = super::read(&unpacked, &inner)
+    let mut acquisition = archive
+        .read_unpacked(&member, &unpacked, how)
         .map_err(|error| FormatError { message: format!("{}: {}", snippet(&member.name), error.message), ..error })?;
     acquisition.report.metadata.insert(0, ("member".to_owned(), member.name.clone()));
     if how.member.is_none() {

@@ -165,7 +165,7 @@ impl<'a> Batches<'a> {
             };
             let numbers = parts.numbers(element, count, each)?;
             // No number has been taken for granted: there are as many bytes as the rows need.
-            self.rows.values.resize(whole, f32::NAN);
+            self.resize(whole);
             let cells = &read.cells[first..first + each.unwrap_or(1)];
             match cells {
                 [Cell::Angle(k)] => {
@@ -176,10 +176,17 @@ impl<'a> Batches<'a> {
                 _ => self.values(&column.name, cells, numbers, base, width),
             }
         }
-        self.rows.values.resize(whole, f32::NAN);
+        self.resize(whole);
         self.file(base, count, &written, &lambdas);
         self.count += count;
         Ok(())
+    }
+
+    fn resize(&mut self, whole: usize) {
+        self.rows.values.resize(whole, f32::NAN);
+        if self.read.has_sigma {
+            self.rows.sigma.resize(whole, f32::NAN);
+        }
     }
 
     /// The nodes and buffers of a batch: as many as the columns have, and no byte in two buffers.
@@ -285,13 +292,18 @@ impl<'a> Batches<'a> {
         }
         for row in 0..(self.rows.values.len() - base) / width {
             for (lane, cell) in cells.iter().enumerate() {
-                let Cell::Value(rank) = *cell else { continue };
+                let (Cell::Value(rank) | Cell::Sigma(rank)) = *cell else { continue };
                 let Some(found) = numbers.get(row * cells.len() + lane) else { continue };
-                let value = found as f32;
+                let (value, at) = (found as f32, base + row * width + rank);
                 if value.is_infinite() {
                     self.problem(row, name, Some(found), FINITE);
+                } else if matches!(cell, Cell::Value(_)) {
+                    self.rows.values[at] = value;
+                } else if value < 0.0 {
+                    self.problem(row, name, Some(found), "an uncertainty, which is not negative");
+                } else {
+                    self.rows.sigma[at] = value;
                 }
-                self.rows.values[base + row * width + rank] = value;
             }
         }
     }
@@ -311,6 +323,14 @@ impl<'a> Batches<'a> {
                         rows.grazing += 1;
                         *value = f32::NAN;
                     }
+                }
+            }
+            let uncertain = rows.sigma.get_mut(base..).unwrap_or_default();
+            for (direction, sigmas) in written.iter().zip(uncertain.chunks_exact_mut(width)) {
+                let cosine = libm::cos(direction[2].to_radians()).abs();
+                for sigma in sigmas {
+                    let quotient = (f64::from(*sigma) / cosine) as f32;
+                    *sigma = if quotient.is_finite() { quotient } else { f32::NAN };
                 }
             }
         }

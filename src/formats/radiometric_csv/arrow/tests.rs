@@ -5,6 +5,8 @@ use crate::formats::{AngleGrid, read as read_any};
 
 const WIDE: &[u8] = include_bytes!("../../../../tests/fixtures/arrow/wide.arrows");
 const LONG: &[u8] = include_bytes!("../../../../tests/fixtures/arrow/long.arrows");
+/// Forty scattered directions.
+const UNCERTAIN: &[u8] = include_bytes!("../../../../tests/fixtures/arrow/uncertain.arrows");
 const FILE_OF_LISTS: &[u8] = include_bytes!("../../../../tests/fixtures/arrow/lists.arrow");
 
 fn plain(bytes: &[u8]) -> Result<Acquisition, FormatError> {
@@ -52,6 +54,23 @@ fn columns_lists_and_rows_of_one_value_are_the_same_measurement() {
             }
         }
     }
+}
+
+#[test]
+fn uncertainties_stay_beside_their_values() {
+    let found = plain(UNCERTAIN).unwrap();
+    let Samples::Scattered(scattered) = &found.samples else { panic!("{:?}", found.samples) };
+    let sigma = scattered.sigma.as_ref().unwrap();
+    assert_eq!((scattered.values.len(), sigma.len()), (80, 80));
+    for (k, (value, sigma)) in scattered.values.iter().zip(sigma).enumerate() {
+        // Values grow by 0.01 from 0.1 and have 2 % each; the script left one out.
+        let wanted = (0.1 + 0.01 * k as f64) as f32;
+        assert!(
+            (value - wanted).abs() < 1e-6 && (k == 7 || (sigma - 0.02 * wanted).abs() < 1e-6),
+            "{k}: {value} {sigma}"
+        );
+    }
+    assert!(sigma[7].is_nan());
 }
 
 #[test]
