@@ -5,7 +5,8 @@
 //! replace:
 //! * `rgl`: incident elevations are the material's own, at most 3.75° apart, 0° and 90° among them; incident azimuths of
 //!   anisotropic materials a quarter of an incoming cell (90°/2^level) apart, at least 5°; `4 · 2^level` nodes of the outgoing
-//!   level along a side, 32 to 128. Where that is more than 2²⁶ numbers, first nodes, then incident directions are fewer.
+//!   level along a side, 32 to 128. Where that is more than 2²⁶ numbers, incident
+//!   directions up to 7.5° and 10° apart, then fewer nodes have to do.
 //! * `merl`: 90 × 90 × 180 cells, always.
 //! * `mbsdf`: `4 · 2^level` polar angles, 32 to 128, and twice as many azimuths.
 //! * `lm63`, `eulumdat`: gamma every 5°, 2.5°, 1° or 0.5°, the first that is at most a quarter of an outgoing cell; C planes

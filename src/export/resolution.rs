@@ -10,6 +10,10 @@ const MOST_NUMBERS: usize = 1 << 26;
 const ELEVATIONS: f64 = 3.75;
 /// The narrowest step between incident azimuths, in degrees.
 const AZIMUTHS: f64 = 5.0;
+/// Steps between incident elevations and azimuths up to which they give way to a limit before nodes do.
+const FEWEST: (f64, f64) = (7.5, 10.0);
+/// The same when nodes have.
+const WIDEST_AZIMUTHS: f64 = 22.5;
 /// Nodes and polar angles by rule.
 const SIDES: (usize, usize) = (32, 128);
 /// Nodes and polar angles that may be asked for.
@@ -78,12 +82,14 @@ pub(super) fn incident(material: &Material, options: &ExportOptions, channels: u
         if bytes(&found).is_some_and(|bytes| bytes <= most) {
             return Ok(found);
         }
-        // What was asked for stays; of the rest, first nodes, then incident directions are fewer.
-        if options.side.is_none() && side > SIDES.0 {
-            side = (side / 2).max(SIDES.0);
-        } else if options.step.is_none() && theta_step < 7.5 {
+        // What was asked for stays. Of the rest nodes matter most, which hold the lobes.
+        if options.step.is_none() && theta_step < FEWEST.0 {
             theta_step *= 2.0;
-        } else if options.step.is_none() && phi_step.is_some_and(|step| step < 22.5) {
+        } else if options.step.is_none() && phi_step.is_some_and(|step| step < FEWEST.1) {
+            phi_step = phi_step.map(|step| 2.0 * step);
+        } else if options.side.is_none() && side > SIDES.0 {
+            side = (side / 2).max(SIDES.0);
+        } else if options.step.is_none() && phi_step.is_some_and(|step| step < WIDEST_AZIMUTHS) {
             phi_step = phi_step.map(|step| 2.0 * step);
         } else {
             check_size(bytes(&found), options, "ask for a smaller side or a larger step")?;
