@@ -298,9 +298,9 @@ fn the_users_word_goes_before_the_files() {
 #[test]
 fn metadata_and_skipped_columns_are_told() {
     let text = format!(
-        "# made by hand\n{BRDF}# sample: velvet-03\n# uncertainty: k=1\ntheta_i,theta_o,phi_o,value,sigma,note,s550\n"
+        "# made by hand\n{BRDF}# sample: velvet-03\n# uncertainty: k=1\ntheta_i,theta_o,phi_o,value,sigma,note\n"
     );
-    let acquisition = good(&format!("{text}10,20,0,1,0.1,fine,\n"));
+    let acquisition = good(&format!("{text}10,20,0,1,0.1,fine\n"));
     for pair in [("comment", "made by hand"), ("sample", "velvet-03"), ("uncertainty", "k=1")] {
         assert!(acquisition.report.metadata.contains(&(pair.0.to_owned(), pair.1.to_owned())));
     }
