@@ -86,6 +86,7 @@ fn the_table_names_every_format_once() {
     assert_eq!(
         names,
         [
+            "zip",
             "npy",
             "mbsdf",
             "rgl",
@@ -93,8 +94,10 @@ fn the_table_names_every_format_once() {
             "lm-63",
             "eulumdat",
             "radiometric-csv",
+            "radiometric-arrow",
             "tm-27",
             "virtual",
+            "phase-table",
             "spectral-table",
             "tabphase"
         ]
