@@ -88,8 +88,8 @@ pub(super) struct Fitter {
     light: Vec<f64>,
     residuals: Vec<f64>,
     sorted: Vec<f64>,
-    /// The eight sides on which there are samples, one bit each.
-    sides: u32,
+    /// The sides on which there are samples.
+    around: Around,
     nearest_incoming: f64,
 }
 
@@ -139,7 +139,7 @@ impl Fitter {
             reach: farthest.sqrt(),
             nearest_point: nearest.1,
             count: found.len(),
-            surrounded: self.surrounded(),
+            surrounded: self.around.everywhere,
             nearest_incoming: self.nearest_incoming,
             ..Support::default()
         };
@@ -194,7 +194,7 @@ impl Fitter {
         self.squares.clear();
         self.certainty.clear();
         self.light.clear();
-        self.sides = 0;
+        self.around = Around::default();
         self.nearest_incoming = f64::INFINITY;
         let is_steep = |&wo: &Vector| super::cloud::slope(place.wi, wo)[0].is_nan();
         let mut by_slope = cloud.slopes && !place.parts.iter().any(is_steep) && !is_steep(&place.wo);
@@ -215,7 +215,7 @@ impl Fitter {
                 let incoming = if self.joint { sub(point.wi, place.wi) } else { [0.0; 3] };
                 self.basis.push([x, y, point.slope[0], point.slope[1], incoming[0], incoming[1], 0.0, 0.0]);
                 self.nearest_incoming = self.nearest_incoming.min(dot(incoming, incoming));
-                self.sides |= 1 << octant(x, y);
+                self.around.add([x, y]);
             }
             low = high;
             *count = self.gathered.len();
@@ -264,12 +264,6 @@ impl Fitter {
             *found = terms([x * length, y * length], [found[4] * stretch, found[5] * stretch], self.joint);
         }
         largest.sqrt()
-    }
-
-    /// Whether there is no half plane without samples.
-    fn surrounded(&self) -> bool {
-        let twice = self.sides | self.sides << 8;
-        (0..8).all(|first| twice >> first & 0b1111 != 0)
     }
 
     /// The fit to all samples, or to the nearest where it departs from theirs by more than it saves of noise.
@@ -432,14 +426,32 @@ fn degrees(joint: bool) -> [(usize, usize); 3] {
     if joint { [(2, 8), (1, 5), (0, 1)] } else { [(2, 6), (1, 3), (0, 1)] }
 }
 
-/// Which of eight sides of the origin a point lies on, in turn.
-fn octant(x: f64, y: f64) -> u8 {
-    let steep = x.abs() < y.abs();
-    match (x > 0.0, y > 0.0) {
-        (true, true) => u8::from(steep),
-        (false, true) => 3 - u8::from(steep),
-        (false, false) => 4 + u8::from(steep),
-        (true, false) => 7 - u8::from(steep),
+/// The angle at the origin in which points lie, as long as it is less than half a turn.
+#[derive(Clone, Copy, Debug, Default)]
+struct Around {
+    /// The points at its two sides, the second to the left of the first; none if both are 0.
+    sides: [[f64; 2]; 2],
+    /// Whether every half plane has a point.
+    everywhere: bool,
+}
+
+impl Around {
+    fn add(&mut self, point: [f64; 2]) {
+        if self.everywhere || point == [0.0; 2] {
+            return;
+        }
+        let left_of = |a: [f64; 2]| a[0] * point[1] - a[1] * point[0];
+        let [first, last] = self.sides;
+        if first == [0.0; 2] {
+            self.sides = [point; 2];
+            return;
+        }
+        match (left_of(first) < 0.0, left_of(last) > 0.0) {
+            (true, true) => self.everywhere = true,
+            (true, false) => self.sides[0] = point,
+            (false, true) => self.sides[1] = point,
+            (false, false) => {}
+        }
     }
 }
 
