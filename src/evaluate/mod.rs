@@ -28,6 +28,7 @@ mod batch;
 mod carried;
 mod chosen;
 mod elements;
+mod grid;
 mod incoming;
 mod kernel;
 mod located;
