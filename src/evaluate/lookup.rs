@@ -105,12 +105,15 @@ impl MeshLookup {
     }
 
     /// The triangle that holds `direction`; `None` outside the domain.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn locate(&self, direction: Direction) -> Option<usize> {
         self.locate_vector(direction.xyz())
     }
 
     /// The triangle that holds the unit vector `d`; `None` outside the domain.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn locate_vector(&self, d: Vector) -> Option<usize> {
         self.descend(d).map(|(triangle, _)| triangle)
     }
@@ -164,7 +167,8 @@ impl MeshLookup {
     }
 
     /// The triangle that holds a unit vector, and the vector in the first octant; `None` outside the domain.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn descend(&self, [x, y, z]: Vector) -> Option<(usize, Vector)> {
         if !self.holds([x, y, z]) {
             return None;

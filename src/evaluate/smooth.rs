@@ -462,8 +462,9 @@ impl Smooth {
         self.looked_up(entry * self.node_count + node, there)
     }
 
-    /// What stands at a place, in index entry `entry`. One place is too little for wide vectors.
-    #[inline]
+    /// What stands at a place, in index entry `entry`.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     pub(super) fn at(&self, entry: usize, seen: &Seen) -> Mixed {
         let &Seen { around, wi, wo } = seen;
         let [a, b, c] = around.nodes;

@@ -5,7 +5,7 @@ use super::material::Form;
 use super::planes::{FEW, Planes};
 use super::smooth::{Seen, Smooth};
 use super::{Beyond, EvaluateError, Interpolation, Material, Place, unfit};
-use crate::domain::{Measurement, Tensor, WavelengthGrid};
+use crate::domain::{Measurement, Tensor, WavelengthGrid, wide};
 
 /// Samples of a spectrum that are summed together where some are masked.
 const BLOCK: usize = 64;
@@ -204,20 +204,24 @@ impl Material {
         work: impl FnOnce(&[f32], f32) -> R,
     ) -> Result<R, EvaluateError> {
         let entry = self.entry_of(place)?;
-        Ok(match how {
-            Interpolation::Constant => match self.cell_at(entry, place)? {
-                Some(cell) => work(planes.row(cell), planes.presence(cell)),
-                None => work(&[], 0.0),
+        wide(
+            #[inline(always)]
+            || {
+                Ok(match how {
+                    Interpolation::Constant => match self.cell_at(entry, place)? {
+                        Some(cell) => work(planes.row(cell), planes.presence(cell)),
+                        None => work(&[], 0.0),
+                    },
+                    Interpolation::Smooth => match self.seen(smooth, incoming, place)? {
+                        Some(seen) => {
+                            let mixed = smooth.at(entry, &seen);
+                            work(&mixed.row, mixed.presence)
+                        }
+                        None => work(&[], 0.0),
+                    },
+                })
             },
-            Interpolation::Smooth => {
-                if let Some(seen) = self.seen(smooth, incoming, place)? {
-                    let mixed = smooth.at(entry, &seen);
-                    work(&mixed.row, mixed.presence)
-                } else {
-                    work(&[], 0.0)
-                }
-            }
-        })
+        )
     }
 
     #[inline]
@@ -253,7 +257,8 @@ impl Material {
     }
 
     /// The cell that holds a place; `None` if `wo` is outside the outgoing domain.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn cell_at(&self, entry: usize, place: Place<'_>) -> Result<Option<usize>, EvaluateError> {
         let incoming = self.incoming_entry(place.wi)?;
         let outgoing = match self.outgoing(place.wi, place.wo)? {
@@ -266,7 +271,8 @@ impl Material {
 
     /// A place as the smooth form sees it, where the entry of the incoming axis may be known; `None` outside the outgoing
     /// domain.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn seen(
         &self,
         smooth: &Smooth,
