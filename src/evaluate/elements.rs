@@ -8,7 +8,6 @@
 use super::number::Number;
 use crate::domain::vector::{Vector, unit};
 use crate::domain::{Domain, TriangleMesh};
-use wide::f32x4;
 
 /// From here on two triangles of a mesh share the side of a patch.
 const HALVED_LEVEL: u8 = 6;
@@ -190,6 +189,7 @@ mod tests {
     use super::*;
     use rand::{Rng, RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
+    use wide::f32x4;
 
     fn meshes() -> impl Iterator<Item = TriangleMesh> {
         Domain::ALL.iter().flat_map(|&domain| (0..=7).map(move |level| TriangleMesh::new(domain, level).unwrap()))

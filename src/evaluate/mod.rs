@@ -119,6 +119,4 @@ fn unfit<T>(message: impl Into<String>) -> Result<T, EvaluateError> {
 #[cfg(test)]
 mod batch_tests;
 #[cfg(test)]
-mod smooth_tests;
-#[cfg(test)]
 mod tests;

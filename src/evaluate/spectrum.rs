@@ -36,7 +36,15 @@ impl Material {
         }
         match &self.form {
             Form::Planes { planes, smooth } => {
-                self.with_row(planes, smooth, place, how, None, |row, presence| planes.expand(row, presence, out))?;
+                self.with_row(
+                    planes,
+                    smooth,
+                    place,
+                    how,
+                    None,
+                    #[inline(always)]
+                    |row, presence| planes.expand(row, presence, out),
+                )?;
             }
             Form::Samples { samples, .. } if self.cells() == 1 && self.layout().incoming.is_none() => {
                 self.cell_of(place)?;
@@ -70,15 +78,23 @@ impl Material {
             return unfit(format!("room for {} samples, expected {}: one a wavelength", out.len(), wavelengths.len()));
         }
         match &self.form {
-            Form::Planes { planes, smooth } => self.with_row(planes, smooth, place, how, None, |row, presence| {
-                if presence > 0.0 {
-                    for (lambdas, out) in wavelengths.chunks(FEW).zip(out.chunks_mut(FEW)) {
-                        few(planes, (row, presence), (grid, beyond), lambdas, out);
+            Form::Planes { planes, smooth } => self.with_row(
+                planes,
+                smooth,
+                place,
+                how,
+                None,
+                #[inline(always)]
+                |row, presence| {
+                    if presence > 0.0 {
+                        for (lambdas, out) in wavelengths.chunks(FEW).zip(out.chunks_mut(FEW)) {
+                            few(planes, (row, presence), (grid, beyond), lambdas, out);
+                        }
+                    } else {
+                        between(grid, beyond, wavelengths, out, |_| presence);
                     }
-                } else {
-                    between(grid, beyond, wavelengths, out, |_| presence);
-                }
-            })?,
+                },
+            )?,
             Form::Samples { samples, .. } => match self.find(samples, place, how)? {
                 Found::Outside => between(grid, beyond, wavelengths, out, |_| 0.0),
                 Found::Cell(row) => between(grid, beyond, wavelengths, out, |lambda| row[lambda]),
@@ -119,8 +135,15 @@ impl Material {
         sum: impl Fn(&dyn Fn(usize) -> f32) -> f32,
     ) -> Result<f32, EvaluateError> {
         Ok(match &self.form {
-            Form::Planes { planes, smooth } => self
-                .with_row(planes, smooth, place, how, None, |row, presence| planes.weighted(row, presence, weights))?,
+            Form::Planes { planes, smooth } => self.with_row(
+                planes,
+                smooth,
+                place,
+                how,
+                None,
+                #[inline(always)]
+                |row, presence| planes.weighted(row, presence, weights),
+            )?,
             Form::Samples { samples, .. } => match self.find(samples, place, how)? {
                 Found::Outside => 0.0,
                 Found::Cell(row) => sum(&|lambda| row[lambda]),
@@ -166,7 +189,10 @@ impl Material {
     /// a cell of planes is masked.
     pub(super) fn cell_value(&self, cell: usize, weights: &[f32]) -> f32 {
         match &self.form {
-            Form::Planes { planes, .. } => planes.weighted(planes.row(cell), planes.presence(cell), weights),
+            Form::Planes { planes, .. } => wide(
+                #[inline(always)]
+                || planes.weighted(planes.row(cell), planes.presence(cell), weights),
+            ),
             Form::Samples { samples, .. } => {
                 let row = &samples[cell * self.lambdas()..];
                 known_sum(weights, &|lambda| row[lambda])
@@ -181,7 +207,10 @@ impl Material {
         match (&self.form, &self.outgoing) {
             (Form::Planes { planes, smooth }, _) => {
                 let mixed = smooth.own(entry, incoming, self.incoming_directions[incoming], d);
-                planes.weighted(&mixed.row, mixed.presence, weights)
+                wide(
+                    #[inline(always)]
+                    || planes.weighted(&mixed.row, mixed.presence, weights),
+                )
             }
             (Form::Samples { .. }, Some(lookup)) => {
                 lookup.ring(vertex).map(|(leaf, share)| share * self.cell_value(cell * n_out + leaf, weights)).sum()
