@@ -7,7 +7,7 @@ use super::planes::{Columns, FEW};
 use super::smooth::Mixed;
 use super::staged::Room;
 use super::{Beyond, Density, EvaluateError, Interpolation, Material, Pairs, Place, SampleOptions, unfit};
-use crate::domain::Direction;
+use crate::domain::{Direction, wide};
 
 /// Up to [`Chosen::MOST`] wavelengths of a material; made by [`Material::choose`].
 #[derive(Clone, Debug)]
@@ -118,13 +118,21 @@ impl Chosen<'_> {
             self.material.at_wavelengths(place, how, self.beyond, self.wavelengths(), &mut out[..self.count])?;
             return Ok(out);
         };
-        self.material.with_row(planes, smooth, place, how, incoming, |row, presence| {
-            let mut values = [presence; FEW];
-            if presence > 0.0 {
-                values = planes.picked(row, presence, columns);
-            }
-            self.held(values)
-        })
+        self.material.with_row(
+            planes,
+            smooth,
+            place,
+            how,
+            incoming,
+            #[inline(always)]
+            |row, presence| {
+                let mut values = [presence; FEW];
+                if presence > 0.0 {
+                    values = planes.picked(row, presence, columns);
+                }
+                self.held(values)
+            },
+        )
     }
 
     /// The values at `pairs` into `out`, `[pair][wavelength]`, as [`Chosen::at`] gives them, on the calling thread.
@@ -160,14 +168,24 @@ impl Chosen<'_> {
         u: [f64; 2],
         options: impl Into<SampleOptions>,
     ) -> Result<Option<ChosenSample>, EvaluateError> {
-        let drawn = self.material.drawn_with(index, wi, u, options.into(), |place, how, incoming, cell| {
-            match (&self.material.form, &self.columns, cell) {
-                (Form::Planes { planes, .. }, Some(columns), Some(cell)) if planes.presence(cell) > 0.0 => {
-                    Ok(self.held(planes.picked(planes.row(cell), 1.0, columns)))
-                }
-                _ => self.at_known(place, how, Some(incoming)),
-            }
-        })?;
+        let drawn = wide(
+            #[inline(always)]
+            || {
+                self.material.drawn_with(
+                    index,
+                    wi,
+                    u,
+                    options.into(),
+                    #[inline(always)]
+                    |place, how, incoming, cell| match (&self.material.form, &self.columns, cell) {
+                        (Form::Planes { planes, .. }, Some(columns), Some(cell)) if planes.presence(cell) > 0.0 => {
+                            Ok(self.held(planes.picked(planes.row(cell), 1.0, columns)))
+                        }
+                        _ => self.at_known(place, how, Some(incoming)),
+                    },
+                )
+            },
+        )?;
         let Some((direction, pdf, values)) = drawn else { return Ok(None) };
         let cosine = if self.material.quantity().has_cosine() { direction.cos_theta().abs() } else { 1.0 };
         let share = (cosine / pdf) as f32;

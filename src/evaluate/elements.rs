@@ -8,7 +8,6 @@
 use super::number::Number;
 use crate::domain::vector::{Vector, unit};
 use crate::domain::{Domain, TriangleMesh};
-use wide::f32x4;
 
 /// From here on two triangles of a mesh share the side of a patch.
 const HALVED_LEVEL: u8 = 6;
@@ -65,7 +64,10 @@ impl Elements {
 
     /// The direction of every node.
     pub(super) fn directions(self) -> Vec<Vector> {
-        let octant = Lattice::new(2 * self.patches).points;
+        let n = 2 * self.patches;
+        let part = |k: u32| f64::from(k) / f64::from(n);
+        let octant: Vec<Vector> =
+            (0..=n).flat_map(|p| (0..=n - p).map(move |q| direction([p, q, n - p - q].map(part)))).collect();
         (0..self.octants())
             .flat_map(|which| {
                 let down = self.domain == Domain::Lower || which >= 4;
@@ -142,59 +144,13 @@ impl Elements {
     }
 }
 
-/// The patch of a lattice with `n` patches along an edge of the octant, in which the direction with these absolute values
-/// lies: row, column, and whether it points up. A direction within rounding of a side may fall to either.
-#[inline(always)]
-#[allow(clippy::inline_always, reason = "a call in a loop over places would keep it from becoming vector code")]
-pub(super) fn patch_of([x, y, z]: [f32; 3], n: f32) -> (u32, u32, bool) {
-    let [gx, gy, gz] = [arc(x), arc(y), arc(z)];
-    let scale = n * WITHIN / (gx + gy + gz);
-    let (u, v) = (gx * scale, gy * scale);
-    let (i, j) = (u - 0.5 + ROUND, v - 0.5 + ROUND);
-    let (s, t) = (u - (i - ROUND), v - (j - ROUND));
-    (i.to_bits() - ROUND.to_bits(), j.to_bits() - ROUND.to_bits(), s + t <= 1.0)
-}
-
-/// As `patch_of` for four of them, and the number of the patch: row after row, each with two fewer than the one before,
-/// patches that point up and those that point down in turn. Numbers are exact in f32.
-#[inline]
-pub(super) fn slots_of_four([x, y, z]: [f32x4; 3], n: f32) -> [i32; 4] {
-    let (gx, gy, gz) = (arc(x), arc(y), arc(z));
-    let scale = f32x4::splat(n * WITHIN) / (gx + gy + gz);
-    let (u, v) = (gx * scale, gy * scale);
-    let (round, half) = (f32x4::splat(ROUND), f32x4::splat(0.5));
-    let (i, j) = ((u - half + round) - round, (v - half + round) - round);
-    let down = ((u - i) + (v - j)).simd_gt(f32x4::ONE).bitselect(f32x4::ONE, f32x4::ZERO);
-    (i * (f32x4::splat(2.0 * n) - i) + (j + j) + down).fast_trunc_int().to_array()
-}
-
 /// Keeps what rounding adds to barycentric coordinates from carrying a direction over the far edge of the octant.
 const WITHIN: f32 = 1.0 - 4e-7;
 /// Adding 1.5 · 2²³ rounds a small number to an integer, which is then in the low bits.
 const ROUND: f32 = 12_582_912.0;
 
-/// The points of such a lattice.
-pub(super) struct Lattice {
-    n: u32,
-    points: Vec<Vector>,
-}
-
-impl Lattice {
-    pub(super) fn new(n: u32) -> Self {
-        let part = |k: u32| f64::from(k) / f64::from(n);
-        let points = (0..=n).flat_map(|p| (0..=n - p).map(move |q| [p, q, n - p - q])).map(|k| direction(k.map(part)));
-        Self { n, points: points.collect() }
-    }
-
-    /// The corners of a patch.
-    pub(super) fn corners(&self, (i, j, up): (u32, u32, bool)) -> [Vector; 3] {
-        let corners = if up { [(i, j), (i + 1, j), (i, j + 1)] } else { [(i + 1, j + 1), (i, j + 1), (i + 1, j)] };
-        corners.map(|(p, q)| self.points[(p * (2 * self.n + 3 - p) / 2 + q) as usize])
-    }
-}
-
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "as for the patch")]
+#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
 fn arc<T: Number>(x: T) -> T {
     let xx = x * x;
     x * (T::of(1.0) + xx * (T::of(0.15) + T::of(0.42) * xx))
@@ -233,6 +189,7 @@ mod tests {
     use super::*;
     use rand::{Rng, RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
+    use wide::f32x4;
 
     fn meshes() -> impl Iterator<Item = TriangleMesh> {
         Domain::ALL.iter().flat_map(|&domain| (0..=7).map(move |level| TriangleMesh::new(domain, level).unwrap()))

@@ -191,7 +191,8 @@ impl Nodes {
     }
 
     /// The nodes around an incoming direction (of azimuth 0 for elevations); `None` outside the domain.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn around(&self, wi: Vector) -> Option<Around> {
         match self {
             Self::One | Self::Same(_) => Some(Around::one(0)),
@@ -210,7 +211,8 @@ impl Nodes {
     }
 
     /// The same where the entry of the axis that holds it is known already.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn around_in(&self, entry: usize, wi: Vector) -> Option<Around> {
         match self {
             Self::Triangles(triangles) => Some(triangles.around_in(entry, wi)),
@@ -238,13 +240,15 @@ fn at_rim_of(beyond: &[[u32; 3]], i: usize) -> bool {
 }
 
 impl Triangles {
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     fn around(&self, wi: Vector) -> Option<Around> {
         Some(self.around_in(self.lookup.locate_vector(wi)?, wi))
     }
 
     /// The nodes around an incoming direction of any length in `cell`.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     fn around_in(&self, cell: usize, wi: Vector) -> Around {
         let fan = &self.fans[cell];
         let [x, y, z] = wi.map(|x| x as f32);
@@ -327,6 +331,7 @@ impl Fan {
 
 /// A node's direction as queries need it, with its azimuth's cosine and sine; that of the normal is 0.
 #[derive(Clone, Copy, Debug)]
+#[repr(C)]
 pub(super) struct Origin<T = f32> {
     pub(super) direction: [T; 3],
     pub(super) azimuth: [T; 2],
@@ -341,12 +346,18 @@ impl Origin {
         Self { direction: [x, y, z], azimuth }
     }
 
+    /// Side by side.
+    #[inline(always)]
     fn four(of: [Self; 4]) -> Origin<f32x4> {
-        let lanes = |number: &dyn Fn(&Self) -> f32| f32x4::new([0, 1, 2, 3].map(|k| number(&of[k])));
-        Origin {
-            direction: [0, 1, 2].map(|axis| lanes(&|origin| origin.direction[axis])),
-            azimuth: [0, 1].map(|axis| lanes(&|origin| origin.azimuth[axis])),
-        }
+        let rows = of.map(|Self { direction: [x, y, z], azimuth: [cos, _] }| f32x4::new([x, y, z, cos]));
+        let [x, y, z, cos] = f32x4::transpose(rows);
+        Origin { direction: [x, y, z], azimuth: [cos, f32x4::new(of.map(|origin| origin.azimuth[1]))] }
+    }
+
+    /// Four times.
+    #[inline(always)]
+    fn everywhere(self) -> Origin<f32x4> {
+        Origin { direction: self.direction.map(f32x4::splat), azimuth: self.azimuth.map(f32x4::splat) }
     }
 }
 
@@ -373,7 +384,7 @@ pub(super) fn carried_to_four(
     // What goes through a surface turns.
     let lower = domain == Domain::Sphere && wo[2] < 0.0;
     let alignment = if lower { Alignment::Rotation } else { alignment };
-    carried_to(alignment, is_free, Origin::four([wi; 4]), Origin::four(to), stays)
+    carried_to(alignment, is_free, wi.everywhere(), Origin::four(to), stays)
 }
 
 /// The same where the alignment is known; `is_free` where there is no horizon.

@@ -1,7 +1,6 @@
 //! Many directions at once: the cells that hold them, four lanes at a time.
 
 use super::batch::{Directions, Pairs};
-use super::elements::slots_of_four;
 use super::kernel::{BLOCK, Vectors, set_vector, vector_of};
 use super::lookup::MeshLookup;
 use super::{EvaluateError, Material};
@@ -18,7 +17,7 @@ impl MeshLookup {
         wide(
             #[inline(always)]
             || {
-                let (mut folded, mut slots) = (*d, [0; BLOCK]);
+                let (mut folded, mut columns, mut heights) = (*d, [0; BLOCK], [0; BLOCK]);
                 for i in 0..BLOCK {
                     let [x, y, z] = vector_of(d, i);
                     let [left, back, down] = [x, y, z].map(|c| (c.to_bits() >> 63) as u32);
@@ -26,11 +25,12 @@ impl MeshLookup {
                     let (x, y) = (x.abs(), y.abs());
                     let octant = [if is_odd { y } else { x }, if is_odd { x } else { y }, z.abs()];
                     set_vector(&mut folded, i, octant);
-                    slots[i] = self.slot(octant);
+                    let [across, along, height] = self.grid().cube(octant);
+                    (columns[i], heights[i]) = (self.grid().column(across, along), height);
                     to[i] = self.triangle((left ^ back) + 2 * back, down);
                 }
                 for (i, to) in to.iter_mut().enumerate() {
-                    *to += self.leaf_at(slots[i] as usize, vector_of(&folded, i)) as u32;
+                    *to += self.leaf_at(self.grid().place(columns[i], heights[i]), vector_of(&folded, i)) as u32;
                 }
                 for (i, to) in to.iter_mut().enumerate() {
                     *to = if self.holds(vector_of(d, i)) { *to } else { OUTSIDE };
@@ -55,12 +55,13 @@ impl MeshLookup {
             let share = f32x4::ONE / square.sqrt();
             let is_odd = x.is_sign_negative() ^ y.is_sign_negative();
             let folded = [is_odd.bitselect(y.abs(), x.abs()), is_odd.bitselect(x.abs(), y.abs()), z.abs()];
-            let slots = slots_of_four(folded.map(|c| c * share), self.side() as f32);
+            let [columns, heights] = self.grid().columns_of_four(folded.map(|c| c * share));
             let folded = folded.map(f32x4::to_array);
             let [left, back, down] = [x, y, z].map(|c| c.is_sign_negative().to_bitmask());
             for (k, to) in to[start..].iter_mut().take(4).enumerate() {
                 let [left, back, down] = [left, back, down].map(|mask| (mask >> k) & 1);
-                let leaf = self.leaf_at(slots[k] as usize, folded.map(|c| f64::from(c[k])));
+                let place = self.grid().place(columns[k] as u32, heights[k] as u32);
+                let leaf = self.leaf_at(place, folded.map(|c| f64::from(c[k])));
                 let held = self.triangle((left ^ back) + 2 * back, down) + leaf as u32;
                 *to = select_unpredictable(self.holds([0.0, 0.0, f64::from(d.z[lanes[k]])]), held, OUTSIDE);
             }

@@ -1,7 +1,7 @@
 //! From a direction to the entries of an axis and their weights: tables of a mesh, without search or allocation.
 
-use super::elements::{Lattice, patch_of};
-use crate::domain::vector::{Vector, add, cross, dot, norm, sub, unit};
+use super::grid::{Grid, Place};
+use crate::domain::vector::{Vector, cross, dot};
 use crate::domain::{Direction, Domain, TriangleMesh};
 use std::hint::select_unpredictable;
 
@@ -62,114 +62,7 @@ pub(super) struct MeshLookup {
     starts: Vec<u32>,
     /// Triangles around the vertices, and their part of the solid angle around.
     around: Vec<(u32, f32)>,
-    finder: Finder,
-}
-
-/// The leaves of the octant that a patch of a fine lattice meets: `inside` on the positive side of a plane of `cuts`,
-/// `outside` on the other. Where there is one leaf both are it, so that no branch is taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Place {
-    plane: u16,
-    inside: u16,
-    outside: u16,
-}
-
-impl Place {
-    /// Where there may be more than two. No mesh has a plane of this number.
-    const ANYWHERE: Self = Self { plane: u16::MAX, inside: 0, outside: 0 };
-}
-
-/// A fine lattice on the octant that says which leaves there are: most directions need no descent.
-#[derive(Debug)]
-struct Finder {
-    side: u32,
-    places: Vec<Place>,
-}
-
-/// Patches of the fine lattice along a side of a leaf, and along the octant at least and at most.
-const FINER: u32 = 4;
-const COARSEST: u32 = 32;
-const FINEST: u32 = 256;
-
-impl Finder {
-    fn new(mesh: TriangleMesh, cuts: &[Vector]) -> Self {
-        let side = (FINER << mesh.level()).clamp(COARSEST, FINEST);
-        let lattice = Lattice::new(side);
-        let mut places = Vec::with_capacity((side * side) as usize);
-        for i in 0..side {
-            for j in 0..side - i {
-                for up in [true, false] {
-                    if up || i + j + 1 < side {
-                        debug_assert_eq!(places.len(), slot(i, j, up, side));
-                        places.push(place(mesh.level(), cuts, lattice.corners((i, j, up))));
-                    }
-                }
-            }
-        }
-        Self { side, places }
-    }
-
-    #[inline(always)]
-    #[allow(clippy::inline_always, reason = "the first step of every query")]
-    fn slot(&self, d: Vector) -> u32 {
-        let (i, j, up) = patch_of(d.map(|x| x as f32), self.side as f32);
-        slot(i, j, up, self.side) as u32
-    }
-}
-
-/// Row after row, each with two fewer than the one before: patches that point up and those that point down in turn.
-#[inline]
-fn slot(i: u32, j: u32, up: bool, side: u32) -> usize {
-    (i * (2 * side - i) + 2 * j + u32::from(!up)) as usize
-}
-
-/// The leaves that a patch with these corners may meet; sides of patches are curved, and directions rounded, by less than
-/// what is added.
-fn place(level: u8, cuts: &[Vector], [a, b, c]: [Vector; 3]) -> Place {
-    let points = [a, b, c, unit(add(a, b)), unit(add(b, c)), unit(add(a, c))];
-    let size = [sub(a, b), sub(b, c), sub(a, c)].into_iter().map(norm).fold(0.0, f64::max);
-    let slack = 0.06 * size * size + 1e-6;
-    let (mut nodes, mut split) = (vec![0_usize], None);
-    let (mut offset, mut width) = (0, 1);
-    for _ in 0..level {
-        let mut below = Vec::new();
-        for node in nodes {
-            let sides = [0, 1, 2].map(|k| {
-                let plane = cuts[3 * (offset + node) + k];
-                let values = points.map(|point| dot(plane, point));
-                let slack = slack * norm(plane);
-                (
-                    values.into_iter().fold(f64::INFINITY, f64::min) - slack,
-                    values.into_iter().fold(f64::NEG_INFINITY, f64::max) + slack,
-                )
-            });
-            if let Some(k) = sides.iter().position(|&(low, _)| low > 0.0) {
-                below.push(4 * node + k);
-                continue;
-            }
-            let open: Vec<usize> = (0..3).filter(|&k| sides[k].1 > 0.0).collect();
-            below.extend(open.iter().map(|&k| 4 * node + k));
-            below.push(4 * node + 3);
-            if let (&[k], None) = (&*open, split) {
-                split = Some(3 * (offset + node) + k);
-            } else if !open.is_empty() {
-                return Place::ANYWHERE;
-            }
-        }
-        if below.len() > 2 {
-            return Place::ANYWHERE;
-        }
-        nodes = below;
-        offset += width;
-        width *= 4;
-    }
-    match (&*nodes, split) {
-        (&[leaf], _) => Place { plane: 0, inside: leaf as u16, outside: leaf as u16 },
-        (&[inside, outside], Some(plane)) => {
-            Place { plane: plane as u16, inside: inside as u16, outside: outside as u16 }
-        }
-        _ => Place::ANYWHERE,
-    }
+    grid: Grid,
 }
 
 impl MeshLookup {
@@ -189,13 +82,13 @@ impl MeshLookup {
         let opposite = octant(mesh.level()).map(|[a, b, c]| [cut(b, c, a), cut(c, a, b), cut(a, b, c)]).collect();
         let (corners, vertices) = corners(mesh);
         let (starts, around) = rings(&corners, vertices, &mesh.solid_angles());
-        let finder = Finder::new(mesh, &cuts);
+        let grid = Grid::new(mesh.level(), &cuts);
         let (up, below) = match mesh.domain() {
             Domain::Hemisphere => (1.0, 0),
             Domain::Lower => (-1.0, 0),
             Domain::Sphere => (0.0, 4),
         };
-        Self { mesh, up, below, shift: 2 * u32::from(mesh.level()), cuts, opposite, corners, starts, around, finder }
+        Self { mesh, up, below, shift: 2 * u32::from(mesh.level()), cuts, opposite, corners, starts, around, grid }
     }
 
     pub(super) fn mesh(&self) -> TriangleMesh {
@@ -208,16 +101,19 @@ impl MeshLookup {
             + size_of_val(&*self.corners)
             + size_of_val(&*self.starts)
             + size_of_val(&*self.around)
-            + size_of_val(&*self.finder.places)
+            + self.grid.memory()
     }
 
     /// The triangle that holds `direction`; `None` outside the domain.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn locate(&self, direction: Direction) -> Option<usize> {
         self.locate_vector(direction.xyz())
     }
 
     /// The triangle that holds the unit vector `d`; `None` outside the domain.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn locate_vector(&self, d: Vector) -> Option<usize> {
         self.descend(d).map(|(triangle, _)| triangle)
     }
@@ -271,7 +167,8 @@ impl MeshLookup {
     }
 
     /// The triangle that holds a unit vector, and the vector in the first octant; `None` outside the domain.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn descend(&self, [x, y, z]: Vector) -> Option<(usize, Vector)> {
         if !self.holds([x, y, z]) {
             return None;
@@ -279,48 +176,51 @@ impl MeshLookup {
         // From the signs alone: which octant it is cannot be predicted. On an edge between two it may be either.
         let [left, back, down] = [x, y, z].map(|c| (c.to_bits() >> 63) as u32);
         let is_odd = left ^ back;
-        let sides = [x.abs(), y.abs()];
-        let folded = [sides[is_odd as usize], sides[is_odd as usize ^ 1], z.abs()];
-        let leaf = self.leaf_at(self.slot(folded) as usize, folded);
+        let sides = [x.abs(), y.abs(), z.abs()];
+        let folded = [sides[is_odd as usize], sides[is_odd as usize ^ 1], sides[2]];
+        // The column and the plane are exchanged rather than the vector, for which they need not wait then.
+        let [i, j, k] = self.grid.cube(sides);
+        let column = if is_odd != 0 { self.grid.column(j, i) } else { self.grid.column(i, j) };
+        let place = self.grid.place(column, k);
+        let leaf = if let Some(root) = place.root() {
+            self.leaf_below(root, folded)
+        } else {
+            let plane = &self.cuts[usize::from(place.plane)];
+            let exchanged = [plane[is_odd as usize], plane[is_odd as usize ^ 1], plane[2]];
+            usize::from(select_unpredictable(dot(exchanged, sides) > 0.0, place.inside, place.outside))
+        };
         Some((self.triangle(is_odd + 2 * back, down) as usize + leaf, folded))
     }
 
-    /// The patch of the finder in which a unit vector of the first octant lies.
-    #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a call in a loop over places would keep it from becoming vector code")]
-    pub(super) fn slot(&self, folded: Vector) -> u32 {
-        self.finder.slot(folded)
-    }
-
-    /// The patches of the finder along a side of the octant.
-    pub(super) fn side(&self) -> u32 {
-        self.finder.side
+    /// The grid over the first octant.
+    pub(super) fn grid(&self) -> &Grid {
+        &self.grid
     }
 
     /// The number of the first leaf of the octant in one of the quadrants, above or below the horizon.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "as for the patch")]
+    #[allow(clippy::inline_always, reason = "as for whether it is in the domain")]
     pub(super) fn triangle(&self, quadrant: u32, down: u32) -> u32 {
         (quadrant + self.below * down) << self.shift
     }
 
-    /// The leaf of the first octant that holds `folded`, of any length, which lies in a patch of the finder.
+    /// The leaf of the first octant that holds `folded`, of any length, which lies in a place of the grid.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "as for the patch")]
-    pub(super) fn leaf_at(&self, slot: usize, folded: Vector) -> usize {
-        let place = self.finder.places[slot];
-        if place.plane == Place::ANYWHERE.plane {
-            return self.leaf(folded);
+    #[allow(clippy::inline_always, reason = "as for whether it is in the domain")]
+    pub(super) fn leaf_at(&self, place: Place, folded: Vector) -> usize {
+        if let Some(root) = place.root() {
+            return self.leaf_below(root, folded);
         }
         let beyond = dot(self.cuts[usize::from(place.plane)], folded) > 0.0;
         usize::from(select_unpredictable(beyond, place.inside, place.outside))
     }
 
-    /// The leaf of the first octant that holds `folded`, from the top.
+    /// The leaf of the first octant that holds `folded`, from a node above it on, of this level.
     #[cold]
-    fn leaf(&self, folded: Vector) -> usize {
-        let (mut node, mut offset, mut width) = (0, 0, 1);
-        for _ in 0..self.mesh.level() {
+    fn leaf_below(&self, (mut node, level): (usize, u8), folded: Vector) -> usize {
+        let mut width = 1 << (2 * u32::from(level));
+        let mut offset = (width - 1) / 3;
+        for _ in level..self.mesh.level() {
             // All three planes and no branches: which corner it is cannot be predicted.
             let planes = &self.cuts[3 * (offset + node)..][..3];
             let [beyond0, beyond1, beyond2] = [0, 1, 2].map(|k| dot(planes[k], folded) > 0.0);
@@ -561,34 +461,5 @@ mod tests {
         assert_eq!(at(30.0), [(1, 0.75), (2, 0.25)]);
         let nearest = [0.0, 14.0, 15.0, 16.0, 39.0, 41.0, 90.0].map(|theta| nearest_elevation(&values, theta));
         assert_eq!(nearest, [0, 0, 0, 1, 1, 2, 2]);
-    }
-}
-#[cfg(test)]
-mod finder_tests {
-    use super::*;
-
-    #[test]
-    fn most_patches_of_the_fine_lattice_need_no_descent() {
-        for level in 1..=5 {
-            let lookup = MeshLookup::new(TriangleMesh::new(Domain::Hemisphere, level).unwrap());
-            let side = lookup.finder.side;
-            let mut counts = [0; 3];
-            for i in 0..side {
-                for j in 0..side - i {
-                    for up in [true, false] {
-                        if up || i + j + 1 < side {
-                            match lookup.finder.places[slot(i, j, up, side)] {
-                                Place::ANYWHERE => counts[2] += 1,
-                                place if place.inside == place.outside => counts[0] += 1,
-                                _ => counts[1] += 1,
-                            }
-                        }
-                    }
-                }
-            }
-            println!("{level} {counts:?}");
-            let total: i32 = counts.iter().sum();
-            assert!(counts[2] * 8 < total, "level {level}: {counts:?}");
-        }
     }
 }

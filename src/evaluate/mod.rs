@@ -28,6 +28,7 @@ mod batch;
 mod carried;
 mod chosen;
 mod elements;
+mod grid;
 mod incoming;
 mod kernel;
 mod located;
@@ -117,7 +118,5 @@ fn unfit<T>(message: impl Into<String>) -> Result<T, EvaluateError> {
 
 #[cfg(test)]
 mod batch_tests;
-#[cfg(test)]
-mod smooth_tests;
 #[cfg(test)]
 mod tests;

@@ -61,14 +61,14 @@ pub(super) struct Planes {
     pub(super) deviation: f64,
 }
 
-/// Calls a method that is compiled for each width of a row and for the vectors of the machine at hand.
+/// Calls a method that is compiled for each width of a row.
 macro_rules! by_width {
     ($planes:ident.$method:ident($($argument:expr),*)) => {
         match $planes.width {
-            4 => wide(#[inline(always)] || $planes.$method::<4>($($argument),*)),
-            8 => wide(#[inline(always)] || $planes.$method::<8>($($argument),*)),
-            12 => wide(#[inline(always)] || $planes.$method::<12>($($argument),*)),
-            _ => wide(#[inline(always)] || $planes.$method::<MOST_PLANES>($($argument),*)),
+            4 => $planes.$method::<4>($($argument),*),
+            8 => $planes.$method::<8>($($argument),*),
+            12 => $planes.$method::<12>($($argument),*),
+            _ => $planes.$method::<MOST_PLANES>($($argument),*),
         }
     };
 }
@@ -239,11 +239,16 @@ impl Planes {
     /// The whole spectrum of `row`, times `scale`.
     #[inline]
     pub(super) fn spectrum(&self, row: &[f32], scale: f32, out: &mut [f32]) {
-        by_width!(self.spectrum_in(row, scale, out));
+        // Apart from the search for the row, whose code keeps these loops from becoming as good.
+        wide(
+            #[inline(always)]
+            || by_width!(self.spectrum_in(row, scale, out)),
+        );
     }
 
     /// Linear between the samples of `row` at up to [`FEW`] positions, 0 … last sample, times `scale`.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     pub(super) fn few(&self, row: &[f32], scale: f32, positions: &[f64]) -> [f32; FEW] {
         by_width!(self.few_in(row, scale, positions))
     }
@@ -267,7 +272,8 @@ impl Planes {
     }
 
     /// As [`Planes::few`] at the positions of `columns`.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     pub(super) fn picked(&self, row: &[f32], scale: f32, columns: &Columns) -> [f32; FEW] {
         by_width!(self.picked_in(row, scale, columns))
     }
@@ -284,15 +290,23 @@ impl Planes {
 
     /// The whole spectra of many rows, one after the other.
     pub(super) fn expand_all(&self, rows: &[Mixed], out: &mut [f32]) {
-        by_width!(self.expand_all_in(rows, out));
+        wide(
+            #[inline(always)]
+            || by_width!(self.expand_all_in(rows, out)),
+        );
     }
 
     /// As [`Planes::picked`] for many rows.
     pub(super) fn picked_all(&self, rows: &[Mixed], columns: &Columns, out: &mut [[f32; FEW]]) {
-        by_width!(self.picked_all_in(rows, columns, out));
+        wide(
+            #[inline(always)]
+            || by_width!(self.picked_all_in(rows, columns, out)),
+        );
     }
 
     /// The inner product of the spectrum of a row with this presence with weights.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     pub(super) fn weighted(&self, row: &[f32], presence: f32, weights: &[f32]) -> f32 {
         if presence.is_nan() || presence <= 0.0 {
             return presence;

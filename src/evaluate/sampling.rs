@@ -19,7 +19,7 @@ use super::staged::Room;
 use super::warp::{BELOW_ONE, Density, Measure, SampleOptions, WarpMesh, Warps};
 use super::{DirectionSample, EvaluateError, Interpolation, Material, Place, unfit};
 use crate::domain::vector::unit;
-use crate::domain::{Direction, Domain};
+use crate::domain::{Direction, Domain, wide};
 use std::sync::Arc;
 
 /// The warps of all incoming cells.
@@ -248,7 +248,8 @@ impl Material {
 
     /// A direction drawn by the mean over wavelengths, its density, and what `value` makes of where the function is taken: the
     /// place, the form, the entry of the incoming axis, and the cell where that is known.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     pub(super) fn drawn_with<T>(
         &self,
         index: &[usize],
@@ -372,13 +373,18 @@ impl Material {
         wo: Direction,
         options: SampleOptions,
     ) -> Result<f64, EvaluateError> {
-        let cell = self.sampled_cell(index, wi, options)?;
-        let Some((lookup, wo)) = self.outgoing(wi, Some(wo))? else { return Ok(0.0) };
-        Ok(match self.carried_to(cell, wi, options.density) {
-            Some(carried) if lookup.holds(wo.xyz()) => Self::carried_pdf(trees, cell, &carried, wo, options),
-            Some(_) => 0.0,
-            None => trees.warps.pdf(cell, wo, &options),
-        })
+        wide(
+            #[inline(always)]
+            || {
+                let cell = self.sampled_cell(index, wi, options)?;
+                let Some((lookup, wo)) = self.outgoing(wi, Some(wo))? else { return Ok(0.0) };
+                Ok(match self.carried_to(cell, wi, options.density) {
+                    Some(carried) if lookup.holds(wo.xyz()) => Self::carried_pdf(trees, cell, &carried, wo, options),
+                    Some(_) => 0.0,
+                    None => trees.warps.pdf(cell, wo, &options),
+                })
+            },
+        )
     }
 
     fn invert_by(
@@ -409,6 +415,8 @@ impl Material {
     }
 
     /// The cell of `index` and `wi`, after a look at the options.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     fn sampled_cell(
         &self,
         index: &[usize],

@@ -5,7 +5,7 @@ use super::material::Form;
 use super::planes::{FEW, Planes};
 use super::smooth::{Seen, Smooth};
 use super::{Beyond, EvaluateError, Interpolation, Material, Place, unfit};
-use crate::domain::{Measurement, Tensor, WavelengthGrid};
+use crate::domain::{Measurement, Tensor, WavelengthGrid, wide};
 
 /// Samples of a spectrum that are summed together where some are masked.
 const BLOCK: usize = 64;
@@ -36,7 +36,15 @@ impl Material {
         }
         match &self.form {
             Form::Planes { planes, smooth } => {
-                self.with_row(planes, smooth, place, how, None, |row, presence| planes.expand(row, presence, out))?;
+                self.with_row(
+                    planes,
+                    smooth,
+                    place,
+                    how,
+                    None,
+                    #[inline(always)]
+                    |row, presence| planes.expand(row, presence, out),
+                )?;
             }
             Form::Samples { samples, .. } if self.cells() == 1 && self.layout().incoming.is_none() => {
                 self.cell_of(place)?;
@@ -70,15 +78,23 @@ impl Material {
             return unfit(format!("room for {} samples, expected {}: one a wavelength", out.len(), wavelengths.len()));
         }
         match &self.form {
-            Form::Planes { planes, smooth } => self.with_row(planes, smooth, place, how, None, |row, presence| {
-                if presence > 0.0 {
-                    for (lambdas, out) in wavelengths.chunks(FEW).zip(out.chunks_mut(FEW)) {
-                        few(planes, (row, presence), (grid, beyond), lambdas, out);
+            Form::Planes { planes, smooth } => self.with_row(
+                planes,
+                smooth,
+                place,
+                how,
+                None,
+                #[inline(always)]
+                |row, presence| {
+                    if presence > 0.0 {
+                        for (lambdas, out) in wavelengths.chunks(FEW).zip(out.chunks_mut(FEW)) {
+                            few(planes, (row, presence), (grid, beyond), lambdas, out);
+                        }
+                    } else {
+                        between(grid, beyond, wavelengths, out, |_| presence);
                     }
-                } else {
-                    between(grid, beyond, wavelengths, out, |_| presence);
-                }
-            })?,
+                },
+            )?,
             Form::Samples { samples, .. } => match self.find(samples, place, how)? {
                 Found::Outside => between(grid, beyond, wavelengths, out, |_| 0.0),
                 Found::Cell(row) => between(grid, beyond, wavelengths, out, |lambda| row[lambda]),
@@ -119,8 +135,15 @@ impl Material {
         sum: impl Fn(&dyn Fn(usize) -> f32) -> f32,
     ) -> Result<f32, EvaluateError> {
         Ok(match &self.form {
-            Form::Planes { planes, smooth } => self
-                .with_row(planes, smooth, place, how, None, |row, presence| planes.weighted(row, presence, weights))?,
+            Form::Planes { planes, smooth } => self.with_row(
+                planes,
+                smooth,
+                place,
+                how,
+                None,
+                #[inline(always)]
+                |row, presence| planes.weighted(row, presence, weights),
+            )?,
             Form::Samples { samples, .. } => match self.find(samples, place, how)? {
                 Found::Outside => 0.0,
                 Found::Cell(row) => sum(&|lambda| row[lambda]),
@@ -166,7 +189,10 @@ impl Material {
     /// a cell of planes is masked.
     pub(super) fn cell_value(&self, cell: usize, weights: &[f32]) -> f32 {
         match &self.form {
-            Form::Planes { planes, .. } => planes.weighted(planes.row(cell), planes.presence(cell), weights),
+            Form::Planes { planes, .. } => wide(
+                #[inline(always)]
+                || planes.weighted(planes.row(cell), planes.presence(cell), weights),
+            ),
             Form::Samples { samples, .. } => {
                 let row = &samples[cell * self.lambdas()..];
                 known_sum(weights, &|lambda| row[lambda])
@@ -181,7 +207,10 @@ impl Material {
         match (&self.form, &self.outgoing) {
             (Form::Planes { planes, smooth }, _) => {
                 let mixed = smooth.own(entry, incoming, self.incoming_directions[incoming], d);
-                planes.weighted(&mixed.row, mixed.presence, weights)
+                wide(
+                    #[inline(always)]
+                    || planes.weighted(&mixed.row, mixed.presence, weights),
+                )
             }
             (Form::Samples { .. }, Some(lookup)) => {
                 lookup.ring(vertex).map(|(leaf, share)| share * self.cell_value(cell * n_out + leaf, weights)).sum()
@@ -204,20 +233,24 @@ impl Material {
         work: impl FnOnce(&[f32], f32) -> R,
     ) -> Result<R, EvaluateError> {
         let entry = self.entry_of(place)?;
-        Ok(match how {
-            Interpolation::Constant => match self.cell_at(entry, place)? {
-                Some(cell) => work(planes.row(cell), planes.presence(cell)),
-                None => work(&[], 0.0),
+        wide(
+            #[inline(always)]
+            || {
+                Ok(match how {
+                    Interpolation::Constant => match self.cell_at(entry, place)? {
+                        Some(cell) => work(planes.row(cell), planes.presence(cell)),
+                        None => work(&[], 0.0),
+                    },
+                    Interpolation::Smooth => match self.seen(smooth, incoming, place)? {
+                        Some(seen) => {
+                            let mixed = smooth.at(entry, &seen);
+                            work(&mixed.row, mixed.presence)
+                        }
+                        None => work(&[], 0.0),
+                    },
+                })
             },
-            Interpolation::Smooth => {
-                if let Some(seen) = self.seen(smooth, incoming, place)? {
-                    let mixed = smooth.at(entry, &seen);
-                    work(&mixed.row, mixed.presence)
-                } else {
-                    work(&[], 0.0)
-                }
-            }
-        })
+        )
     }
 
     #[inline]
@@ -253,7 +286,8 @@ impl Material {
     }
 
     /// The cell that holds a place; `None` if `wo` is outside the outgoing domain.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn cell_at(&self, entry: usize, place: Place<'_>) -> Result<Option<usize>, EvaluateError> {
         let incoming = self.incoming_entry(place.wi)?;
         let outgoing = match self.outgoing(place.wi, place.wo)? {
@@ -266,7 +300,8 @@ impl Material {
 
     /// A place as the smooth form sees it, where the entry of the incoming axis may be known; `None` outside the outgoing
     /// domain.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn seen(
         &self,
         smooth: &Smooth,

@@ -180,6 +180,8 @@ impl Warps {
 
     /// Draws a direction from a point `u` of the unit square (held within it). `None` where the cell's total is 0 and
     /// nothing is drawn defensively; with a defensive part such a cell draws all its directions so.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub fn sample(&self, cell: usize, u: [f64; 2], options: &SampleOptions) -> Option<Drawn> {
         let [first, second] = u.map(|u| u.clamp(0.0, BELOW_ONE));
         let defensive = self.defensive(cell, options);
@@ -202,6 +204,8 @@ impl Warps {
     }
 
     /// The density in sr⁻¹ with which [`Warps::sample`] draws `direction`; 0 outside the domain.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub fn pdf(&self, cell: usize, direction: Direction, options: &SampleOptions) -> f64 {
         let defensive = self.defensive(cell, options);
         match self.leaf_density(cell, direction, options) {
@@ -302,6 +306,8 @@ impl Warps {
     }
 
     /// The leaf that holds a direction, its coordinates there, and the tree's density.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     fn leaf_density(
         &self,
         cell: usize,
@@ -319,6 +325,8 @@ impl Warps {
     }
 
     /// The tree's warp.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     fn draw(&self, cell: usize, u: [f64; 2], options: &SampleOptions) -> Drawn {
         let end = self.end(options);
         let mut left = u.map(Fraction::new);
@@ -383,7 +391,8 @@ impl Warps {
 
     /// Goes down to a square of leaves by the quadrants that `decide` chooses from a level and their four weights; returns it
     /// and the probabilities of its halves.
-    #[inline]
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     fn descend(&self, cell: usize, end: u8, mut decide: impl FnMut(u8, [f64; 4]) -> usize) -> (usize, [f64; 2]) {
         let (mesh, last) = (&*self.mesh, self.mesh.mesh().level());
         let tree = self.tree(cell);

@@ -1,10 +1,10 @@
 //! The smooth form against analytic truth, between measured directions, and samples carried along with lobes.
 
-use super::{Alignment, Density, Interpolation, Material, Place, SampleOptions};
 use crate::domain::vector::{Vector, dot};
 use crate::domain::{
     Axis, Direction, Domain, Measurement, Quantity, Sampling, Tensor, TriangleMesh, Unit, WavelengthGrid,
 };
+use crate::evaluate::{Alignment, Density, Interpolation, Material, Place, SampleOptions};
 
 const LAMBDAS: usize = 7;
 

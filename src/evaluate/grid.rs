@@ -1,0 +1,325 @@
+//! A grid of cubes over the first octant that says which leaves a unit vector may lie in, with neither division nor search.
+//!
+//! The cube of a unit vector comes from rounding its three coordinates. Those that the sphere passes stand column after
+//! column: in each they follow one another.
+
+use crate::domain::vector::{Vector, add, dot};
+use std::cell::OnceCell;
+use wide::f32x4;
+
+/// The leaves of the octant that a cube meets: `inside` on the positive side of a plane between nodes, `outside` on the
+/// other. Where there is one leaf both are it, so that no branch is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    pub(super) plane: u16,
+    pub(super) inside: u16,
+    pub(super) outside: u16,
+}
+
+impl Place {
+    /// The plane of a place with more leaves. No mesh has one of this number.
+    const MANY: u16 = u16::MAX;
+
+    fn many(node: usize, level: u8) -> Self {
+        Self { plane: Self::MANY, inside: node as u16, outside: u16::from(level) }
+    }
+
+    /// The node above all its leaves and that node's level, where there are more than two.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "the first step of every query")]
+    pub(super) fn root(self) -> Option<(usize, u8)> {
+        (self.plane == Self::MANY).then_some((usize::from(self.inside), self.outside as u8))
+    }
+
+    /// Of a region, by bounds of the inner products of its points with a plane. `cuts` are the three planes of each inner
+    /// node down to `level`, in the order in which a search meets them.
+    fn within(level: u8, cuts: &[Vector], range: impl Fn(Vector) -> [f64; 2]) -> Self {
+        // A second node comes with the plane between them; a third has no place.
+        let (mut nodes, mut split) = ([0, 0], None);
+        let (mut root, mut offset, mut width) = ((0, 0), 0, 1);
+        for above in 0..level {
+            let mut below = nodes;
+            if split.is_none() {
+                root = (nodes[0], above);
+            }
+            for which in 0..=usize::from(split.is_some()) {
+                let node = nodes[which];
+                let sides = [0, 1, 2].map(|k| range(cuts[3 * (offset + node) + k]));
+                if let Some(k) = sides.iter().position(|&[low, _]| low > 0.0) {
+                    below[which] = 4 * node + k;
+                    continue;
+                }
+                below[which] = 4 * node + 3;
+                let mut open = (0..3).filter(|&k| sides[k][1] > 0.0);
+                match (open.next(), open.next(), split) {
+                    (None, ..) => {}
+                    (Some(k), None, None) => {
+                        split = Some(3 * (offset + node) + k);
+                        below = [4 * node + k, 4 * node + 3];
+                    }
+                    _ => return Self::many(root.0, root.1),
+                }
+            }
+            nodes = below;
+            offset += width;
+            width *= 4;
+        }
+        let [inside, outside] = if split.is_some() { nodes } else { [nodes[0]; 2] };
+        Self { plane: split.unwrap_or(0) as u16, inside: inside as u16, outside: outside as u16 }
+    }
+}
+
+/// The grid of a mesh.
+#[derive(Debug)]
+pub(super) struct Grid {
+    /// Cubes in a unit of length.
+    fine: f64,
+    /// Columns along a side.
+    side: u32,
+    /// What to add to the third number of a cube for its place, column by column, modulo 2¹⁶.
+    starts: Vec<u16>,
+    places: Vec<Place>,
+}
+
+/// Cubes in a unit of length: for each leaf along an octant, at least and at most.
+const FINER: u32 = 3;
+const COARSEST: u32 = 16;
+const FINEST: u32 = 128;
+/// Parts of a cube along a side, of which those that the sphere passes count.
+const PARTS: u32 = 3;
+/// More than rounding moves a unit vector or a bound, in float32 too.
+const SLACK: f64 = 1e-6;
+/// Adding 1.5 · 2⁵² (in float32 1.5 · 2²³) rounds a small number to an integer, which is then in the low bits.
+const ROUND: f64 = 6_755_399_441_055_744.0;
+const ROUND_F32: f32 = 12_582_912.0;
+
+/// A cube: its centre and half a side.
+#[derive(Clone, Copy)]
+struct Cube {
+    centre: Vector,
+    half: f64,
+}
+
+impl Cube {
+    /// Whether the sphere passes it. It has no negative coordinates but for half a cube around 0.
+    fn is_passed(self) -> bool {
+        let near = self.centre.map(|x| (x - self.half - SLACK).max(0.0));
+        let far = self.centre.map(|x| x + self.half + SLACK);
+        dot(near, near) <= 1.0 && dot(far, far) >= 1.0 && far.into_iter().all(|x| x >= 0.0)
+    }
+
+    /// Bounds of the inner product with `plane`.
+    fn range(self, plane: Vector) -> [f64; 2] {
+        let middle = dot(plane, self.centre);
+        let reach = (self.half + SLACK) * (plane[0].abs() + plane[1].abs() + plane[2].abs());
+        [middle - reach, middle + reach]
+    }
+
+    /// The parts that the sphere passes.
+    fn parts(self) -> Vec<Self> {
+        let half = self.half / f64::from(PARTS);
+        let at = |part: u32| [part % PARTS, part / PARTS % PARTS, part / (PARTS * PARTS)];
+        let corner = self.centre.map(|x| x - self.half);
+        (0..PARTS.pow(3))
+            .map(|part| add(corner, at(part).map(|k| f64::from(2 * k + 1) * half)))
+            .map(|centre| Self { centre, half })
+            .filter(|part| part.is_passed())
+            .collect()
+    }
+
+    /// The leaves that unit vectors in it may lie in.
+    fn place(self, level: u8, cuts: &[Vector]) -> Place {
+        let parts = OnceCell::new();
+        Place::within(level, cuts, |plane| {
+            // The whole of it says enough about most planes.
+            let [low, high] = self.range(plane);
+            if low > 0.0 || high < 0.0 {
+                return [low, high];
+            }
+            let ranges = parts.get_or_init(|| self.parts()).iter().map(|part| part.range(plane));
+            ranges.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], [low, high]| [a.min(low), b.max(high)])
+        })
+    }
+}
+
+#[allow(clippy::inline_always, reason = "the first step of every query, in loops that become vector code too")]
+impl Grid {
+    /// Of a mesh of this level. `cuts` are the three planes of each inner node, level by level.
+    pub(super) fn new(level: u8, cuts: &[Vector]) -> Self {
+        let fine = (FINER << level).clamp(COARSEST, FINEST);
+        let (mut starts, mut places) = (Vec::new(), Vec::new());
+        let half = 0.5 / f64::from(fine);
+        for i in 0..=fine {
+            for j in 0..=fine {
+                let cube = |k| Cube { centre: [i, j, k].map(|x| 2.0 * half * f64::from(x)), half };
+                let [x, y, _] = cube(0).centre.map(|x| x + half + SLACK);
+                let lowest = (1.0 - x * x - y * y).max(0.0).sqrt() * f64::from(fine) - 1.0;
+                let first = (lowest as u32..=fine).take(3).find(|&k| cube(k).is_passed()).unwrap_or(fine + 1);
+                starts.push((places.len() as u16).wrapping_sub(first as u16));
+                for cube in (first..=fine).map(cube).take_while(|cube| cube.is_passed()) {
+                    places.push(cube.place(level, cuts));
+                }
+            }
+        }
+        Self { fine: f64::from(fine), side: fine + 1, starts, places }
+    }
+
+    pub(super) fn memory(&self) -> usize {
+        size_of_val(&*self.starts) + size_of_val(&*self.places)
+    }
+
+    /// The numbers of the cube of a unit vector of the first octant.
+    #[inline(always)]
+    pub(super) fn cube(&self, d: Vector) -> [u32; 3] {
+        d.map(|x| (x * self.fine + ROUND).to_bits() as u32)
+    }
+
+    /// The column of a cube with these first two numbers.
+    #[inline(always)]
+    pub(super) fn column(&self, i: u32, j: u32) -> u32 {
+        i * self.side + j
+    }
+
+    /// The columns of the cubes of four vectors, and their third numbers. Integers are exact in float32.
+    #[inline(always)]
+    pub(super) fn columns_of_four(&self, d: [f32x4; 3]) -> [[i32; 4]; 2] {
+        let (fine, round) = (f32x4::splat(self.fine as f32), f32x4::splat(ROUND_F32));
+        let [i, j, k] = d.map(|x| (x * fine + round) - round);
+        [i * f32x4::splat(self.side as f32) + j, k].map(|numbers| numbers.fast_trunc_int().to_array())
+    }
+
+    /// The leaves in the cube of this number of a column.
+    #[inline(always)]
+    pub(super) fn place(&self, column: u32, k: u32) -> Place {
+        let start = self.starts.get(column as usize).copied().unwrap_or(u16::MAX);
+        let place = usize::from(start.wrapping_add(k as u16));
+        self.places.get(place).copied().unwrap_or(Place::many(0, 0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::vector::unit;
+    use crate::domain::{Domain, TriangleMesh};
+    use crate::evaluate::lookup::{MeshLookup, octant};
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    /// All levels; the octants are alike, so that few of other domains will do.
+    fn lookups() -> impl Iterator<Item = MeshLookup> {
+        let meshes = (0..=8).map(|level| (Domain::Sphere, level)).chain([(Domain::Hemisphere, 4), (Domain::Lower, 4)]);
+        meshes.map(|(domain, level)| MeshLookup::new(TriangleMesh::new(domain, level).unwrap()))
+    }
+
+    /// The triangle found by a search from the top; `None` outside the domain.
+    fn searched(lookup: &MeshLookup, [x, y, z]: Vector) -> Option<usize> {
+        let [left, back, down] = [x, y, z].map(f64::is_sign_negative);
+        let [x, y] = if left == back { [x.abs(), y.abs()] } else { [y.abs(), x.abs()] };
+        let first = lookup.triangle(u32::from(left != back) + 2 * u32::from(back), u32::from(down)) as usize;
+        let is_inside = match lookup.mesh().domain() {
+            Domain::Hemisphere => z >= 0.0,
+            Domain::Lower => z <= 0.0,
+            Domain::Sphere => true,
+        };
+        is_inside.then(|| first + lookup.leaf_at(Place::many(0, 0), [x, y, z.abs()]))
+    }
+
+    /// One by one, and four in float32 against the same numbers in float64.
+    fn check(lookup: &MeshLookup, d: Vector) {
+        assert_eq!(lookup.locate_vector(d), searched(lookup, d), "{:?} {d:?}", lookup.mesh());
+        let single = d.map(|x| x.abs() as f32);
+        let [columns, heights] = lookup.grid().columns_of_four(single.map(f32x4::splat));
+        let (place, exact) = (lookup.grid().place(columns[3] as u32, heights[3] as u32), single.map(f64::from));
+        assert_eq!(lookup.leaf_at(place, exact), lookup.leaf_at(Place::many(0, 0), exact), "{single:?}");
+    }
+
+    /// That vector and those a unit in the last place away, in octants of all kinds.
+    fn check_near(lookup: &MeshLookup, d: Vector) {
+        for step in 0..27 {
+            let near = |x: f64, step: u64| if x > 0.0 { f64::from_bits(x.to_bits() + step - 1) } else { x };
+            let d = [near(d[0], step % 3), near(d[1], step / 3 % 3), near(d[2], step / 9)];
+            for signs in [[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [-1.0, -1.0, 1.0], [1.0, -1.0, -1.0]] {
+                check(lookup, [0, 1, 2].map(|k| d[k] * signs[k]));
+            }
+        }
+    }
+
+    fn random(rng: &mut Pcg64Mcg) -> Vector {
+        loop {
+            let v = [0; 3].map(|_| 2.0 * rng.random::<f64>() - 1.0);
+            let square = dot(v, v);
+            if square > 1e-3 && square < 1.0 {
+                return unit(v);
+            }
+        }
+    }
+
+    #[test]
+    fn random_directions_lie_where_the_search_finds_them() {
+        let mut rng = Pcg64Mcg::seed_from_u64(5);
+        for lookup in lookups() {
+            for _ in 0..100_000 {
+                check(&lookup, random(&mut rng));
+            }
+        }
+    }
+
+    #[test]
+    fn so_do_axes_vertices_edges_and_what_is_next_to_them() {
+        let mut rng = Pcg64Mcg::seed_from_u64(6);
+        for lookup in lookups() {
+            for k in 0..3 {
+                let axis = [0, 1, 2].map(|j| f64::from(u8::from(j == k)));
+                check_near(&lookup, axis);
+                check(&lookup, axis.map(|x| -x));
+                let mut plane = random(&mut rng).map(f64::abs);
+                plane[k] = 0.0;
+                check_near(&lookup, unit(plane));
+            }
+            let level = lookup.mesh().level();
+            // The deepest have many.
+            let step = if level < 4 { 1 } else { (1 << (2 * (level - 3))) - 3 };
+            for [a, b, c] in octant(level).step_by(step) {
+                for (a, b) in [(a, b), (b, c), (c, a)] {
+                    for t in [0.0, 1e-15, 1e-9, 0.3, 0.5, rng.random()] {
+                        check_near(&lookup, unit([0, 1, 2].map(|k| (1.0 - t) * a[k] + t * b[k])));
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn so_do_those_on_the_sides_of_cubes() {
+        let mut rng = Pcg64Mcg::seed_from_u64(7);
+        for lookup in lookups() {
+            let fine = lookup.grid().fine;
+            for _ in 0..2000 {
+                let [x, y] = [0; 2].map(|_| ((rng.random::<f64>() * fine).floor() + 0.5) / fine);
+                let square = 1.0 - x * x - y * y;
+                if square >= 0.0 {
+                    check_near(&lookup, [x, y, square.sqrt()]);
+                    check_near(&lookup, [square.sqrt(), x, y]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn few_cubes_have_more_than_two_leaves() {
+        let mut rng = Pcg64Mcg::seed_from_u64(8);
+        for lookup in lookups() {
+            let grid = lookup.grid();
+            let is_open = |d: Vector| {
+                let [i, j, k] = grid.cube(d.map(f64::abs));
+                grid.place(grid.column(i, j), k).root().is_some()
+            };
+            let open = (0..50_000).filter(|_| is_open(random(&mut rng))).count();
+            let level = lookup.mesh().level();
+            println!("level {level}: {open} of 50000, {} bytes", grid.memory());
+            // The finest grid is as fine as leaves of level 7.
+            assert!(open < 50_000 / 8 || level > 5, "level {level}: {open}");
+        }
+    }
+}

@@ -1,0 +1,362 @@
+//! The smooth form: values at nodes over outgoing directions, for nodes over incoming directions, and what stands between.
+//!
+//! * Over **outgoing** directions: quadratic elements ([`super::elements`]) through values that have the cells' averages
+//!   ([`super::reconstruct`]); of logarithms where data are positive, corrected for the average of an exponential being
+//!   more than the exponential of an average.
+//! * Over **incoming** directions: linear between three nodes, each of which is looked up where its own lobe has what is
+//!   asked for ([`super::incoming::Alignment`]). The alignment is the one under which the function keeps its shape best from
+//!   one measured incoming direction to the next.
+//! * Cells that are zero or masked have no logarithm: the share of live cells around is interpolated, too.
+
+mod moving;
+mod tables;
+#[cfg(test)]
+mod tests;
+
+use super::carried::known;
+use super::elements::{Elements, NODES, Patches};
+use super::incoming::{Alignment, Around, Nodes, Origin, carried, carried_to, carried_to_four};
+use super::kernel::{BLOCK, Vectors, vector_of};
+use super::planes::MOST_PLANES;
+use crate::domain::vector::Vector;
+use crate::domain::{Domain, wide};
+use ::wide::f32x4;
+
+/// Presence below this is none.
+const NO_LIGHT: f32 = 1e-4;
+/// A row of coefficients on the stack.
+pub(super) type Row = [f32; MOST_PLANES];
+
+/// The tables.
+#[derive(Debug)]
+pub(super) struct Smooth {
+    elements: Elements,
+    domain: Domain,
+    has_cosine: bool,
+    pub(super) nodes: Nodes,
+    pub(super) alignment: Alignment,
+    /// The alignments that competed, and how much the function changes under each.
+    pub(super) changes: Vec<(Alignment, f64)>,
+    /// The share of light that goes astray where an incoming direction is predicted from those around.
+    pub(super) left_out: Option<f64>,
+    width: usize,
+    node_count: usize,
+    /// The nodes' directions.
+    origins: Vec<Origin>,
+    /// `[index entry][incoming node][outgoing node][width]`.
+    values: Vec<f32>,
+    /// Where not all cells are live: `[index entry][incoming node][outgoing node]` of live among those not masked, and of
+    /// those not masked among all.
+    presence: Vec<[f32; 2]>,
+}
+
+/// A place: the nodes around its incoming direction, and its directions.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    pub(super) around: Around,
+    pub(super) wi: Vector,
+    pub(super) wo: Vector,
+}
+
+/// The same for a block, and room for where it is looked up.
+#[derive(Clone, Debug)]
+pub(super) struct SeenBlock {
+    nodes: [[u32; BLOCK]; 3],
+    weights: [[f32; BLOCK]; 3],
+    pub(super) wi: Vectors,
+    pub(super) wo: Vectors,
+    /// For each of the nodes.
+    patches: [Patches<BLOCK>; 3],
+}
+
+impl SeenBlock {
+    /// Anything.
+    pub(super) const NOTHING: Self = Self {
+        nodes: [[0; BLOCK]; 3],
+        weights: [[0.0; BLOCK]; 3],
+        wi: [[0.0; BLOCK]; 3],
+        wo: [[0.0; BLOCK]; 3],
+        patches: [const { Patches::NOWHERE }; 3],
+    };
+
+    #[inline]
+    pub(super) fn set_around(&mut self, i: usize, around: &Around) {
+        for k in 0..3 {
+            (self.nodes[k][i], self.weights[k][i]) = (around.nodes[k], around.weights[k]);
+        }
+    }
+
+    fn get(&self, i: usize) -> Seen {
+        let around = Around { nodes: self.nodes_of(i), weights: self.weights.map(|weights| weights[i]), count: 3 };
+        Seen { around, wi: vector_of(&self.wi, i), wo: vector_of(&self.wo, i) }
+    }
+
+    #[inline]
+    fn nodes_of(&self, i: usize) -> [u32; 3] {
+        [self.nodes[0][i], self.nodes[1][i], self.nodes[2][i]]
+    }
+}
+
+/// What is interpolated at a place.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mixed {
+    pub(super) row: Row,
+    /// The share of light; NaN where all is masked.
+    pub(super) presence: f32,
+}
+
+impl Mixed {
+    /// No light.
+    pub(super) const NOTHING: Self = Self { row: [0.0; MOST_PLANES], presence: 0.0 };
+
+    /// Of a sum of rows that weigh `live` together, of `known` that are not masked. Weights of a fit may be negative, and
+    /// what is left of them next to nothing.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
+    fn settled(mut row: Row, live: f32, known: f32) -> Self {
+        let mut presence = 0.0;
+        if live > NO_LIGHT {
+            let share = 1.0 / live;
+            for value in &mut row {
+                *value *= share;
+            }
+            presence = (live / known).clamp(0.0, 1.0);
+        }
+        Self { row, presence: if known > NO_LIGHT { presence } else { f32::NAN } }
+    }
+}
+
+/// Rows mixed by weight and presence; masked ones left out. Weights of a fit may be negative.
+struct Mixture {
+    row: Row,
+    live: f32,
+    known: f32,
+}
+
+impl Mixture {
+    fn new() -> Self {
+        Self { row: [0.0; MOST_PLANES], live: 0.0, known: 0.0 }
+    }
+
+    fn add(&mut self, mixed: Mixed, weight: f32) {
+        if mixed.presence.is_nan() {
+            return;
+        }
+        self.known += weight;
+        if mixed.presence > 0.0 {
+            let part = weight * mixed.presence;
+            self.live += part;
+            self.row.iter_mut().zip(mixed.row).for_each(|(sum, v)| *sum += part * v);
+        }
+    }
+
+    fn finish(self) -> Mixed {
+        Mixed::settled(self.row, self.live, self.known)
+    }
+}
+
+impl Smooth {
+    /// The row of one table at a direction, with its presence.
+    fn looked_up(&self, table: usize, d: Vector) -> Mixed {
+        let mut patches = Patches::<1>::NOWHERE;
+        self.elements.write(d.map(|x| x as f32), &mut patches, 0);
+        self.gather(1, [table; 3], [&patches; 3], [0; 3], [1.0, 0.0, 0.0])
+    }
+
+    /// What stands in the table of one entry of the incoming axis, whose direction is `wi`.
+    pub(super) fn own(&self, entry: usize, incoming: usize, wi: Vector, wo: Vector) -> Mixed {
+        let (node, there) = match self.nodes {
+            Nodes::Same(to) => (0, carried(self.alignment, self.domain, wi, to, wo).0),
+            _ => (incoming, wo),
+        };
+        self.looked_up(entry * self.node_count + node, there)
+    }
+
+    /// What stands at a place, in index entry `entry`.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
+    pub(super) fn at(&self, entry: usize, seen: &Seen) -> Mixed {
+        let &Seen { around, wi, wo } = seen;
+        let [a, b, c] = around.nodes;
+        let mut patches = Patches::<4>::NOWHERE;
+        let (there, worth) = if matches!(self.nodes, Nodes::One) {
+            (wo.map(|x| f32x4::splat(x as f32)), f32x4::ONE)
+        } else {
+            let to = [a, b, c, c].map(|node| self.origins[node as usize]);
+            carried_to_four(self.alignment, self.domain, Origin::new(wi), to, wo)
+        };
+        self.elements.write(there, &mut patches, 0);
+        let [u, v, w] = around.weights;
+        let weights = worth * f32x4::new([u, v, w, 0.0]);
+        for shares in &mut patches.weights {
+            *shares = (f32x4::new(*shares) * weights).to_array();
+        }
+        let [u, v, w, _] = weights.to_array();
+        self.gather(around.count, self.tables(entry, [a, b, c]), [&patches; 3], [0, 1, 2], [u, v, w])
+    }
+
+    /// What stands at the first places of a block, as many as `to` has: first they are all looked up, then gathered.
+    pub(super) fn at_block(&self, entry: usize, seen: &mut SeenBlock, to: &mut [Mixed]) {
+        let alignment = if matches!(self.nodes, Nodes::One) { Alignment::None } else { self.alignment };
+        let is_whole = self.domain == Domain::Sphere;
+        if is_whole && !matches!(alignment, Alignment::None | Alignment::Rotation) {
+            // Above and below the horizon there are different ways.
+            to.iter_mut().enumerate().for_each(|(i, to)| *to = self.at(entry, &seen.get(i)));
+            return;
+        }
+        let count = if matches!(self.nodes, Nodes::One | Nodes::Same(_)) { 1 } else { 3 };
+        wide(
+            #[inline(always)]
+            || {
+                known(
+                    alignment,
+                    #[inline(always)]
+                    |alignment| self.look_up_block(alignment, is_whole, count, seen),
+                );
+                let SeenBlock { patches: [a, b, c], weights, .. } = &*seen;
+                for (i, to) in to.iter_mut().enumerate() {
+                    let tables = self.tables(entry, seen.nodes_of(i));
+                    *to = self.gather(count, tables, [a, b, c], [i; 3], [weights[0][i], weights[1][i], weights[2][i]]);
+                }
+            },
+        );
+    }
+
+    /// Writes the patches in which places are seen under `count` nodes around, and multiplies weights with their worth.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
+    fn look_up_block(&self, alignment: Alignment, is_free: bool, count: usize, seen: &mut SeenBlock) {
+        let mut origins = [[0.0; BLOCK]; 5];
+        for i in 0..BLOCK {
+            let Origin { direction: [x, y, z], azimuth: [cos, sin] } = Origin::new(vector_of(&seen.wi, i));
+            for (to, number) in origins.iter_mut().zip([x, y, z, cos, sin]) {
+                to[i] = number;
+            }
+        }
+        let wo = seen.wo.map(|numbers| numbers.map(|x| x as f32));
+        for ((patches, weights), nodes) in seen.patches.iter_mut().zip(&mut seen.weights).zip(&seen.nodes).take(count) {
+            let mut to = [[0.0; BLOCK]; 5];
+            if alignment != Alignment::None {
+                for i in 0..BLOCK {
+                    let Origin { direction: [x, y, z], azimuth: [cos, sin] } = self.origins[nodes[i] as usize];
+                    for (to, number) in to.iter_mut().zip([x, y, z, cos, sin]) {
+                        to[i] = number;
+                    }
+                }
+            }
+            for i in 0..BLOCK {
+                let at = |of: &[[f32; BLOCK]; 5]| Origin {
+                    direction: [of[0][i], of[1][i], of[2][i]],
+                    azimuth: [of[3][i], of[4][i]],
+                };
+                let (there, worth) =
+                    carried_to(alignment, is_free, at(&origins), at(&to), [wo[0][i], wo[1][i], wo[2][i]]);
+                self.elements.write(there, patches, i);
+                weights[i] *= worth;
+                for shares in &mut patches.weights {
+                    shares[i] *= weights[i];
+                }
+            }
+        }
+    }
+
+    /// The tables of nodes.
+    #[inline]
+    fn tables(&self, entry: usize, nodes: [u32; 3]) -> [usize; 3] {
+        nodes.map(|node| entry * self.node_count + node as usize)
+    }
+
+    /// What stands in one table or three, in the patches of these lanes.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
+    fn gather<const N: usize>(
+        &self,
+        count: usize,
+        tables: [usize; 3],
+        patches: [&Patches<N>; 3],
+        lanes: [usize; 3],
+        weights: [f32; 3],
+    ) -> Mixed {
+        match (self.width, count) {
+            (4, 1) => self.gather_in::<4, 1, N>(tables, patches, lanes, weights),
+            (4, _) => self.gather_in::<4, 3, N>(tables, patches, lanes, weights),
+            (8, 1) => self.gather_in::<8, 1, N>(tables, patches, lanes, weights),
+            (8, _) => self.gather_in::<8, 3, N>(tables, patches, lanes, weights),
+            (12, _) => self.gather_in::<12, 3, N>(tables, patches, lanes, weights),
+            _ => self.gather_in::<MOST_PLANES, 3, N>(tables, patches, lanes, weights),
+        }
+    }
+
+    /// Tables beyond those that there are have no weight. Those of patches are multiplied with those of tables already.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
+    fn gather_in<const WIDTH: usize, const COUNT: usize, const N: usize>(
+        &self,
+        tables: [usize; 3],
+        patches: [&Patches<N>; 3],
+        lanes: [usize; 3],
+        weights: [f32; 3],
+    ) -> Mixed {
+        let bases: [usize; COUNT] = std::array::from_fn(|k| tables[k] * self.elements.len());
+        if self.presence.is_empty() {
+            let row = self.summed::<WIDTH, COUNT>(bases, |node, k| {
+                (patches[k].nodes[node][lanes[k]], patches[k].weights[node][lanes[k]])
+            });
+            let live: f32 = weights[..COUNT].iter().sum();
+            return Mixed::settled(row, live, live);
+        }
+        let (mut parts, mut live, mut known) = ([0.0; COUNT], 0.0, 0.0);
+        for k in 0..COUNT {
+            let (share, known_share) = self.presence_in(bases[k], patches[k], lanes[k]);
+            if known_share > 0.0 {
+                parts[k] = share;
+                known += weights[k];
+                live += weights[k] * share;
+            }
+        }
+        let row = self.summed::<WIDTH, COUNT>(bases, |node, k| {
+            (patches[k].nodes[node][lanes[k]], patches[k].weights[node][lanes[k]] * parts[k])
+        });
+        Mixed::settled(row, live, known)
+    }
+
+    /// The sum of rows: of each node of each patch the place in its table, and its factor.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
+    fn summed<const WIDTH: usize, const COUNT: usize>(
+        &self,
+        bases: [usize; COUNT],
+        of: impl Fn(usize, usize) -> (u32, f32),
+    ) -> Row {
+        let rows = self.values.as_chunks::<WIDTH>().0;
+        let mut sums = [[0.0; WIDTH]; COUNT];
+        for node in 0..NODES {
+            for k in 0..COUNT {
+                let (place, factor) = of(node, k);
+                for (sum, v) in sums[k].iter_mut().zip(&rows[bases[k] + place as usize]) {
+                    *sum += factor * v;
+                }
+            }
+        }
+        let mut row = [0.0; MOST_PLANES];
+        for sums in sums {
+            row.iter_mut().zip(sums).for_each(|(row, sum)| *row += sum);
+        }
+        row
+    }
+
+    /// The share of light in a patch of the table at `base`, and the share that is known.
+    fn presence_in<const N: usize>(&self, base: usize, patches: &Patches<N>, lane: usize) -> (f32, f32) {
+        let (mut live, mut known) = (0.0, 0.0);
+        for (nodes, corners) in patches.nodes.iter().zip(&patches.corners) {
+            let [share, known_share] = self.presence[base + nodes[lane] as usize];
+            live += corners[lane] * share * known_share;
+            known += corners[lane] * known_share;
+        }
+        (if known > 0.0 { live / known } else { 0.0 }, known)
+    }
+
+    pub(super) fn memory(&self) -> usize {
+        size_of_val(&*self.values) + size_of_val(&*self.presence) + size_of_val(&*self.origins) + self.nodes.memory()
+    }
+}

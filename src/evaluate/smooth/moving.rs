@@ -1,0 +1,113 @@
+//! How lobes move with the incoming direction: which alignment keeps the function's shape best, and what that leaves out.
+
+use super::{Mixed, Mixture, Smooth};
+use crate::domain::vector::Vector;
+use crate::evaluate::incoming::{Alignment, Nodes, carried};
+use crate::evaluate::planes::Planes;
+use rayon::prelude::*;
+
+/// Nodes at which alignments are compared, about.
+const COMPARED: usize = 600;
+/// Changes of shape below this are none.
+const NO_CHANGE: f64 = 0.02;
+/// Pairs of neighbouring incoming directions that are compared at most, about.
+const MOST_PAIRS: usize = 256;
+
+impl Smooth {
+    /// How much the shape of the function changes from one incoming direction to its neighbours, carried as `alignment`
+    /// says: the standard deviation, by the square of the light, of the logarithm of the ratio. A lobe that stays where it is has a small one,
+    /// however much its height changes; one that moves away from under itself has a large one.
+    pub(super) fn change_between(
+        &self,
+        planes: &Planes,
+        nodes: &Nodes,
+        own: usize,
+        entries: usize,
+        directions: &[Vector],
+        alignment: Alignment,
+    ) -> f64 {
+        let pairs: Vec<(usize, usize)> =
+            (0..own).flat_map(|node| nodes.neighbours(node).into_iter().map(move |other| (node, other))).collect();
+        let stride = (directions.len() / COMPARED).max(1);
+        let few = pairs.len().div_ceil(MOST_PAIRS).max(1);
+        let sums: Vec<(f64, f64)> = pairs
+            .par_iter()
+            .step_by(few)
+            .flat_map_iter(|&(node, other)| (0..entries).map(move |entry| (entry, node, other)))
+            .map(|(entry, node, other)| {
+                let (from, to) = (nodes.direction(node), nodes.direction(other));
+                let (mut light, mut first, mut second) = (0.0, 0.0, 0.0);
+                for d in directions.iter().step_by(stride) {
+                    let (there, worth) = carried(alignment, self.domain, from, to, *d);
+                    let here = brightness(planes, &self.looked_up(entry * own + node, *d));
+                    let there = brightness(planes, &self.looked_up(entry * own + other, there));
+                    if here > 0.0 && there > 0.0 && worth > 0.5 {
+                        // By the square of the light: lobes decide, not what lies around them.
+                        let weight = here * here * self.measure(*d);
+                        let ratio = libm::log(here / there);
+                        light += weight;
+                        first += weight * ratio;
+                        second += weight * ratio * ratio;
+                    }
+                }
+                let deviation = (second / light - (first / light).powi(2)).max(0.0).sqrt();
+                if light > 0.0 { (libm::log(deviation + NO_CHANGE), 1.0) } else { (0.0, 0.0) }
+            })
+            .collect();
+        // The geometric mean, or pairs at grazing incidence, where the height of lobes changes most, would have all the say.
+        let (logarithms, count) = sums.iter().fold((0.0, 0.0), |sum: (f64, f64), s| (sum.0 + s.0, sum.1 + s.1));
+        if count > 0.0 { libm::exp(logarithms / count) - NO_CHANGE } else { 0.0 }
+    }
+
+    fn measure(&self, d: Vector) -> f64 {
+        if self.has_cosine { d[2].abs() } else { 1.0 }
+    }
+
+    /// The share of the light of entries that those around put elsewhere.
+    pub(super) fn left_out(
+        &self,
+        planes: &Planes,
+        nodes: &Nodes,
+        own: usize,
+        entries: usize,
+        directions: &[Vector],
+    ) -> Option<f64> {
+        let stride = (own * directions.len() / COMPARED).clamp(1, 97);
+        let pairs: Vec<(usize, usize)> = (0..own)
+            .filter(|&node| nodes.others(node).is_some())
+            .flat_map(|node| (node % stride..directions.len()).step_by(stride).map(move |d| (node, d)))
+            .collect();
+        let step = pairs.len().div_ceil(64 * COMPARED).max(1);
+        let sums: Vec<(f64, f64)> = pairs
+            .par_iter()
+            .step_by(step)
+            .flat_map_iter(|&(node, d)| (0..entries).map(move |entry| (entry, node, d)))
+            .map(|(entry, node, d)| {
+                let wi = nodes.direction(node);
+                let mut mix = Mixture::new();
+                for (other, weight) in nodes.others(node).unwrap_or_default() {
+                    let (there, worth) =
+                        carried(self.alignment, self.domain, wi, nodes.direction(other), directions[d]);
+                    mix.add(self.looked_up(entry * own + other, there), weight * worth);
+                }
+                let found = brightness(planes, &self.looked_up(entry * own + node, directions[d]));
+                let predicted = brightness(planes, &mix.finish());
+                let measure = self.measure(directions[d]);
+                if found.is_nan() || predicted.is_nan() {
+                    (0.0, 0.0)
+                } else {
+                    ((found - predicted).abs() * measure, found.abs() * measure)
+                }
+            })
+            .collect();
+        let (astray, light) = sums.iter().fold((0.0, 0.0), |sum: (f64, f64), s| (sum.0 + s.0, sum.1 + s.1));
+        (light > 0.0).then(|| astray / light)
+    }
+}
+
+/// The mean of three wavelengths.
+fn brightness(planes: &Planes, mixed: &Mixed) -> f64 {
+    let row = &mixed.row[..planes.count];
+    let sum: f32 = [1, 2, 3].iter().map(|quarter| planes.sample(row, quarter * (planes.lambdas - 1) / 4)).sum();
+    f64::from(mixed.presence * sum)
+}

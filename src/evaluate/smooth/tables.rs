@@ -1,0 +1,248 @@
+//! The tables of the smooth form: node values that have the averages of cells, and nodes between incoming directions.
+
+use super::{Mixed, Mixture, Row, Smooth};
+use crate::domain::vector::Vector;
+use crate::evaluate::elements::Elements;
+use crate::evaluate::incoming::{Alignment, Nodes, Origin, carried};
+use crate::evaluate::lookup::MeshLookup;
+use crate::evaluate::planes::{Cell, MOST_PLANES, Planes};
+use crate::evaluate::reconstruct::{Cells, Weights, node_weights};
+use rayon::prelude::*;
+
+/// Corrections for the average of an exponential.
+const CORRECTIONS: usize = 2;
+/// A correction of a logarithm is at most this large: beyond it cells are too steep to say.
+const LARGEST_CORRECTION: f64 = 0.5;
+/// If carried directions agree this well, one of them serves for all.
+const ALIKE: f64 = 2e-3;
+/// The most numbers in tables.
+const MOST_VALUES: usize = 1 << 28;
+
+impl Smooth {
+    /// Tables for the cells of `planes`: `[entry][incoming entry][cell]`; `None` if they would be too large.
+    pub(in crate::evaluate) fn new(
+        planes: &Planes,
+        cells: &Cells,
+        lookup: &MeshLookup,
+        mut nodes: Nodes,
+        entries: usize,
+        candidates: &[Alignment],
+        has_cosine: bool,
+    ) -> Option<Self> {
+        let mesh = lookup.mesh();
+        let elements = Elements::new(mesh);
+        let (all, own) = nodes.counts();
+        let outgoing = elements.len();
+        let size = [entries, all, outgoing, planes.width].iter().try_fold(1_usize, |n, &k| n.checked_mul(k))?;
+        if size > MOST_VALUES {
+            return None;
+        }
+        let mut smooth = Self {
+            elements,
+            domain: mesh.domain(),
+            has_cosine,
+            alignment: Alignment::None,
+            left_out: None,
+            changes: Vec::new(),
+            width: planes.width,
+            node_count: 1,
+            origins: Vec::new(),
+            values: Vec::new(),
+            presence: Vec::new(),
+            nodes: Nodes::One,
+        };
+        let (tables, presence) = smooth.reconstruct(planes, cells, lookup, entries * own);
+        smooth.values = tables;
+        smooth.presence = presence;
+        // So far every entry is a node of its own and nothing is between.
+        let directions = elements.directions();
+        let mut best = (f64::INFINITY, candidates.first().copied().unwrap_or_default());
+        for &alignment in candidates {
+            let change = smooth.change_between(planes, &nodes, own, entries, &directions, alignment);
+            smooth.changes.push((alignment, change));
+            if change < best.0 {
+                best = (change, alignment);
+            }
+        }
+        smooth.alignment = best.1;
+        smooth.left_out = smooth.left_out(planes, &nodes, own, entries, &directions);
+        let alike = smooth.left_out.is_some_and(|error| error < ALIKE);
+        if alike && best.1 == Alignment::Rotation {
+            nodes = Nodes::Same(nodes.direction(0));
+            let cell = outgoing * smooth.width;
+            smooth.values = smooth.values.chunks_exact(own * cell).flat_map(|c| &c[..cell]).copied().collect();
+            smooth.presence =
+                smooth.presence.chunks_exact(own * outgoing).flat_map(|c| &c[..outgoing]).copied().collect();
+        }
+        smooth.add_nodes_between(&nodes, entries, &directions);
+        smooth.node_count = nodes.counts().0;
+        smooth.origins = (0..smooth.node_count).map(|node| Origin::new(nodes.direction(node))).collect();
+        smooth.nodes = nodes;
+        Some(smooth)
+    }
+
+    /// Values at the outgoing nodes, for every incoming entry.
+    fn reconstruct(
+        &self,
+        planes: &Planes,
+        cells: &Cells,
+        lookup: &MeshLookup,
+        incoming: usize,
+    ) -> (Vec<f32>, Vec<[f32; 2]>) {
+        let leaves = lookup.mesh().len();
+        let (width, used) = (self.width, planes.count);
+        let whole = node_weights(cells, lookup, self.elements, None);
+        let coupling = planes.coupling();
+        let mut values = vec![0.0; incoming * self.elements.len() * width];
+        let per_entry = self.elements.len() * width;
+        values.par_chunks_mut(per_entry).enumerate().for_each(|(entry, table)| {
+            let is_live = |cell: u32| planes.cell(entry * leaves + cell as usize) == Cell::Live;
+            let all_live = (0..leaves as u32).all(is_live);
+            let own = (!all_live).then(|| node_weights(cells, lookup, self.elements, Some(&is_live)));
+            let weights = own.as_ref().unwrap_or(&whole);
+            let mut averages: Vec<f32> =
+                (0..leaves).flat_map(|cell| planes.row(entry * leaves + cell)).copied().collect();
+            apply(weights, &averages, width, table);
+            if !planes.logarithms {
+                return;
+            }
+            let original = averages.clone();
+            for _ in 0..CORRECTIONS {
+                for cell in 0..leaves {
+                    let own = cell * width..cell * width + used;
+                    let excess = self.excess(&coupling, used, table, cells.points(cell));
+                    for ((average, original), c) in averages[own.clone()].iter_mut().zip(&original[own]).zip(excess) {
+                        *average = original - c as f32;
+                    }
+                }
+                apply(weights, &averages, width, table);
+            }
+        });
+        let presence = if planes.cells.is_empty() || planes.cells.iter().all(|&cell| cell == Cell::Live) {
+            Vec::new()
+        } else {
+            self.presence_at_nodes(planes, lookup, cells, incoming)
+        };
+        (values, presence)
+    }
+
+    /// By how much the logarithm of a cell's average exceeds the average of its logarithm, to second order: half the
+    /// variance over the cell.
+    fn excess(&self, coupling: &[f64], planes: usize, table: &[f32], points: [Vector; 3]) -> [f64; MOST_PLANES] {
+        let rows = points.map(|point| self.gathered(table, point));
+        let mut products = [0.0; MOST_PLANES * MOST_PLANES];
+        for row in rows {
+            let apart: Row = std::array::from_fn(|k| row[k] - (rows[0][k] + rows[1][k] + rows[2][k]) / 3.0);
+            for j in 0..planes {
+                for k in 0..planes {
+                    products[j * planes + k] += f64::from(apart[j]) * f64::from(apart[k]) / 3.0;
+                }
+            }
+        }
+        let mut excess = [0.0; MOST_PLANES];
+        for (excess, coupling) in excess.iter_mut().zip(coupling.chunks_exact(planes * planes)) {
+            let sum: f64 = coupling.iter().zip(&products).map(|(a, b)| a * b).sum();
+            *excess = 0.5 * sum;
+        }
+        // The first plane is the mean logarithm times the root of the number of wavelengths: too steep a cell says little.
+        let largest = LARGEST_CORRECTION / coupling[0].abs().max(1e-6);
+        let share = (largest / excess[0].abs().max(largest)).min(1.0);
+        excess.map(|e| e * share)
+    }
+
+    /// One table's row at a direction.
+    fn gathered(&self, table: &[f32], d: Vector) -> Row {
+        let patch = self.elements.at(d.map(|x| x as f32));
+        let mut row = [0.0; MOST_PLANES];
+        for (node, weight) in patch.nodes.iter().zip(patch.weights) {
+            let values = &table[*node as usize * self.width..][..self.width];
+            row.iter_mut().zip(values).for_each(|(sum, v)| *sum += weight * v);
+        }
+        row
+    }
+
+    /// Shares of live cells around every node, and of those not masked.
+    fn presence_at_nodes(&self, planes: &Planes, lookup: &MeshLookup, cells: &Cells, incoming: usize) -> Vec<[f32; 2]> {
+        let mesh = cells.mesh();
+        let (leaves, areas) = (mesh.len(), mesh.solid_angles());
+        let around: Vec<Weights> = self
+            .elements
+            .directions()
+            .iter()
+            .map(|&d| cells.touching(lookup, d).into_iter().map(|c| (c, areas[c as usize] as f32)).collect())
+            .collect();
+        let share = |entry: usize, around: &Weights| {
+            let (mut live, mut known, mut all) = (0.0, 0.0, 0.0);
+            for &(cell, area) in around {
+                all += area;
+                match planes.cell(entry * leaves + cell as usize) {
+                    Cell::Live => {
+                        live += area;
+                        known += area;
+                    }
+                    Cell::Zero => known += area,
+                    Cell::Masked => {}
+                }
+            }
+            [if known > 0.0 { live / known } else { 0.0 }, known / all]
+        };
+        (0..incoming).into_par_iter().flat_map_iter(|entry| around.iter().map(move |a| share(entry, a))).collect()
+    }
+
+    /// Tables of the nodes that are no entries, from those of the entries around.
+    fn add_nodes_between(&mut self, nodes: &Nodes, entries: usize, directions: &[Vector]) {
+        let (all, own) = nodes.counts();
+        if all == own {
+            return;
+        }
+        let outgoing = self.elements.len();
+        let between: Vec<(usize, usize)> = (0..entries).flat_map(|entry| (own..all).map(move |n| (entry, n))).collect();
+        let made: Vec<Vec<Mixed>> = between
+            .par_iter()
+            .map(|&(entry, node)| {
+                let wi = nodes.direction(node);
+                let sources = nodes.sources(node);
+                directions
+                    .iter()
+                    .map(|&d| {
+                        let mut mix = Mixture::new();
+                        for &(source, weight) in &sources {
+                            let to = nodes.direction(source);
+                            let (there, worth) = carried(self.alignment, self.domain, wi, to, d);
+                            mix.add(self.looked_up(entry * own + source, there), weight * worth);
+                        }
+                        mix.finish()
+                    })
+                    .collect()
+            })
+            .collect();
+        let (width, has_presence) = (self.width, !self.presence.is_empty());
+        let mut values = Vec::with_capacity(entries * all * outgoing * width);
+        let mut presence = Vec::new();
+        for entry in 0..entries {
+            values.extend_from_slice(&self.values[entry * own * outgoing * width..][..own * outgoing * width]);
+            if has_presence {
+                presence.extend_from_slice(&self.presence[entry * own * outgoing..][..own * outgoing]);
+            }
+            for mixed in made[entry * (all - own)..][..all - own].iter().flatten() {
+                values.extend_from_slice(&mixed.row[..width]);
+                if has_presence {
+                    presence.push(if mixed.presence.is_nan() { [0.0, 0.0] } else { [mixed.presence, 1.0] });
+                }
+            }
+        }
+        self.values = values;
+        self.presence = presence;
+    }
+}
+
+/// Node values from averages `[cell][width]`.
+fn apply(weights: &[Weights], averages: &[f32], width: usize, table: &mut [f32]) {
+    for (weights, row) in weights.iter().zip(table.chunks_exact_mut(width)) {
+        row.fill(0.0);
+        for &(cell, weight) in weights {
+            let values = &averages[cell as usize * width..][..width];
+            row.iter_mut().zip(values).for_each(|(sum, v)| *sum += weight * v);
+        }
+    }
+}
