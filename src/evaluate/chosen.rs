@@ -171,19 +171,14 @@ impl Chosen<'_> {
         let drawn = wide(
             #[inline(always)]
             || {
-                self.material.drawn_with(
-                    index,
-                    wi,
-                    u,
-                    options.into(),
-                    #[inline(always)]
-                    |place, how, incoming, cell| match (&self.material.form, &self.columns, cell) {
+                self.material.drawn_with(index, wi, u, options.into(), |place, how, incoming, cell| {
+                    match (&self.material.form, &self.columns, cell) {
                         (Form::Planes { planes, .. }, Some(columns), Some(cell)) if planes.presence(cell) > 0.0 => {
                             Ok(self.held(planes.picked(planes.row(cell), 1.0, columns)))
                         }
                         _ => self.at_known(place, how, Some(incoming)),
-                    },
-                )
+                    }
+                })
             },
         )?;
         let Some((direction, pdf, values)) = drawn else { return Ok(None) };
