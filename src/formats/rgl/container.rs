@@ -145,6 +145,12 @@ impl<'a> Field<'a> {
     pub(super) fn floats(&self) -> impl ExactSizeIterator<Item = f32> + Clone {
         self.data.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes))
     }
+
+    /// The same in pieces of `length`.
+    pub(super) fn pieces(&self, length: usize) -> impl Iterator<Item = impl ExactSizeIterator<Item = f32>> {
+        let (words, _) = self.data.as_chunks::<4>();
+        words.chunks_exact(length).map(|piece| piece.iter().map(|bytes| f32::from_le_bytes(*bytes)))
+    }
 }
 
 struct Cursor<'a> {

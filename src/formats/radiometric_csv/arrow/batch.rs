@@ -279,7 +279,7 @@ impl<'a> Batches<'a> {
             for (value, bytes) in rows.iter_mut().zip(stored) {
                 let stored = f32::from_le_bytes(*bytes);
                 infinite |= stored.is_infinite();
-                *value = stored;
+                *value = if stored.is_nan() { f32::NAN } else { stored };
             }
             if infinite {
                 let at: Vec<usize> =
