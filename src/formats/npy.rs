@@ -98,7 +98,10 @@ fn read_array(bytes: &[u8], report: &mut ParseReport) -> Result<Array, FormatErr
         ));
     };
     if count == 0 {
-        return Err(malformed(MAGIC.len(), format!("an array of shape {shape:?} holds nothing")));
+        return Err(malformed(
+            MAGIC.len(),
+            format!("an array of shape {shape:?} holds nothing, expected one sample or more"),
+        ));
     }
     // At most 2^28 samples of 8 bytes: no overflow, and nothing was allocated yet.
     let body = &bytes[data_at..];
@@ -131,15 +134,20 @@ fn header_of(bytes: &[u8]) -> Result<(&str, usize), FormatError> {
             let message = format!("version {version}, expected 1, 2 or 3");
             return Err(FormatError::at_byte(FormatErrorKind::Unsupported, NAME, at, message));
         }
-        _ => return Err(malformed(bytes.len(), "the file ends in its header")),
+        _ => {
+            return Err(malformed(
+                bytes.len(),
+                "the file ends in its header, expected a version, a length and a dictionary",
+            ));
+        }
     };
     if length > MAX_HEADER {
         let message = format!("a header of {length} bytes, expected at most {MAX_HEADER}");
         return Err(FormatError::at_byte(FormatErrorKind::OverLimit, NAME, at + 2, message));
     }
-    let header = bytes
-        .get(start..start + length)
-        .ok_or_else(|| malformed(at + 2, format!("a header of {length} bytes in a file of {} bytes", bytes.len())))?;
+    let header = bytes.get(start..start + length).ok_or_else(|| {
+        malformed(at + 2, format!("a header of {length} bytes in a file of {} bytes, expected it within", bytes.len()))
+    })?;
     let header =
         std::str::from_utf8(header).map_err(|_| malformed(start, "the header is not text, expected a dictionary"))?;
     Ok((header, start + length))
@@ -322,10 +330,10 @@ fn parse_header(header: &str, data_at: usize) -> Result<Header, FormatError> {
         }
     }
     if literal.peek().is_some() {
-        return Err(literal.malformed("text after the dictionary"));
+        return Err(literal.malformed("text after the dictionary, expected the end of the header"));
     }
     let (Some((descr, descr_at)), Some(fortran_order), Some(shape)) = (descr, fortran_order, shape) else {
-        return Err(malformed(start, "the header lacks one of descr, fortran_order and shape"));
+        return Err(malformed(start, "the header lacks one of descr, fortran_order and shape, expected all of them"));
     };
     let Some(element) = element(descr) else {
         let known: Vec<&str> = ELEMENTS.iter().map(|(name, ..)| *name).collect();

@@ -183,7 +183,7 @@ impl<'a> Document<'a> {
             let event = xml.read_event().map_err(|error| {
                 let at = usize::try_from(xml.error_position()).unwrap_or(offset);
                 let message: String = error.to_string().chars().take(120).collect();
-                self.malformed(at, format!("XML that is not well formed: {message}"))
+                self.malformed(at, format!("XML that is not well formed, expected elements that end: {message}"))
             })?;
             match event {
                 Event::Start(element) => self.open(&element, offset)?,
@@ -218,7 +218,7 @@ impl<'a> Document<'a> {
             None => Err(self.malformed(0, format!("no element, expected {ROOT}14"))),
             Some(open) => {
                 let name = if open.wavelength.is_some() { DATA } else { &open.name };
-                let message = format!("the file ends inside the element {}", snippet(name));
+                let message = format!("the file ends inside the element {}, expected its end", snippet(name));
                 Err(self.malformed(self.source.text().len(), message))
             }
         }

@@ -182,7 +182,12 @@ fn blocks(bytes: &[u8], report: &mut ParseReport) -> Result<(Option<Block>, Opti
 
 /// A block from `at` on, and where it ends.
 fn block(bytes: &[u8], at: usize) -> Result<(Block, usize), FormatError> {
-    let head = bytes.get(at..at + 12).ok_or_else(|| malformed(bytes.len(), "the file ends in the head of a block"))?;
+    let head = bytes.get(at..at + 12).ok_or_else(|| {
+        malformed(
+            bytes.len(),
+            "the file ends in the head of a block, expected a type and two numbers of angles in 12 bytes",
+        )
+    })?;
     let word = |i: usize| u32::from_le_bytes([head[4 * i], head[4 * i + 1], head[4 * i + 2], head[4 * i + 3]]);
     let rgb = match word(0) {
         0 => false,

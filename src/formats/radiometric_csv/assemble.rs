@@ -34,7 +34,7 @@ pub(super) fn samples(
     report: &mut ParseReport,
 ) -> Result<Samples, FormatError> {
     if rows.values.is_empty() {
-        return Err(malformed("no rows of numbers after the names of the columns"));
+        return Err(malformed("no rows of numbers after the names of the columns, expected one or more"));
     }
     if rows.values.len() > MAX_SAMPLES {
         return Err(over_limit(format!("{} values or more, expected at most {MAX_SAMPLES}", rows.values.len())));
@@ -100,7 +100,9 @@ fn without_directions(
     spectral: Option<Axis>,
     report: &mut ParseReport,
 ) -> Result<Samples, FormatError> {
-    let Some(axis) = spectral else { return Err(malformed("no wavelengths")) };
+    let Some(axis) = spectral else {
+        return Err(malformed("no wavelengths, expected a column of them or one for each"));
+    };
     let (axes, values) = if columns.is_wide() {
         let count = rows.values.len() / columns.width();
         if count > MAX_ENTRIES {

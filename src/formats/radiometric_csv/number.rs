@@ -132,6 +132,11 @@ mod tests {
             for text in [format!("{value:e}"), format!("{small:.digits$}"), format!("{small}"), format!("{small:.digits$e}")] {
                 if let Ok(expected) = text.parse::<f64>() && expected.is_finite() {
                     prop_assert_eq!(whole(&text).map(f64::to_bits), Some(expected.to_bits()), "{}", text);
+                    // Whatever follows: eight bytes are looked at together.
+                    for next in [",", "\n12345678", " .9e9", "\u{b7}1234567", "/:/:/:/:", "\u{ff}\u{ff}\u{ff}\u{ff}"] {
+                        let found = decimal(format!("7{text}{next}").as_bytes(), 1);
+                        prop_assert_eq!(found.map(|(value, end)| (value.to_bits(), end)), Some((expected.to_bits(), 1 + text.len())));
+                    }
                 }
             }
         }

@@ -292,7 +292,7 @@ impl Parser<'_> {
                 Some(b',') if column < last => at += 1,
                 Some(b',') => {
                     good = false;
-                    self.problem(at, || format!("more cells than the {} columns", last + 1));
+                    self.problem(at, || format!("more cells than the {} columns, expected one for each", last + 1));
                     break;
                 }
                 None | Some(b'\n' | b'\r') if column == last => {}

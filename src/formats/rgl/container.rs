@@ -113,7 +113,10 @@ impl<'a> Field<'a> {
             return Err(malformed(*entry, message));
         }
         if shape.contains(&0) {
-            return Err(malformed(*entry, format!("`{name}` has the shape {shape:?} with nothing in it")));
+            return Err(malformed(
+                *entry,
+                format!("`{name}` has the shape {shape:?} with nothing in it, expected 1 or more along each axis"),
+            ));
         }
         let count = shape.iter().try_fold(1_usize, |n, &length| n.checked_mul(length));
         if count.is_none_or(|n| n > MAX_SAMPLES) {
