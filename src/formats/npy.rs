@@ -224,6 +224,7 @@ fn number<const N: usize>(bytes: &[u8], big_endian: bool, value: impl Fn([u8; N]
 }
 
 /// Name, bytes, and how they are read.
+#[allow(clippy::cast_lossless, reason = "one row for each width, of which the widest are rounded")]
 const ELEMENTS: &[(&str, usize, Convert, Value)] = &[
     (
         "f4",

@@ -217,19 +217,9 @@ impl Parser<'_> {
         let mut at = self.line_start;
         let last = columns.cells.len() - 1;
         for (column, cell) in columns.cells.iter().enumerate() {
-            if let Some(end) = self.plain_cell(*cell, at, base) {
-                match text.get(end) {
-                    Some(b',') if column < last => {
-                        at = end + 1;
-                        continue;
-                    }
-                    Some(b'\n') if column == last => {
-                        at = end;
-                        continue;
-                    }
-                    // Looked at again below.
-                    _ => {}
-                }
+            if let Some(next) = self.plain_cell(*cell, at, base, column == last) {
+                at = next;
+                continue;
             }
             let start = self.blanks(at);
             at = match *cell {
@@ -317,23 +307,28 @@ impl Parser<'_> {
         self.line_end(at)
     }
 
-    /// Where the cell that starts at `at` ends if it is a finite number without blanks, or the angle of the row before; its
-    /// value is kept.
+    /// Where the next cell starts, or the row ends, if the cell at `at` is a finite number, or the angle of the row before,
+    /// and nothing else; its value is kept.
     #[inline]
-    fn plain_cell(&mut self, cell: Cell, at: usize, base: usize) -> Option<usize> {
-        match cell {
+    fn plain_cell(&mut self, cell: Cell, at: usize, base: usize, is_last: bool) -> Option<usize> {
+        let end = match cell {
             Cell::Value(value) => {
                 let (number, end) = decimal(self.text, at)?;
                 let sample = number as f32;
                 self.rows.values[base + value] = sample;
-                sample.is_finite().then_some(end)
+                sample.is_finite().then_some(end)?
             }
             Cell::Angle(k) => {
                 let Known { start, end, .. } = self.last[k];
                 let after = at + (end - start);
                 let same = end > start && self.text.get(at..after) == Some(&self.text[start..end]);
-                same.then_some(after)
+                same.then_some(after)?
             }
+            _ => return None,
+        };
+        match (self.text.get(end), is_last) {
+            (Some(b','), false) => Some(end + 1),
+            (Some(b'\n'), true) => Some(end),
             _ => None,
         }
     }
