@@ -202,21 +202,24 @@ pub(crate) fn run(scan: &Scan, out: &mut impl Write) -> Result<bool, Box<dyn Err
     Ok(good)
 }
 
-/// Prints how long projections of 127,000 samples in one band, and of 20,000 in 2,101, take.
+/// Prints how long projections of 127,000 samples in one band, and of 20,000 in 2,101, take on one thread and on all.
 fn speed(out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     for (elevations, outgoing, bands) in [(16, 7950, 1), (4, 5000, 2101)] {
         let scan = Scan { elevations, outgoing, bands, fresh: 0 };
         let measured = scan.measure(&Gloss { alpha: 0.15, diffuse: 0.3 })?;
-        let start = Instant::now();
-        let projected = pool.install(|| project(&measured, &AxesRequest::default()))?;
-        let seconds = start.elapsed().as_secs_f64();
-        writeln!(
-            out,
-            "{} × {bands}: {seconds:.2} s, {:?}",
-            elevations * outgoing,
-            projected.measurement.tensor.shape()
-        )?;
+        for threads in [1, 0] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+            let start = Instant::now();
+            let projected = pool.install(|| project(&measured, &AxesRequest::default()))?;
+            let seconds = start.elapsed().as_secs_f64();
+            writeln!(
+                out,
+                "{} × {bands}: {seconds:.2} s on {} threads, {:?}",
+                elevations * outgoing,
+                pool.current_num_threads(),
+                projected.measurement.tensor.shape()
+            )?;
+        }
     }
     Ok(true)
 }

@@ -2,15 +2,18 @@
 
 use super::cloud::Cloud;
 use super::fit::{Fitter, Place, Support};
+use super::nearby::{Nearby, apart};
 use super::rows::{Kind, PARTS, Rows};
-use super::tree::Found;
+use super::tree::{Found, by_distance};
 use crate::domain::vector::Vector;
 use crate::domain::{TriangleMesh, Vertices, centroid, child, solid_angle};
 use crate::projection::resampling::Channels;
 use rayon::prelude::*;
 
 /// Triangles that one task works through, and that look for their samples together.
-const BLOCK: usize = 16;
+const BLOCK: usize = 64;
+/// Triangles of them that try the same reach first.
+const TOGETHER: usize = 16;
 /// The distance to the nearest sample in a hole that is filled, in parts of that to the farthest that counts.
 const DEEPEST: f64 = 0.75;
 /// How far values are continued beyond the outermost samples, in distances of these to their fourth neighbours.
@@ -62,14 +65,26 @@ pub(super) struct Fitted<'a> {
     pub(super) sides_apart: bool,
 }
 
+/// Which fits make up a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Parts {
+    /// One in each part, so often split in four.
+    Divided(u32),
+    /// That in the middle of four cells, where it is good enough.
+    Shared,
+}
+
 /// Scratch of one task.
 #[derive(Default)]
 pub(super) struct Scratch {
     pub(super) fitter: Fitter,
     pub(super) found: Vec<Found>,
-    candidates: Vec<Found>,
-    /// The square of the distance within which the block's centre has its neighbours.
-    reach: f64,
+    around: Vec<Found>,
+    nearby: Nearby,
+    /// What the fit stands on that serves the triangle in the middle of four, if the others may take it, too.
+    middle: Option<Support>,
+    /// What the last fit stands on, if others may take it.
+    last: Option<Support>,
     missing: Vec<bool>,
     pub(super) row: Vec<f32>,
     sums: Vec<f64>,
@@ -78,12 +93,12 @@ pub(super) struct Scratch {
 
 impl Fitted<'_> {
     /// Writes the averages under `wi` over all triangles of `mesh` into `out`, `[triangle, channel]`, NaN where there is
-    /// nothing or where `wanted` has none; it says whether a sample lies inside. `divisions` says how often each is split in four, with a fit in each part.
+    /// nothing or where `wanted` has none; it says whether a sample lies inside. `parts` says where fits are.
     pub(super) fn cells(
         &self,
         wi: Vector,
         mesh: TriangleMesh,
-        divisions: u32,
+        parts: Parts,
         channels: &Channels,
         wanted: &(impl Fn(usize) -> Option<bool> + Sync),
         out: &mut [f32],
@@ -100,38 +115,33 @@ impl Fitted<'_> {
                     out.fill(f32::NAN);
                     return vec![Draft::NOTHING; vertices.len()];
                 }
-                self.gather(wi, vertices, scratch);
-                let cells = out.chunks_mut(width).zip(vertices).enumerate();
-                cells
-                    .map(|(i, (out, &vertices))| {
+                let wanted_side = self.wanted(vertices[0][0]);
+                scratch.nearby.gather((self.cloud, self.neighbours), wi, vertices, wanted_side);
+                let mut drafts = vec![Draft::NOTHING; vertices.len()];
+                for (i, four) in vertices.chunks(4).enumerate() {
+                    if (4 * i).is_multiple_of(TOGETHER) {
+                        let some = &vertices[4 * i..(4 * i + TOGETHER).min(vertices.len())];
+                        scratch.nearby.focus((self.cloud, self.neighbours), wi, some);
+                    }
+                    (scratch.middle, scratch.last) = (None, None);
+                    // The middle one first: the others may take its fit.
+                    for i in [3, 0, 1, 2].into_iter().filter(|&c| c < four.len()).map(|c| 4 * i + c) {
+                        let out = &mut out[i * width..][..width];
                         let Some(has_sample) = wanted(i) else {
                             out.fill(f32::NAN);
-                            return Draft::NOTHING;
+                            continue;
                         };
                         let draft = Draft { has_sample, valid: false, surrounded: true, emptiness: 0.0 };
-                        self.cell((wi, vertices, divisions), channels, draft, out, scratch)
-                    })
-                    .collect()
+                        drafts[i] = self.cell((wi, vertices[i], parts), channels, draft, out, scratch);
+                        if i % 4 == 3 {
+                            scratch.middle = scratch.last;
+                        }
+                    }
+                }
+                drafts
             })
             .collect();
         drafts.into_iter().flatten().collect()
-    }
-
-    /// The samples within the reach of any place in `vertices`.
-    fn gather(&self, wi: Vector, vertices: &[Vertices], scratch: &mut Scratch) {
-        let keys: Vec<[f64; 6]> = vertices.iter().flatten().map(|&corner| self.cloud.key(wi, corner)).collect();
-        let centre: [f64; 6] = std::array::from_fn(|k| keys.iter().map(|key| key[k]).sum::<f64>() / keys.len() as f64);
-        let apart = |key: &[f64; 6]| key.iter().zip(&centre).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
-        let size = keys.iter().map(apart).fold(0.0, f64::max).sqrt();
-        self.cloud.tree.nearest(&centre, self.neighbours, self.wanted(vertices[0][0]), &mut scratch.found);
-        scratch.reach = scratch.found.last().map_or(0.0, |found| found.0);
-        // Whatever lies within the reach of a place of the block.
-        let reach = scratch.reach.sqrt() + size + 1e-9;
-        self.cloud.tree.within(&centre, reach * reach, &mut scratch.candidates);
-        if self.sides_apart {
-            let wanted = self.wanted(vertices[0][0]);
-            scratch.candidates.retain(|found| wanted(found.1));
-        }
     }
 
     /// Whether a point may be counted on the side of the horizon where `wo` is.
@@ -142,7 +152,7 @@ impl Fitted<'_> {
 
     fn cell(
         &self,
-        (wi, vertices, divisions): (Vector, Vertices, u32),
+        (wi, vertices, parts): (Vector, Vertices, Parts),
         channels: &Channels,
         mut draft: Draft,
         out: &mut [f32],
@@ -154,12 +164,39 @@ impl Fitted<'_> {
         scratch.sums.resize(width, 0.0);
         scratch.areas.clear();
         scratch.areas.resize(width, 0.0);
-        self.part(wi, vertices, divisions, scratch, &mut draft);
+        match parts {
+            Parts::Divided(times) => self.part(wi, vertices, times, scratch, &mut draft),
+            Parts::Shared => self.shared(wi, vertices, scratch, &mut draft),
+        }
         let Scratch { sums, areas, .. } = scratch;
         // Without any area 0 / 0: masked.
         sums.iter_mut().zip(&*areas).for_each(|(sum, area)| *sum /= area);
         channels.write(sums, out);
         draft
+    }
+
+    /// The fit in the middle one of four triangles for all of them where it is good enough, else one for each.
+    fn shared(&self, wi: Vector, vertices: Vertices, scratch: &mut Scratch, draft: &mut Draft) {
+        let Some(mut support) = scratch.middle.take() else {
+            return self.part(wi, vertices, 0, scratch, draft);
+        };
+        let children: [Vertices; PARTS] = std::array::from_fn(|c| child(vertices, c));
+        let parts = children.map(|vertices| centroid(vertices).vector());
+        let Some(variance) = scratch.fitter.elsewhere(parts, support.degree) else {
+            return self.part(wi, vertices, 0, scratch, draft);
+        };
+        scratch.middle = Some(support);
+        support.variance = variance;
+        if !draft.has_sample {
+            let key = self.cloud.key(wi, centroid(vertices).vector());
+            let near = |found: &Found| (apart(&key, &self.cloud.keys[found.1 as usize]), found.1);
+            if let Some(nearest) = scratch.found.iter().map(near).min_by(by_distance) {
+                (support.nearest, support.nearest_point) = (nearest.0.sqrt(), nearest.1);
+            }
+        }
+        let shares = children.map(|vertices| solid_angle(vertices) as f32);
+        self.evaluate(shares, scratch);
+        self.add(&support, vertices, scratch, draft);
     }
 
     fn part(&self, wi: Vector, vertices: Vertices, divisions: u32, scratch: &mut Scratch, draft: &mut Draft) {
@@ -172,13 +209,21 @@ impl Fitted<'_> {
         let wo = centroid(vertices).vector();
         let children: [Vertices; PARTS] = std::array::from_fn(|c| child(vertices, c));
         let place = Place { wi, wo, parts: children.map(|vertices| centroid(vertices).vector()) };
-        self.select(&self.cloud.key(wi, wo), wo, scratch);
+        let key = self.cloud.key(wi, wo);
+        scratch.nearby.select((self.cloud, self.neighbours), &key, self.wanted(wo), &mut scratch.found);
         let shares = children.map(|vertices| solid_angle(vertices) as f32);
         let Some(support) = self.value(&place, shares, scratch) else { return };
-        let emptiness = emptiness(&support);
+        let whole = support.surrounded && scratch.missing.is_empty();
+        scratch.last = whole.then_some(support);
+        self.add(&support, vertices, scratch, draft);
+    }
+
+    /// Adds the value of a part of a cell, unless it says nothing there.
+    fn add(&self, support: &Support, vertices: Vertices, scratch: &mut Scratch, draft: &mut Draft) {
+        let emptiness = emptiness(support);
         draft.emptiness = draft.emptiness.max(emptiness);
         draft.surrounded &= support.surrounded;
-        if !draft.has_sample && !self.is_near(&support, scratch) {
+        if !draft.has_sample && !self.is_near(support, scratch) {
             return;
         }
         draft.valid = true;
@@ -191,44 +236,28 @@ impl Fitted<'_> {
         }
     }
 
-    /// The samples around a place: those within the reach of the block, if these are about as many as wanted, else the
-    /// nearest.
-    fn select(&self, key: &[f64; 6], wo: Vector, scratch: &mut Scratch) {
-        let Scratch { found, candidates, reach, .. } = scratch;
-        let square = |a: f64, b: f64| (a - b) * (a - b);
-        let distance = |item: u32| {
-            let other = &self.cloud.keys[item as usize];
-            let near = square(key[0], other[0]) + square(key[1], other[1]) + square(key[2], other[2]);
-            if self.cloud.slopes || self.cloud.stretch > 0.0 {
-                return near + square(key[3], other[3]) + square(key[4], other[4]) + square(key[5], other[5]);
-            }
-            near
-        };
-        found.clear();
-        for &(_, item) in &*candidates {
-            let distance = distance(item);
-            if distance <= *reach {
-                found.push((distance, item));
-            }
-        }
-        if 4 * found.len() < 3 * self.neighbours {
-            self.cloud.tree.nearest(key, self.neighbours, self.wanted(wo), found);
-        } else if 4 * found.len() > 5 * self.neighbours {
-            found.select_nth_unstable_by(self.neighbours, super::tree::by_distance);
-            found.truncate(self.neighbours);
-        }
-    }
-
     /// The value at `place` from the samples `scratch.found`, in `scratch.row`.
     pub(super) fn value(&self, place: &Place, shares: [f32; PARTS], scratch: &mut Scratch) -> Option<Support> {
-        let Scratch { fitter, found, missing, row, .. } = scratch;
+        let Scratch { fitter, found, .. } = scratch;
         let support = fitter.fit(self.cloud, self.rows, place, found, self.noise)?;
-        let partial = fitter.gathered.iter().any(|&row| self.rows.kinds[row as usize] == Kind::Partial);
-        if !partial {
-            self.rows.combine(&fitter.rows, &fitter.weights, shares, row);
-            return Some(support);
-        }
+        self.evaluate(shares, scratch);
+        Some(support)
+    }
+
+    /// The value of the fit in `scratch.row`.
+    fn evaluate(&self, shares: [f32; PARTS], scratch: &mut Scratch) {
+        let Scratch { fitter, missing, row, .. } = scratch;
         missing.clear();
+        if let ([value], true) = (&mut row[..], fitter.logarithms) {
+            *value = self.rows.mean_of(fitter.gathered[0], fitter.lights(), shares);
+            return;
+        }
+        let is_partial = |&row: &u32| self.rows.kinds[row as usize] == Kind::Partial;
+        if fitter.logarithms || !fitter.gathered.iter().any(is_partial) {
+            fitter.weigh();
+            self.rows.combine(&fitter.rows, &fitter.weights, shares, row);
+            return;
+        }
         let mut any = false;
         for (band, value) in row.iter_mut().enumerate() {
             let is_missing = |&row: &u32| self.rows.row(row)[band].is_nan();
@@ -239,7 +268,6 @@ impl Fitted<'_> {
             }
             *value = if any { self.rows.combine_band(band, &fitter.rows, &fitter.weights, shares) } else { f32::NAN };
         }
-        Some(support)
     }
 
     /// Whether the samples say anything of a place so far from them.
@@ -251,8 +279,8 @@ impl Fitted<'_> {
             return support.nearest <= DEEPEST * support.reach;
         }
         let key = &self.cloud.keys[support.nearest_point as usize];
-        self.cloud.tree.nearest(key, NEIGHBOURS, |_| true, &mut scratch.found);
-        let spacing = scratch.found.last().map_or(0.0, |found| found.0.sqrt());
+        self.cloud.tree.nearest(key, NEIGHBOURS, |_| true, &mut scratch.around);
+        let spacing = scratch.around.first().map_or(0.0, |farthest| farthest.0.sqrt());
         support.nearest <= BEYOND * spacing
     }
 }

@@ -36,7 +36,7 @@ pub(super) fn by_symmetry(
         let cloud = Cloud::mirrored_like(own.cloud, members, &plan.directions);
         let mirrored = Fitted { cloud: &cloud, ..own };
         let lacks = |cell: usize| matches!(standing[cell], Standing::Filled | Standing::Empty).then_some(false);
-        let drafts = mirrored.cells(entry.wi, mesh, plan.divisions, channels, &lacks, &mut plane);
+        let drafts = mirrored.cells(entry.wi, mesh, plan.parts, channels, &lacks, &mut plane);
         let found = standings(&drafts);
         for (cell, standing) in standing.iter_mut().enumerate() {
             let lacking = matches!(standing, Standing::Filled | Standing::Empty);

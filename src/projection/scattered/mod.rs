@@ -10,11 +10,15 @@
 mod cells;
 mod check;
 mod cloud;
+mod extent;
 mod fill;
 mod fit;
+mod gathering;
+mod nearby;
 mod plan;
 mod report;
 mod rows;
+mod system;
 #[cfg(test)]
 mod tests;
 mod tree;
@@ -24,6 +28,7 @@ pub use report::{Regions, ScatterReport, Scores};
 
 use super::spectral::{self, Spectral};
 use super::{AxesRequest, Coverage, Projected, ProjectionError};
+use crate::domain::vector::Vector;
 use crate::domain::{Axis, ErrorAccumulator, ErrorReport, Layout, Measurement, Sampling, Tensor, check_axes};
 use crate::formats::{Acquisition, Scattered};
 use cells::{Fitted, Standing, standings};
@@ -67,10 +72,10 @@ pub(super) fn project(
     let plane = mesh.len() * channels.to();
     let mut samples = vec![0.0_f32; count];
     let mut standing: Vec<Standing> = Vec::with_capacity(plan.entries.len() * mesh.len());
-    let has_sample = plan.has_sample();
-    for ((entry, out), has_sample) in plan.entries.iter().zip(samples.chunks_mut(plane)).zip(&has_sample) {
+    let under = plan.points_by_entry();
+    for ((entry, out), (has_sample, _)) in plan.entries.iter().zip(samples.chunks_mut(plane)).zip(&under) {
         let fitted = plan.fitted(&rows, entry.cloud);
-        let drafts = fitted.cells(entry.wi, mesh, plan.divisions, &channels, &|cell| Some(has_sample[cell]), out);
+        let drafts = fitted.cells(entry.wi, mesh, plan.parts, &channels, &|cell| Some(has_sample[cell]), out);
         standing.extend(standings(&drafts));
     }
     if plan.isotropic && !plan.unfolded && standing.iter().any(|s| matches!(s, Standing::Filled | Standing::Empty)) {
@@ -93,7 +98,7 @@ pub(super) fn project(
     let tensor = Tensor::new(axes, samples)?;
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Average, tensor)?;
     let number = |wanted: Standing| standing.iter().filter(|s| **s == wanted).count() as u64;
-    let report = report_of(acquisition, scattered, &plan, &rows, &measurement);
+    let report = report_of(acquisition, scattered, (&plan, &under), &rows, &measurement);
     notes.extend(remarks(&report, number(Standing::Filled), number(Standing::Empty)));
     let coverage = Coverage {
         cells: standing.len() as u64,
@@ -132,15 +137,15 @@ fn remarks(report: &ScatterReport, filled: u64, empty: u64) -> Vec<String> {
 fn report_of(
     acquisition: &Acquisition,
     scattered: &Scattered,
-    plan: &Plan,
+    (plan, under): (&Plan, &[(Vec<bool>, Vec<u32>)]),
     rows: &Rows<'_>,
     measurement: &Measurement,
 ) -> ScatterReport {
     let light = |row: u32| rows.row(row).iter().map(|&v| f64::from(v)).filter(|v| !v.is_nan()).sum::<f64>();
     let mut regions = vec![Region::Middle; rows.kinds.len()];
-    for members in plan.members() {
+    for (_, members) in under {
         let most = brightest(members.iter().map(|&row| light(row)).collect());
-        for row in members {
+        for &row in members {
             regions[row as usize] = region(light(row), most, plan.directions[row as usize].1[2]);
         }
     }
@@ -150,7 +155,9 @@ fn report_of(
     let (left_out, outliers) = compare(&plan.clouds, like, &compared, &regions, true);
     let (fit, _) = compare(&plan.clouds, like, &compared, &regions, false);
     let mut tally = Tally::default();
-    each_sample(acquisition, scattered, measurement, |row, original, found| {
+    // Samples without outgoing directions have taken the incoming ones for them.
+    let known = (!scattered.outgoing.is_empty()).then_some(&plan.directions[..]);
+    each_sample(acquisition, scattered, (measurement, known), |row, original, found| {
         original.iter().zip(found).for_each(|(&o, &f)| tally.add(regions[row], f, o));
     });
     ScatterReport {
@@ -174,7 +181,7 @@ pub(super) fn errors(
 ) -> Option<ErrorReport> {
     let mut errors = ErrorAccumulator::default();
     let (mut original, mut decoded) = (Vec::new(), Vec::new());
-    each_sample(acquisition, scattered, measurement, |row, o, d| {
+    each_sample(acquisition, scattered, (measurement, None), |row, o, d| {
         original.extend_from_slice(o);
         decoded.extend_from_slice(d);
         if (row + 1).is_multiple_of(PIECE) {
@@ -188,11 +195,11 @@ pub(super) fn errors(
 }
 
 /// Calls `with` for every sample in the tensor's directions: its number, its values, and those of its cell. `None` if the
-/// tensor is not one of this file.
+/// tensor is not one of this file. `known` are the directions of the samples, if someone has them.
 fn each_sample(
     acquisition: &Acquisition,
     scattered: &Scattered,
-    measurement: &Measurement,
+    (measurement, known): (&Measurement, Option<&[(Vector, Vector)]>),
     mut with: impl FnMut(usize, &[f32], &[f32]),
 ) -> Option<()> {
     let layout = measurement.layout().ok()?;
@@ -207,7 +214,10 @@ fn each_sample(
     let length = |axis: Option<usize>| axis.map_or(1, |i| axes[i].len());
     let (n_out, out_width) = (length(layout.outgoing), length(layout.spectral));
     let (mut original, mut found) = (vec![0.0; channels.len()], vec![0.0; channels.len()]);
-    let directions = check::is_sound(scattered).then(|| cloud::directions(scattered, isotropic))?;
+    let directions = match known {
+        Some(known) => Cow::Borrowed(known),
+        None => Cow::Owned(check::is_sound(scattered).then(|| cloud::directions(scattered, isotropic))?),
+    };
     for (row, &(wi, wo)) in directions.iter().enumerate() {
         let theta = || scattered.incoming.get(row).map_or(0.0, |wi| wi[0]);
         let incoming = match role(layout.incoming) {

@@ -1,7 +1,8 @@
 //! What is fitted where: clouds of samples, the entries of the incoming axis, levels and neighbours.
 
-use super::cells::Fitted;
+use super::cells::{Fitted, Parts};
 use super::cloud::{self, Cloud, Incoming, one_azimuth};
+use super::extent::{Joint, incoming_domain, is_one_sided, outgoing_domain, spacing};
 use super::rows::{Kind, Rows};
 use super::trials;
 use crate::domain::vector::Vector;
@@ -16,16 +17,12 @@ use crate::projection::{AxesRequest, ProjectionError, on_axes};
 const TARGET: f64 = 0.01;
 /// The finest level that is chosen to represent what was measured.
 const FINEST: u8 = 6;
-/// Neighbours whose distance tells how densely samples lie.
-const DENSITY: usize = 16;
 /// Bands that choices are made on, at most.
 const BANDS: usize = 8;
 /// How far apart neighbouring incoming directions lie in parts of neighbouring outgoing ones, as neighbours are counted.
 const JOINT_STRETCH: f64 = 1.5;
 /// How far the nearest measured incoming direction may be, in distances between them.
 const JOINT_REACH: f64 = 1.5;
-/// Samples count as on one side of the plane of incidence that lie less beyond it.
-const ON_PLANE: f64 = 1e-3;
 /// Parts of a cell are at most this large, in parts of the reach of a fit.
 const PART: f64 = 0.7;
 
@@ -48,7 +45,7 @@ pub(super) struct Plan {
     pub(super) elevations: Vec<f64>,
     incoming: Option<Choice>,
     pub(super) outgoing: Choice,
-    pub(super) divisions: u32,
+    pub(super) parts: Parts,
     pub(super) neighbours: usize,
     /// How much of the variance of a value is its own, not that of its row.
     own_noise: f64,
@@ -58,30 +55,6 @@ pub(super) struct Plan {
     pub(super) thin: Rows<'static>,
     pub(super) representation: Option<f64>,
     pub(super) notes: Vec<String>,
-}
-
-/// What samples fitted together say of their incoming directions.
-struct Joint {
-    count: usize,
-    /// Between neighbouring incoming directions, in radians.
-    spacing: f64,
-}
-
-impl Joint {
-    fn of(groups: &Incoming, samples: usize) -> Option<Self> {
-        match groups {
-            Incoming::None | Incoming::Elevations(..) => None,
-            Incoming::AllElevations(elevations) => {
-                let range = elevations.last().zip(elevations.first()).map_or(0.0, |(high, low)| high - low);
-                let count = elevations.len();
-                Some(Self { count, spacing: (range / (count.max(2) - 1) as f64).to_radians().max(1e-3) })
-            }
-            Incoming::Directions(count) => {
-                let count = (*count).min((samples as f64).sqrt().ceil() as usize).max(1);
-                Some(Self { count, spacing: (std::f64::consts::TAU / count as f64).sqrt() })
-            }
-        }
-    }
 }
 
 /// The side that triangles with samples stand for, and the level asked for; refused for a side that there is not.
@@ -197,7 +170,7 @@ impl Plan {
             elevations,
             incoming,
             outgoing,
-            divisions: 0,
+            parts: Parts::Divided(0),
             neighbours: 1,
             own_noise: 0.0,
             incoming_reach: joint.as_ref().map_or(f64::INFINITY, |joint| JOINT_REACH * joint.spacing),
@@ -215,7 +188,8 @@ impl Plan {
         plan.entries = plan.entries();
         let reach = (plan.neighbours as f64 / std::f64::consts::PI).sqrt() * spacing;
         let parts = libm::log2(OCTANT_DEGREES / (PART * reach)).ceil().clamp(0.0, 8.0) as u32;
-        plan.divisions = parts.saturating_sub(u32::from(plan.outgoing.mesh.level()));
+        let level = u32::from(plan.outgoing.mesh.level());
+        plan.parts = if parts < level { Parts::Shared } else { Parts::Divided(parts - level) };
         plan.describe(name, of);
         Ok(plan)
     }
@@ -253,27 +227,17 @@ impl Plan {
         triangles.or_else(|| (!self.elevations.is_empty()).then(|| Axis::Elevation(self.elevations.clone())))
     }
 
-    /// The rows under each entry of the incoming axis.
-    pub(super) fn members(&self) -> Vec<Vec<u32>> {
-        self.points_by_entry().into_iter().map(|(_, rows)| rows).collect()
-    }
-
-    /// Which cells of each entry hold a sample.
-    pub(super) fn has_sample(&self) -> Vec<Vec<bool>> {
-        self.points_by_entry().into_iter().map(|(cells, _)| cells).collect()
-    }
-
-    fn points_by_entry(&self) -> Vec<(Vec<bool>, Vec<u32>)> {
+    /// For each entry of the incoming axis which cells hold a sample, and the rows under it.
+    pub(super) fn points_by_entry(&self) -> Vec<(Vec<bool>, Vec<u32>)> {
         let mesh = self.outgoing.mesh;
         let mut found = vec![(vec![false; mesh.len()], Vec::new()); self.entries.len()];
         let axis = self.incoming_axis();
         for (i, cloud) in self.clouds.iter().enumerate() {
             for point in &cloud.points {
-                let theta = Direction::from_unit(point.wi).theta_degrees();
                 let entry = match &axis {
                     _ if self.clouds.len() > 1 => Some(i),
                     None => Some(0),
-                    Some(axis) => entry_of(axis, point.wi, theta),
+                    Some(axis) => entry_of(axis, point.wi, Direction::from_unit(point.wi).theta_degrees()),
                 };
                 let Some((cells, rows)) = entry.and_then(|entry| found.get_mut(entry)) else { continue };
                 if let Some(cell) = mesh.locate(Direction::from_unit(point.wo)) {
@@ -380,49 +344,4 @@ pub(super) fn entry_of(axis: &Axis, d: Vector, theta: f64) -> Option<usize> {
         }
         _ => None,
     }
-}
-
-/// Whether all samples lie on one side of the plane of incidence, and not all of them in it.
-fn is_one_sided(live: &[u32], directions: &[(Vector, Vector)]) -> bool {
-    let beside = live.iter().map(|&row| directions[row as usize].1[1]);
-    let (low, high) = beside.fold((0.0_f64, 0.0_f64), |(l, h), y| (l.min(y), h.max(y)));
-    (low >= -ON_PLANE || high <= ON_PLANE) && high - low > 10.0 * ON_PLANE
-}
-
-fn outgoing_domain(quantity: Quantity) -> Domain {
-    match quantity {
-        Quantity::Brdf | Quantity::Reflectance => Domain::Hemisphere,
-        Quantity::Btdf => Domain::Lower,
-        _ => Domain::Sphere,
-    }
-}
-
-fn incoming_domain(live: &[u32], directions: &[(Vector, Vector)]) -> Domain {
-    let heights = live.iter().map(|&row| directions[row as usize].0[2]);
-    let (low, high) = heights.fold((1.0_f64, -1.0_f64), |(l, h), z| (l.min(z), h.max(z)));
-    match (low, high) {
-        (low, _) if low >= -1e-9 => Domain::Hemisphere,
-        (_, high) if high <= 1e-9 => Domain::Lower,
-        _ => Domain::Sphere,
-    }
-}
-
-/// The distance between neighbouring samples in degrees, from how far their sixteenth neighbour is, in the middle of many.
-fn spacing(clouds: &[Cloud]) -> f64 {
-    let mut found = Vec::new();
-    let mut all: Vec<f64> = trials::trials(clouds, 200)
-        .into_iter()
-        .filter_map(|trial| {
-            let cloud = &clouds[trial.cloud];
-            let count = DENSITY.min(cloud.points.len() - 1);
-            cloud.tree.nearest(&cloud.keys[trial.point as usize], count + 1, |_| true, &mut found);
-            let square = found.last()?.0;
-            (count > 0 && square > 0.0).then(|| (std::f64::consts::PI * square / count as f64).sqrt().to_degrees())
-        })
-        .collect();
-    if all.is_empty() {
-        return 90.0;
-    }
-    let middle = all.len() / 2;
-    *all.select_nth_unstable_by(middle, f64::total_cmp).1
 }

@@ -112,6 +112,13 @@ impl<'a> Rows<'a> {
         }
     }
 
+    /// The only value of `row` times the mean by `shares` of what these differences from its logarithm make.
+    pub(super) fn mean_of(&self, row: u32, logs: [f64; PARTS], shares: [f32; PARTS]) -> f32 {
+        let total: f32 = shares.iter().sum();
+        let mean: f32 = shares.iter().zip(logs).map(|(share, log)| share * exp(log as f32)).sum();
+        self.values[row as usize] * (mean / total)
+    }
+
     /// As [`Rows::combine`], in one band that all `rows` have.
     pub(super) fn combine_band(
         &self,

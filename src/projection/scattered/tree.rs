@@ -66,7 +66,8 @@ impl<const D: usize> Tree<D> {
         }
     }
 
-    /// The `count` points nearest to `centre` that `wanted` takes, nearest first, equally near ones by number.
+    /// The `count` points nearest to `centre` that `wanted` takes, of equally near ones those of lower number; the farthest first,
+    /// the others in no order.
     pub(super) fn nearest(
         &self,
         centre: &[f64; D],
@@ -78,43 +79,52 @@ impl<const D: usize> Tree<D> {
         if self.points.is_empty() || count == 0 {
             return;
         }
-        self.nearest_below(0, centre, count, &wanted, found);
-        found.sort_unstable_by(by_distance);
+        let mut limit = f64::INFINITY;
+        self.nearest_below(0, centre, count, &wanted, (found, &mut limit));
+        keep(found, count);
     }
 
-    /// `found` is a heap with its farthest point first.
+    /// Adds to `found` what is no farther than the root of `limit`, and lowers it as there is more than enough.
     fn nearest_below(
         &self,
         at: u32,
         centre: &[f64; D],
         count: usize,
         wanted: &impl Fn(u32) -> bool,
-        found: &mut Vec<Found>,
+        (found, limit): (&mut Vec<Found>, &mut f64),
     ) {
         let node = self.nodes[at as usize];
         if node.right == 0 {
             for i in node.first as usize..(node.first + node.count) as usize {
-                let item = self.items[i];
-                let new = (distance(&self.points[i], centre), item);
-                if found.len() < count {
-                    if wanted(item) {
-                        found.push(new);
-                        rise(found);
-                    }
-                } else if is_nearer(new, found[0]) && wanted(item) {
-                    found[0] = new;
-                    sink(found);
+                let distance = distance(&self.points[i], centre);
+                if distance <= *limit && wanted(self.items[i]) {
+                    found.push((distance, self.items[i]));
                 }
+            }
+            if found.len() >= 2 * count.max(LEAF) || limit.is_infinite() && found.len() >= count {
+                *limit = keep(found, count);
             }
             return;
         }
         let offset = centre[usize::from(node.axis)] - node.split;
         let (near, far) = if offset < 0.0 { (at + 1, node.right) } else { (node.right, at + 1) };
-        self.nearest_below(near, centre, count, wanted, found);
-        if found.len() < count || offset * offset <= found[0].0 {
-            self.nearest_below(far, centre, count, wanted, found);
+        self.nearest_below(near, centre, count, wanted, (found, limit));
+        if offset * offset <= *limit {
+            self.nearest_below(far, centre, count, wanted, (found, limit));
         }
     }
+}
+
+/// Keeps the nearest `count`, the farthest of them first; the square of its distance.
+fn keep(found: &mut Vec<Found>, count: usize) -> f64 {
+    let last = count.min(found.len()).saturating_sub(1);
+    if found.is_empty() {
+        return f64::INFINITY;
+    }
+    found.select_nth_unstable_by(last, by_distance);
+    found.truncate(last + 1);
+    found.swap(0, last);
+    found[0].0
 }
 
 /// Nearest first, equally near ones by number.
@@ -122,34 +132,9 @@ pub(super) fn by_distance(a: &Found, b: &Found) -> std::cmp::Ordering {
     a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
 }
 
-fn is_nearer(a: Found, b: Found) -> bool {
+#[inline]
+pub(super) fn is_nearer(a: Found, b: Found) -> bool {
     a.0 < b.0 || a.0 == b.0 && a.1 < b.1
-}
-
-fn rise(heap: &mut [Found]) {
-    let mut at = heap.len() - 1;
-    while at > 0 && is_nearer(heap[(at - 1) / 2], heap[at]) {
-        heap.swap(at, (at - 1) / 2);
-        at = (at - 1) / 2;
-    }
-}
-
-fn sink(heap: &mut [Found]) {
-    let mut at = 0;
-    loop {
-        let (left, right) = (2 * at + 1, 2 * at + 2);
-        let mut farthest = at;
-        for child in [left, right] {
-            if child < heap.len() && is_nearer(heap[farthest], heap[child]) {
-                farthest = child;
-            }
-        }
-        if farthest == at {
-            return;
-        }
-        heap.swap(at, farthest);
-        at = farthest;
-    }
 }
 
 #[inline]
@@ -167,12 +152,15 @@ fn split<const D: usize>(points: &[[f64; D]], order: &mut [u32], first: u32, nod
     if order.len() <= LEAF {
         return;
     }
-    let extent = |axis: usize| {
-        let values = order.iter().map(|&item| points[item as usize][axis]);
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
-        high - low
-    };
-    let axis = (1..D).fold((0, extent(0)), |best, k| if extent(k) > best.1 { (k, extent(k)) } else { best }).0;
+    let (mut low, mut high) = ([f64::INFINITY; D], [f64::NEG_INFINITY; D]);
+    for &item in &*order {
+        for (k, &x) in points[item as usize].iter().enumerate() {
+            low[k] = if x < low[k] { x } else { low[k] };
+            high[k] = if x > high[k] { x } else { high[k] };
+        }
+    }
+    let extent = |axis: usize| high[axis] - low[axis];
+    let axis = (1..D).fold(0, |best, k| if extent(k) > extent(best) { k } else { best });
     let middle = order.len() / 2;
     let of = |item: u32| points[item as usize][axis];
     order.select_nth_unstable_by(middle, |&a, &b| of(a).total_cmp(&of(b)).then(a.cmp(&b)));
@@ -204,6 +192,8 @@ mod tests {
                 (0..).zip(&points).map(|(i, p)| (distance(p, centre), i)).filter(|f| f.1 % 3 != 1).collect();
             all.sort_unstable_by(by_distance);
             tree.nearest(centre, 50, |item| item % 3 != 1, &mut found);
+            assert_eq!(found[0], all[49]);
+            found.sort_unstable_by(by_distance);
             assert_eq!(found, all[..50]);
             tree.within(centre, all[60].0, &mut inside);
             let expected = points.iter().filter(|p| distance(p, centre) <= all[60].0).count();
@@ -218,6 +208,7 @@ mod tests {
         let tree = Tree::new(&[[1.0, 2.0]; 100]);
         let mut found = Vec::new();
         tree.nearest(&[1.0, 2.0], 3, |_| true, &mut found);
+        found.sort_unstable_by(by_distance);
         assert_eq!(found, [(0.0, 0), (0.0, 1), (0.0, 2)]);
         let none = Tree::<2>::new(&[]);
         none.nearest(&[0.0; 2], 3, |_| true, &mut found);

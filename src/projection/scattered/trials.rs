@@ -122,6 +122,9 @@ fn score(predictions: &[Vec<(f64, f64)>], beside: &[Vec<(f64, f64)>]) -> f64 {
 /// How much of the variance of values about their prediction is their own: 1 where the noise of bands is independent, 0
 /// where it is common to a row, or there is one band.
 pub(super) fn own_noise(clouds: &[Cloud], like: Fitted<'_>) -> f64 {
+    if like.rows.width == 1 {
+        return 0.0;
+    }
     let found = predictions(clouds, Fitted { neighbours: FEW, ..like }, &trials(clouds, JUDGES), |wo| wo);
     let relative = |(found, expected): &(f64, f64)| (found / expected, 1.0);
     let each: Vec<Vec<(f64, f64)>> = found.iter().map(|row| row.iter().map(relative).collect()).collect();

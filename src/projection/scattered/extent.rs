@@ -1,0 +1,141 @@
+//! How far and how densely samples lie: their domains, sides, and the distances between neighbours.
+
+use super::cloud::{Cloud, Incoming};
+use super::trials;
+use crate::domain::vector::Vector;
+use crate::domain::{Domain, Quantity};
+
+/// Neighbours whose distance tells how densely samples lie.
+const DENSITY: usize = 16;
+/// Samples count as on one side of the plane of incidence that lie less beyond it.
+const ON_PLANE: f64 = 1e-3;
+
+/// What samples fitted together say of their incoming directions.
+pub(super) struct Joint {
+    pub(super) count: usize,
+    /// Between neighbouring incoming directions, in radians.
+    pub(super) spacing: f64,
+}
+
+impl Joint {
+    pub(super) fn of(groups: &Incoming, samples: usize) -> Option<Self> {
+        match groups {
+            Incoming::None | Incoming::Elevations(..) => None,
+            Incoming::AllElevations(elevations) => {
+                let range = elevations.last().zip(elevations.first()).map_or(0.0, |(high, low)| high - low);
+                let count = elevations.len();
+                Some(Self { count, spacing: (range / (count.max(2) - 1) as f64).to_radians().max(1e-3) })
+            }
+            Incoming::Directions(count) => {
+                let count = (*count).min((samples as f64).sqrt().ceil() as usize).max(1);
+                Some(Self { count, spacing: (std::f64::consts::TAU / count as f64).sqrt() })
+            }
+        }
+    }
+}
+
+/// Whether all samples lie on one side of the plane of incidence, and not all of them in it.
+pub(super) fn is_one_sided(live: &[u32], directions: &[(Vector, Vector)]) -> bool {
+    let beside = live.iter().map(|&row| directions[row as usize].1[1]);
+    let (low, high) = beside.fold((0.0_f64, 0.0_f64), |(l, h), y| (l.min(y), h.max(y)));
+    (low >= -ON_PLANE || high <= ON_PLANE) && high - low > 10.0 * ON_PLANE
+}
+
+pub(super) fn outgoing_domain(quantity: Quantity) -> Domain {
+    match quantity {
+        Quantity::Brdf | Quantity::Reflectance => Domain::Hemisphere,
+        Quantity::Btdf => Domain::Lower,
+        _ => Domain::Sphere,
+    }
+}
+
+pub(super) fn incoming_domain(live: &[u32], directions: &[(Vector, Vector)]) -> Domain {
+    let heights = live.iter().map(|&row| directions[row as usize].0[2]);
+    let (low, high) = heights.fold((1.0_f64, -1.0_f64), |(l, h), z| (l.min(z), h.max(z)));
+    match (low, high) {
+        (low, _) if low >= -1e-9 => Domain::Hemisphere,
+        (_, high) if high <= 1e-9 => Domain::Lower,
+        _ => Domain::Sphere,
+    }
+}
+
+/// The distance between neighbouring samples in degrees, from how far their sixteenth neighbour is, in the middle of many.
+pub(super) fn spacing(clouds: &[Cloud]) -> f64 {
+    let mut found = Vec::new();
+    let mut all: Vec<f64> = trials::trials(clouds, 200)
+        .into_iter()
+        .filter_map(|trial| {
+            let cloud = &clouds[trial.cloud];
+            let count = DENSITY.min(cloud.points.len() - 1);
+            cloud.tree.nearest(&cloud.keys[trial.point as usize], count + 1, |_| true, &mut found);
+            let square = found.first()?.0;
+            (count > 0 && square > 0.0).then(|| (std::f64::consts::PI * square / count as f64).sqrt().to_degrees())
+        })
+        .collect();
+    if all.is_empty() {
+        return 90.0;
+    }
+    let middle = all.len() / 2;
+    *all.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// The angle at the origin in which points lie, as long as it is less than half a turn.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Around {
+    /// The points at its two sides, the second to the left of the first; both 0 if there are none.
+    sides: [[f64; 2]; 2],
+}
+
+impl Around {
+    /// Adds a point; whether every half plane has one now, after which no more may be added.
+    pub(super) fn add(&mut self, point: [f64; 2]) -> bool {
+        let left_of = |a: [f64; 2]| a[0] * point[1] - a[1] * point[0];
+        let [first, last] = self.sides;
+        if first == [0.0; 2] {
+            self.sides = [point; 2];
+            return false;
+        }
+        match (left_of(first) < 0.0, left_of(last) > 0.0) {
+            (true, true) => return true,
+            (true, false) => self.sides[0] = point,
+            (false, true) => self.sides[1] = point,
+            (false, false) => {}
+        }
+        false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_on_a_line_are_never_all_around() {
+        for (turn, beside) in [(0.3_f64, 1e-6), (1.0, 1e-3), (2.5, 0.5), (0.0, 1e-9)] {
+            let mut around = Around::default();
+            let found = (-100..=100).any(|i| {
+                let along = f64::from(i) * 0.01 + 1e-5;
+                let (sin, cos) = turn.sin_cos();
+                around.add([along * cos - beside * sin, along * sin + beside * cos])
+            });
+            assert!(!found, "{turn} {beside}");
+        }
+    }
+
+    #[test]
+    fn three_points_are_around_what_lies_between_them() {
+        for turn in 0..360 {
+            let at = |degrees: i32| {
+                let (sin, cos) = f64::from(degrees + turn).to_radians().sin_cos();
+                [cos, sin]
+            };
+            let around = |degrees: [i32; 3]| {
+                let mut around = Around::default();
+                degrees.into_iter().any(|degrees| around.add(at(degrees)))
+            };
+            for order in [[0, 1, 2], [1, 0, 2], [2, 1, 0], [0, 2, 1]] {
+                assert!(around(order.map(|i| [0, 100, 230][i])) && !around(order.map(|i| [0, 100, 170][i])), "{turn}");
+            }
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! The samples around a block of triangles, from which every place within picks its own.
+
+use super::cloud::Cloud;
+use super::tree::{Found, by_distance};
+use crate::domain::vector::Vector;
+use crate::domain::{Vertices, wide};
+
+/// How often a place tries another reach for as many samples as are wanted.
+const TRIES: usize = 4;
+/// Beside an edge the reach is so much longer.
+const WIDER: f64 = 1.6;
+
+/// Scratch of one task.
+#[derive(Default)]
+pub(super) struct Nearby {
+    found: Vec<Found>,
+    items: Vec<u32>,
+    /// Where they lie in the tree, a column for each coordinate.
+    keys: [Vec<f64>; 6],
+    /// The squares of their distances from a place.
+    squares: Vec<f64>,
+    near: Vec<f64>,
+    centre: [f64; 6],
+    /// The distance from the centre to the farthest corner.
+    size: f64,
+    /// All samples within this distance of the centre are here.
+    complete: f64,
+    /// The square of the distance within which the centre has its neighbours.
+    reach: f64,
+    is_wide: bool,
+}
+
+impl Nearby {
+    /// Finds the samples that are `wanted` within the reach of any place in `vertices` under `wi`.
+    pub(super) fn gather(
+        &mut self,
+        (cloud, neighbours): (&Cloud, usize),
+        wi: Vector,
+        vertices: &[Vertices],
+        wanted: impl Fn(u32) -> bool,
+    ) {
+        self.centre = middle(cloud, wi, vertices);
+        let corners = vertices.iter().flatten();
+        self.size = corners.map(|&corner| apart(&cloud.key(wi, corner), &self.centre)).fold(0.0, f64::max).sqrt();
+        cloud.tree.nearest(&self.centre, neighbours, &wanted, &mut self.found);
+        self.reach = self.found.first().map_or(0.0, |farthest| farthest.0);
+        self.is_wide = false;
+        self.collect(cloud, self.reach.sqrt(), wanted);
+    }
+
+    /// Takes the reach of the middle of some of the triangles of the block, where it is known.
+    pub(super) fn focus(&mut self, (cloud, neighbours): (&Cloud, usize), wi: Vector, vertices: &[Vertices]) {
+        let key = middle(cloud, wi, vertices);
+        self.measure(&key, if cloud.slopes || cloud.stretch > 0.0 { 6 } else { 3 });
+        let complete = self.complete_around(&key);
+        self.near.clear();
+        self.near.extend(self.squares.iter().copied().filter(|&apart| apart <= complete));
+        if self.near.len() >= neighbours && neighbours > 0 {
+            self.reach = *self.near.select_nth_unstable_by(neighbours - 1, f64::total_cmp).1;
+        }
+    }
+
+    /// Looks up all samples within `reach` of any place of the block.
+    fn collect(&mut self, cloud: &Cloud, reach: f64, wanted: impl Fn(u32) -> bool) {
+        self.complete = reach + self.size + 1e-9;
+        cloud.tree.within(&self.centre, self.complete * self.complete, &mut self.found);
+        self.found.retain(|found| wanted(found.1));
+        self.items.clear();
+        self.items.extend(self.found.iter().map(|found| found.1));
+        for (k, column) in self.keys.iter_mut().enumerate() {
+            column.clear();
+            column.extend(self.items.iter().map(|&item| cloud.keys[item as usize][k]));
+        }
+        self.squares.resize(self.items.len(), 0.0);
+    }
+
+    /// The samples around the place `key` of the block into `found`: all within some reach, if these are about as many as
+    /// wanted, else the nearest.
+    pub(super) fn select(
+        &mut self,
+        (cloud, neighbours): (&Cloud, usize),
+        key: &[f64; 6],
+        wanted: impl Fn(u32) -> bool,
+        found: &mut Vec<Found>,
+    ) {
+        let dimensions = if cloud.slopes || cloud.stretch > 0.0 { 6 } else { 3 };
+        self.measure(key, dimensions);
+        let mut complete = self.complete_around(key);
+        let mut square = self.reach.min(complete);
+        for _ in 0..TRIES {
+            let count = self.squares.iter().filter(|&&apart| apart <= square).count();
+            if 4 * count > 5 * neighbours {
+                square *= neighbours as f64 / count as f64;
+            } else if 4 * count >= 3 * neighbours {
+                self.take(square, count, found);
+                return;
+            } else if square < complete {
+                square = (square * neighbours as f64 / count.max(1) as f64).min(complete);
+            } else if self.is_wide || cloud.points.len() <= self.items.len() {
+                break;
+            } else {
+                self.is_wide = true;
+                self.collect(cloud, WIDER * self.reach.sqrt(), &wanted);
+                self.measure(key, dimensions);
+                complete = self.complete_around(key);
+                square = (square * neighbours as f64 / count.max(1) as f64).min(complete);
+            }
+        }
+        let count = self.squares.iter().filter(|&&apart| apart <= complete).count();
+        if count >= neighbours {
+            self.take(complete, count, found);
+            found.select_nth_unstable_by(neighbours - 1, by_distance);
+            found.truncate(neighbours);
+        } else {
+            cloud.tree.nearest(key, neighbours, wanted, found);
+        }
+    }
+
+    /// The square of the distance from a place within which all samples are here.
+    fn complete_around(&self, key: &[f64; 6]) -> f64 {
+        (self.complete - apart(key, &self.centre).sqrt()).max(0.0).powi(2)
+    }
+
+    /// Sets the squares of distances; beyond the first coordinates there is no difference.
+    fn measure(&mut self, key: &[f64; 6], dimensions: usize) {
+        let n = self.items.len();
+        let squares = &mut self.squares[..n];
+        let [a, b, c, d, e, f] = self.keys.each_ref().map(|column| &column[..n]);
+        let square = |a: f64, b: f64| (a - b) * (a - b);
+        wide(
+            #[inline(always)]
+            || {
+                for i in 0..n {
+                    squares[i] = square(key[0], a[i]) + square(key[1], b[i]) + square(key[2], c[i]);
+                }
+                if dimensions > 3 {
+                    for i in 0..n {
+                        squares[i] += square(key[3], d[i]) + square(key[4], e[i]) + square(key[5], f[i]);
+                    }
+                }
+            },
+        );
+    }
+
+    /// Takes the `count` samples no farther than the root of `square`.
+    fn take(&self, square: f64, count: usize, found: &mut Vec<Found>) {
+        // One place more for those that are not taken.
+        found.resize(count + 1, (0.0, 0));
+        let mut n = 0;
+        for (&apart, &item) in self.squares.iter().zip(&self.items) {
+            found[n] = (apart, item);
+            n += usize::from(apart <= square);
+        }
+        found.truncate(count);
+    }
+}
+
+/// The mean of the corners.
+fn middle(cloud: &Cloud, wi: Vector, vertices: &[Vertices]) -> [f64; 6] {
+    let (mut sum, mut count) = ([0.0; 6], 0.0);
+    for &corner in vertices.iter().flatten() {
+        sum.iter_mut().zip(cloud.key(wi, corner)).for_each(|(sum, x)| *sum += x);
+        count += 1.0;
+    }
+    sum.map(|sum| sum / count)
+}
+
+/// The square of the distance between two keys.
+pub(super) fn apart(a: &[f64; 6], b: &[f64; 6]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}

@@ -1,0 +1,326 @@
+//! Samples as columns, and the weighted systems of a local fit to them: summed side by side, factored, solved.
+
+use super::rows::PARTS;
+use crate::domain::wide;
+
+/// Terms of the largest basis: 1, u, v, a, b, u², uv, v².
+pub(super) const TERMS: usize = 8;
+/// Samples that are summed side by side.
+const LANES: usize = 4;
+/// Rows of a system that are summed together.
+const ROWS: usize = 4;
+/// What is added to the diagonal, in parts of the sum of weights: directions in which samples do not differ get no part.
+const RIDGE: f64 = 1e-9;
+
+/// What a sample is to the fit, a column each; all as long as whole lanes, with nothing beyond the samples.
+#[derive(Default)]
+pub(super) struct Columns {
+    /// The first is 1.
+    pub(super) basis: [Vec<f64>; TERMS],
+    /// The square of the distance in parts of that of the reach.
+    pub(super) squares: Vec<f64>,
+    /// By stated uncertainty.
+    pub(super) certainty: Vec<f64>,
+    pub(super) robust: Vec<f64>,
+    pub(super) light: Vec<f64>,
+    pub(super) residuals: Vec<f64>,
+    /// How much each counts in the system made last.
+    weights: Vec<f64>,
+}
+
+/// What residuals add up to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Departure {
+    pub(super) sum: f64,
+    pub(super) squares: f64,
+    pub(super) largest: f64,
+    pub(super) brightest: f64,
+}
+
+/// A symmetric system, factored, with its solution for the light.
+pub(super) struct Factored {
+    factor: [[f64; TERMS]; TERMS],
+    pub(super) terms: usize,
+    pub(super) solution: [f64; TERMS],
+    /// The variance of the light about the fit.
+    pub(super) scatter: f64,
+}
+
+impl Columns {
+    /// Makes room for `count` samples, all of them robust.
+    pub(super) fn resize(&mut self, count: usize) {
+        let padded = count.next_multiple_of(LANES);
+        let Self { basis, squares, certainty, robust, light, residuals, weights } = self;
+        for column in [squares, certainty, robust, light, residuals, weights].into_iter().chain(basis.iter_mut()) {
+            column.resize(padded, 0.0);
+            column[count..].fill(0.0);
+        }
+        self.basis[0].fill(1.0);
+        self.squares[count..].fill(1.0);
+        self.robust.fill(1.0);
+    }
+
+    /// Sets how much each of the first `count` samples counts within `reach`; the farthest does, too: its square is less than 1.
+    fn count(&mut self, count: usize, reach: f64) {
+        let padded = count.next_multiple_of(LANES);
+        let [squares, certainty, robust] =
+            [&self.squares, &self.certainty, &self.robust].map(|column| &column[..padded]);
+        let weights = &mut self.weights[..padded];
+        let inverse = 1.0 / reach;
+        wide(
+            #[inline(always)]
+            || {
+                for i in 0..padded {
+                    let near = 1.0 - squares[i] * inverse;
+                    weights[i] = if near > 0.0 { near } else { 0.0 } * certainty[i] * robust[i];
+                }
+            },
+        );
+    }
+
+    /// The system of the first `count` samples within `reach`, a part of the square of the reach of all.
+    pub(super) fn system(&mut self, count: usize, reach: f64, joint: bool, terms: usize) -> Factored {
+        let padded = count.next_multiple_of(LANES);
+        let mut matrix = [[0.0; TERMS]; TERMS];
+        let mut right = [0.0; TERMS];
+        let (mut square, mut number) = ([0.0; LANES], [0.0; LANES]);
+        self.count(count, reach);
+        let [weights, robust, light] = [&self.weights, &self.robust, &self.light].map(|column| &column[..padded]);
+        let basis = self.basis.each_ref().map(|column| &column[..padded]);
+        wide(
+            #[inline(always)]
+            || {
+                for at in (0..padded).step_by(LANES) {
+                    for l in 0..LANES {
+                        square[l] += weights[at + l] * light[at + l] * light[at + l];
+                        number[l] += if at + l < count { robust[at + l] } else { 0.0 };
+                    }
+                }
+                add_rows::<0, 4>(&basis, weights, light, &mut matrix, &mut right);
+                add_rows::<4, 6>(&basis, weights, light, &mut matrix, &mut right);
+                if joint {
+                    add_rows::<6, 8>(&basis, weights, light, &mut matrix, &mut right);
+                }
+            },
+        );
+        let (square, number) = (total(square), total(number));
+        let total = matrix[0][0];
+        for (i, row) in matrix.iter_mut().enumerate().take(terms).skip(1) {
+            row[i] += RIDGE * total;
+        }
+        let mut factored = Factored::new(matrix, terms);
+        factored.solution = factored.solve(right);
+        let explained: f64 = factored.solution.iter().zip(&right).map(|(a, b)| a * b).sum();
+        let freedom = 1.0 - terms as f64 / number.max(terms as f64 + 1.0);
+        // What rounding leaves of nothing is nothing.
+        let left = square - explained;
+        factored.scatter = if left > 1e-12 * square { left / (total * freedom) } else { 0.0 };
+        factored
+    }
+
+    /// The residuals of the light of the first `count` samples.
+    pub(super) fn depart(&mut self, count: usize, solution: &[f64; TERMS]) -> Departure {
+        let padded = count.next_multiple_of(LANES);
+        let basis = self.basis.each_ref().map(|column| &column[..padded]);
+        let light = &self.light[..padded];
+        let residuals = &mut self.residuals[..padded];
+        let (mut sum, mut squares) = ([0.0; LANES], [0.0; LANES]);
+        let (mut largest, mut brightest) = ([0.0_f64; LANES], [0.0_f64; LANES]);
+        wide(
+            #[inline(always)]
+            || {
+                for i in 0..padded {
+                    let mut fitted = 0.0;
+                    for j in 0..TERMS {
+                        fitted += solution[j] * basis[j][i];
+                    }
+                    residuals[i] = (light[i] - fitted).abs();
+                }
+                residuals[count..].fill(0.0);
+                for at in (0..padded).step_by(LANES) {
+                    for l in 0..LANES {
+                        let (residual, light) = (residuals[at + l], light[at + l].abs());
+                        sum[l] += residual;
+                        squares[l] += residual * residual;
+                        largest[l] = if residual > largest[l] { residual } else { largest[l] };
+                        brightest[l] = if light > brightest[l] { light } else { brightest[l] };
+                    }
+                }
+            },
+        );
+        let most = |lanes: [f64; LANES]| lanes.into_iter().fold(0.0, f64::max);
+        Departure { sum: total(sum), squares: total(squares), largest: most(largest), brightest: most(brightest) }
+    }
+
+    /// Less weight to samples whose residuals are as large as `limit`, and none beyond (bisquare).
+    pub(super) fn trust(&mut self, limit: f64) {
+        for (robust, residual) in self.robust.iter_mut().zip(&self.residuals) {
+            let far = residual / limit;
+            *robust = (1.0 - far * far).max(0.0).powi(2);
+        }
+    }
+
+    /// Calls `with` for each of the first `count` samples that counts within `reach`, with its weights in the values at
+    /// `parts`.
+    pub(super) fn weigh(
+        &mut self,
+        (count, reach): (usize, f64),
+        factored: &Factored,
+        parts: &[[f64; TERMS]; PARTS],
+        mut with: impl FnMut(usize, [f64; PARTS]),
+    ) {
+        self.count(count, reach);
+        let solutions = parts.map(|part| factored.solve(part));
+        let by_term: [[f64; PARTS]; TERMS] = std::array::from_fn(|j| solutions.map(|solution| solution[j]));
+        let basis = self.basis.each_ref().map(|column| &column[..count]);
+        let weights = &self.weights[..count];
+        wide(
+            #[inline(always)]
+            || {
+                for i in 0..count {
+                    if weights[i] == 0.0 {
+                        continue;
+                    }
+                    let mut sums = [0.0; PARTS];
+                    for j in 0..TERMS {
+                        for p in 0..PARTS {
+                            sums[p] += by_term[j][p] * basis[j][i];
+                        }
+                    }
+                    with(i, sums.map(|sum| weights[i] * sum));
+                }
+            },
+        );
+    }
+}
+
+fn total(lanes: [f64; LANES]) -> f64 {
+    (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
+}
+
+/// Adds up rows of the lower triangle and of the right side.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+fn add_rows<const FROM: usize, const TO: usize>(
+    basis: &[&[f64]; TERMS],
+    weights: &[f64],
+    light: &[f64],
+    matrix: &mut [[f64; TERMS]; TERMS],
+    right: &mut [f64; TERMS],
+) {
+    let mut sums = [[[0.0; LANES]; TERMS]; ROWS];
+    let mut rights = [[0.0; LANES]; ROWS];
+    let n = weights.len();
+    let basis = basis.map(|column| &column[..n]);
+    let light = &light[..n];
+    for at in (0..n).step_by(LANES) {
+        let lanes = |column: &[f64]| -> [f64; LANES] { std::array::from_fn(|l| column[at + l]) };
+        let (weights, light) = (lanes(weights), lanes(light));
+        for j in FROM..TO {
+            let own = lanes(basis[j]);
+            let weighted: [f64; LANES] = std::array::from_fn(|l| weights[l] * own[l]);
+            for l in 0..LANES {
+                rights[j - FROM][l] += weighted[l] * light[l];
+            }
+            for k in 0..=j {
+                let other = lanes(basis[k]);
+                for l in 0..LANES {
+                    sums[j - FROM][k][l] += weighted[l] * other[l];
+                }
+            }
+        }
+    }
+    for j in FROM..TO {
+        right[j] = total(rights[j - FROM]);
+        for k in 0..=j {
+            matrix[j][k] = total(sums[j - FROM][k]);
+        }
+    }
+}
+
+impl Factored {
+    /// Cholesky's factor of the first `terms` rows of the lower triangle of `matrix`.
+    fn new(mut matrix: [[f64; TERMS]; TERMS], terms: usize) -> Self {
+        match terms {
+            6 => factor::<6>(&mut matrix),
+            8 => factor::<8>(&mut matrix),
+            5 => factor::<5>(&mut matrix),
+            3 => factor::<3>(&mut matrix),
+            _ => factor::<1>(&mut matrix),
+        }
+        Self { factor: matrix, terms, solution: [0.0; TERMS], scatter: 0.0 }
+    }
+
+    /// The solution for a right side, 0 beyond the terms.
+    pub(super) fn solve(&self, right: [f64; TERMS]) -> [f64; TERMS] {
+        match self.terms {
+            6 => back::<6>(&self.factor, ahead::<6>(&self.factor, right)),
+            8 => back::<8>(&self.factor, ahead::<8>(&self.factor, right)),
+            5 => back::<5>(&self.factor, ahead::<5>(&self.factor, right)),
+            3 => back::<3>(&self.factor, ahead::<3>(&self.factor, right)),
+            _ => back::<1>(&self.factor, ahead::<1>(&self.factor, right)),
+        }
+    }
+
+    /// What the inverse makes of a vector on both sides: the variance of its value if samples vary by the inverse of their
+    /// weights.
+    pub(super) fn variance(&self, of: [f64; TERMS]) -> f64 {
+        let half = match self.terms {
+            6 => ahead::<6>(&self.factor, of),
+            8 => ahead::<8>(&self.factor, of),
+            5 => ahead::<5>(&self.factor, of),
+            3 => ahead::<3>(&self.factor, of),
+            _ => ahead::<1>(&self.factor, of),
+        };
+        half.iter().map(|x| x * x).sum()
+    }
+
+    /// The light that the fit has at a place of this basis.
+    pub(super) fn light(&self, at: &[f64; TERMS]) -> f64 {
+        self.solution.iter().zip(at).map(|(a, b)| a * b).sum()
+    }
+}
+
+fn factor<const N: usize>(matrix: &mut [[f64; TERMS]; TERMS]) {
+    let least = (1e-14 * matrix[0][0]).max(1e-300);
+    for j in 0..N {
+        let row = matrix[j];
+        let mut pivot = row[j];
+        for factor in &row[..j] {
+            pivot -= factor * factor;
+        }
+        // What rounding leaves of nothing.
+        let root = pivot.max(least).sqrt();
+        let inverse = 1.0 / root;
+        for below in &mut matrix[j + 1..N] {
+            let mut left = below[j];
+            for k in 0..j {
+                left -= below[k] * row[k];
+            }
+            below[j] = left * inverse;
+        }
+        // The inverse is what is asked for.
+        matrix[j][j] = inverse;
+    }
+}
+
+fn ahead<const N: usize>(factor: &[[f64; TERMS]; TERMS], mut right: [f64; TERMS]) -> [f64; TERMS] {
+    right[N..].fill(0.0);
+    for i in 0..N {
+        for k in 0..i {
+            right[i] -= factor[i][k] * right[k];
+        }
+        right[i] *= factor[i][i];
+    }
+    right
+}
+
+fn back<const N: usize>(factor: &[[f64; TERMS]; TERMS], mut right: [f64; TERMS]) -> [f64; TERMS] {
+    for i in (0..N).rev() {
+        for k in i + 1..N {
+            right[i] -= factor[k][i] * right[k];
+        }
+        right[i] *= factor[i][i];
+    }
+    right
+}

@@ -1,0 +1,64 @@
+//! Scans without a grid as a user projects, compresses and inspects them: what was filled is marked all the way.
+
+#![allow(clippy::unwrap_used, reason = "a test's helper fails by panicking, like the test")]
+
+use serde_json::Value;
+use std::fmt::Write;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+fn json(directory: &Path, args: &[&str]) -> Value {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_wavelume"));
+    let output = command.args(args).arg("--json").current_dir(directory).stdin(Stdio::null()).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// Two incoming elevations, directions even in solid angle (R2, Roberts 2018) but for 12 degrees around the lamp.
+fn scan_with_a_blind_spot() -> String {
+    let mut text =
+        "# radiometric-csv: 1\n# quantity: brdf\n# value_unit: 1/sr\n# cosine_included: false\n# angle_unit: deg\n\
+                    # isotropic: true\ntheta_i,theta_o,phi_o,value\n"
+            .to_owned();
+    for theta_i in [10.0_f64, 40.0] {
+        for i in 0..900 {
+            let [u, v] = [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (0.5 + f64::from(i) * step).fract());
+            let (theta, phi) = ((1.0 - u).acos(), std::f64::consts::TAU * v);
+            let lamp = theta_i.to_radians();
+            let apart = theta.cos() * lamp.cos() + theta.sin() * lamp.sin() * phi.cos();
+            if apart < 12.0_f64.to_radians().cos() {
+                let value = 0.1 + 0.05 * theta.cos();
+                writeln!(text, "{theta_i},{:.4},{:.4},{value:.6}", theta.to_degrees(), phi.to_degrees()).unwrap();
+            }
+        }
+    }
+    text
+}
+
+#[test]
+fn filled_cells_are_marked_in_arrays_materials_and_reports() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    std::fs::write(at.join("scan.csv"), scan_with_a_blind_spot()).unwrap();
+    let projected = json(at, &["project", "scan.csv", "-o", "scan.npy"]);
+    let filled = projected["coverage"]["filled"].as_u64().unwrap();
+    assert!(filled > 0, "{projected}");
+    assert_eq!(projected["filled"], "scan.filled.npy");
+
+    // A header, then one float32 for each cell.
+    let marks = std::fs::read(at.join("scan.filled.npy")).unwrap();
+    let cells = projected["coverage"]["cells"].as_u64().unwrap();
+    let (_, values) = marks.split_at(marks.len() - 4 * usize::try_from(cells).unwrap());
+    let marked = values.chunks_exact(4).filter(|mark| **mark == 1.0_f32.to_le_bytes()).count();
+    assert_eq!(marked as u64, filled);
+    assert!(values.chunks_exact(4).all(|mark| mark == 1.0_f32.to_le_bytes() || mark == [0; 4]));
+
+    json(at, &["compress", "scan.csv", "-o", "scan.wlm"]);
+    let material = json(at, &["inspect", "scan.wlm"]);
+    let provenance = &material["provenance"]["filled"];
+    assert_eq!(provenance["cells"].as_u64(), Some(filled), "{material}");
+    let runs: Vec<u64> = provenance["runs"].as_array().unwrap().iter().map(|run| run.as_u64().unwrap()).collect();
+    assert_eq!(runs.iter().skip(1).step_by(2).sum::<u64>(), filled);
+    let measured = json(at, &["inspect", "scan.csv"]);
+    assert_eq!(measured["coverage"]["filled"].as_u64(), Some(filled), "{measured}");
+}
