@@ -7,6 +7,7 @@ mod seal;
 pub use material::use_material;
 pub use seal::sealed;
 
+use std::borrow::Cow;
 use wavelume::compress::{self, Summary};
 use wavelume::domain::Axis;
 use wavelume::formats::{self, Acquisition, Interpretation, Samples};
@@ -18,6 +19,8 @@ pub const MOST_DECODED: usize = 1 << 18;
 pub const MOST_OPENED: usize = 1 << 16;
 /// Samples of an acquisition that is projected, and values of a virtual document that is evaluated.
 const MOST_PROJECTED: usize = 1 << 12;
+/// Samples of a grid of angles that is projected: averages over triangles take seconds where every branch is watched.
+const MOST_ANGULAR: usize = 1 << 6;
 
 /// One thread, the caller's own: an input that fails does so at the same place every time.
 pub fn one_thread() {
@@ -113,15 +116,32 @@ pub fn read_format(bytes: &[u8]) {
     if is_costly(how.axes.as_ref(), file) {
         return;
     }
-    if let Ok(acquisition) = formats::read(file, &how) {
+    if let Ok(acquisition) = formats::read(&whole_table(file), &how) {
         project(&acquisition);
     }
+}
+
+/// A MERL table, whose size is fixed, from a few numbers that are repeated; any other file as it is.
+fn whole_table(file: &[u8]) -> Cow<'_, [u8]> {
+    const HEAD: usize = 12;
+    let words = |azimuths: i32, swap: fn(i32) -> [u8; 4]| [90, 90, azimuths].map(swap).concat();
+    for azimuths in [180, 360] {
+        let size = HEAD + 24 * 90 * 90 * azimuths as usize;
+        for swap in [i32::to_le_bytes, i32::to_be_bytes] {
+            let Some(numbers) = file.strip_prefix(words(azimuths, swap).as_slice()) else { continue };
+            let more = numbers.len() % 8 == 0 && !numbers.is_empty() && file.len() < size;
+            if more {
+                return file[..HEAD].iter().chain(numbers.iter().cycle()).copied().take(size).collect();
+            }
+        }
+    }
+    Cow::Borrowed(file)
 }
 
 fn project(acquisition: &Acquisition) {
     let request = match &acquisition.samples {
         Samples::OnAxes { tensor, .. } if tensor.len() <= MOST_PROJECTED => AxesRequest::default(),
-        Samples::Grid(grid) if grid.values.len() <= MOST_PROJECTED => AxesRequest {
+        Samples::Grid(grid) if grid.values.len() <= MOST_ANGULAR => AxesRequest {
             incoming_level: grid.incoming.as_ref().and_then(|angles| angles.phi.as_ref()).map(|_| 1),
             outgoing_level: grid.outgoing.as_ref().map(|_| 1),
             ..AxesRequest::default()

@@ -44,7 +44,9 @@ impl Tensor {
             let shape = axes.iter().map(Axis::len).collect();
             return Err(TensorError::Count { found: samples.len(), expected, shape });
         }
-        if let Some(index) = samples.iter().position(|s| s.is_infinite()) {
+        // All are looked at: a search that ends early cannot take several at a time.
+        if samples.iter().fold(false, |infinite, s| infinite | s.is_infinite()) {
+            let index = samples.iter().take_while(|s| !s.is_infinite()).count();
             return Err(TensorError::Infinite { index });
         }
         Ok(Self { axes, samples: Arc::new(samples) })

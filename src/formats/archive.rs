@@ -123,9 +123,12 @@ impl<'a> Archive<'a> {
         // The size was checked when the archive was opened.
         let mut bytes = Vec::with_capacity(member.bytes as usize);
         let read = file.take(member.bytes + 1).read_to_end(&mut bytes);
-        read.map_err(|error| refused(FormatErrorKind::Malformed, format!("{quoted} does not unpack: {error}")))?;
+        read.map_err(|error| {
+            refused(FormatErrorKind::Malformed, format!("{quoted} does not unpack, expected a whole file: {error}"))
+        })?;
         if bytes.len() as u64 != member.bytes {
-            let message = format!("{quoted} unpacks to {} bytes or more, {} are stated", bytes.len(), member.bytes);
+            let message =
+                format!("{quoted} unpacks to {} bytes or more, expected {} as are stated", bytes.len(), member.bytes);
             return Err(refused(FormatErrorKind::Malformed, message));
         }
         if is_archive(&bytes) {
@@ -203,7 +206,7 @@ fn broken(what: &str, error: &ZipError) -> FormatError {
         ZipError::UnsupportedArchive(_) => FormatErrorKind::Unsupported,
         _ => FormatErrorKind::Malformed,
     };
-    refused(kind, format!("{what} cannot be read: {error}"))
+    refused(kind, format!("{what} cannot be read, expected a whole zip archive: {error}"))
 }
 
 /// Reads the member that was asked for, or the only one that is a measurement.
@@ -345,7 +348,7 @@ mod tests {
             (bomb, OverLimit, "unpack to 20971520 bytes"),
             (zipped(&many), OverLimit, "1001 files, expected at most 1000"),
             (encrypted, Unsupported, "is encrypted"),
-            (lying, Malformed, "5 are stated"),
+            (lying, Malformed, "expected 5"),
             (damaged, Malformed, "lamp.ies"),
             (exotic, Unsupported, "expected deflate"),
             (zipped(&[("readme.pdf", b"%PDF-1.7")]), Unsupported, "without a measurement, found: `readme.pdf`"),

@@ -139,21 +139,27 @@ impl Table {
         if azimuths != AZIMUTHS {
             report.note(NoteKind::Assumed, format!("{azimuths} cells of phi_d are a whole turn"));
         }
-        let mut values = vec![0.0; 3 * cells];
-        let (mut negative, mut lowest) = (0_usize, 0.0_f64);
-        for (i, word) in bytes[HEAD..].as_chunks::<8>().0.iter().enumerate() {
-            let stored = if swapped { f64::from_be_bytes(*word) } else { f64::from_le_bytes(*word) };
-            let (channel, cell) = (i / cells, i % cells);
-            let value = (stored * SCALES[channel]) as f32;
-            if !value.is_finite() {
-                let message = format!("value {i} is {stored:e}, expected a finite number");
-                return Err(malformed(HEAD + 8 * i, message));
-            }
-            if stored < 0.0 {
-                negative += 1;
+        let (words, _) = bytes[HEAD..].as_chunks::<8>();
+        let stored = |word: &[u8; 8]| if swapped { f64::from_be_bytes(*word) } else { f64::from_le_bytes(*word) };
+        let (mut negative, mut lowest, mut finite) = (0_usize, 0.0_f64, true);
+        let mut values = Vec::with_capacity(3 * cells);
+        let (red, others) = words.split_at(cells);
+        let (green, blue) = others.split_at(cells);
+        for ((red, green), blue) in red.iter().zip(green).zip(blue) {
+            for (word, scale) in [red, green, blue].into_iter().zip(SCALES) {
+                let stored = stored(word);
+                let value = (stored * scale) as f32;
+                finite &= value.is_finite();
+                negative += usize::from(stored < 0.0);
                 lowest = lowest.min(stored);
+                values.push(if stored < 0.0 { f32::NAN } else { value });
             }
-            values[3 * cell + channel] = if stored < 0.0 { f32::NAN } else { value };
+        }
+        if !finite {
+            let wrong = |i: &usize| !((stored(&words[*i]) * SCALES[*i / cells]) as f32).is_finite();
+            let i = (0..words.len()).find(wrong).unwrap_or_default();
+            let message = format!("value {i} is {:e}, expected a finite number", stored(&words[i]));
+            return Err(malformed(HEAD + 8 * i, message));
         }
         if negative > 0 {
             let all = 3 * cells;

@@ -22,6 +22,7 @@ mod tabphase;
 mod template;
 mod text;
 mod tm27;
+mod turned;
 mod type_c;
 
 pub use acquisition::{

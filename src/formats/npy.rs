@@ -1,6 +1,7 @@
 //! `NumPy` arrays (`.npy`, versions 1 to 3) with a manifest of their axes, read and written.
 
 use super::text::snippet;
+use super::turned::turn;
 use super::{
     Acquisition, Format, FormatError, FormatErrorKind, Interpretation, NoteKind, ParseReport, Reader, Sample, manifest,
 };
@@ -97,7 +98,10 @@ fn read_array(bytes: &[u8], report: &mut ParseReport) -> Result<Array, FormatErr
         ));
     };
     if count == 0 {
-        return Err(malformed(MAGIC.len(), format!("an array of shape {shape:?} holds nothing")));
+        return Err(malformed(
+            MAGIC.len(),
+            format!("an array of shape {shape:?} holds nothing, expected one sample or more"),
+        ));
     }
     // At most 2^28 samples of 8 bytes: no overflow, and nothing was allocated yet.
     let body = &bytes[data_at..];
@@ -130,15 +134,20 @@ fn header_of(bytes: &[u8]) -> Result<(&str, usize), FormatError> {
             let message = format!("version {version}, expected 1, 2 or 3");
             return Err(FormatError::at_byte(FormatErrorKind::Unsupported, NAME, at, message));
         }
-        _ => return Err(malformed(bytes.len(), "the file ends in its header")),
+        _ => {
+            return Err(malformed(
+                bytes.len(),
+                "the file ends in its header, expected a version, a length and a dictionary",
+            ));
+        }
     };
     if length > MAX_HEADER {
         let message = format!("a header of {length} bytes, expected at most {MAX_HEADER}");
         return Err(FormatError::at_byte(FormatErrorKind::OverLimit, NAME, at + 2, message));
     }
-    let header = bytes
-        .get(start..start + length)
-        .ok_or_else(|| malformed(at + 2, format!("a header of {length} bytes in a file of {} bytes", bytes.len())))?;
+    let header = bytes.get(start..start + length).ok_or_else(|| {
+        malformed(at + 2, format!("a header of {length} bytes in a file of {} bytes, expected it within", bytes.len()))
+    })?;
     let header =
         std::str::from_utf8(header).map_err(|_| malformed(start, "the header is not text, expected a dictionary"))?;
     Ok((header, start + length))
@@ -156,6 +165,7 @@ struct Element {
     name: &'static str,
     size: usize,
     big_endian: bool,
+    convert: Convert,
     value: Value,
 }
 
@@ -173,79 +183,117 @@ fn half(bits: u64) -> f64 {
     if bits & 0x8000 == 0 { magnitude } else { -magnitude }
 }
 
-/// The number that little-endian bits stand for.
-type Value = fn(u64) -> f64;
+/// A row of the table for a type of whole numbers.
+macro_rules! whole {
+    ($name:literal, $kind:ty) => {
+        (
+            $name,
+            size_of::<$kind>(),
+            |body, big| converted(body, big, |word| <$kind>::from_le_bytes(word) as f64 as f32),
+            |body, big| number(body, big, |word| <$kind>::from_le_bytes(word) as f64),
+        )
+    };
+}
 
-/// Name, bytes, and value of its bits.
-const ELEMENTS: &[(&str, usize, Value)] = &[
-    ("f4", 4, |bits| f64::from(f32::from_bits(bits as u32))),
-    ("f8", 8, f64::from_bits),
-    ("f2", 2, half),
-    ("i1", 1, |bits| f64::from(bits as i8)),
-    ("i2", 2, |bits| f64::from(bits as i16)),
-    ("i4", 4, |bits| f64::from(bits as i32)),
-    ("i8", 8, |bits| bits as i64 as f64),
-    ("u1", 1, |bits| bits as f64),
-    ("u2", 2, |bits| bits as f64),
-    ("u4", 4, |bits| bits as f64),
-    ("u8", 8, |bits| bits as f64),
+/// Samples from bytes in either order, and the number that the bytes of one of them are.
+type Convert = fn(&[u8], bool) -> Vec<f32>;
+type Value = fn(&[u8], bool) -> f64;
+
+/// Each number of `N` bytes as a sample; all of NaN is one.
+fn converted<const N: usize>(body: &[u8], big_endian: bool, sample: impl Fn([u8; N]) -> f32) -> Vec<f32> {
+    let masked = |sample: f32| if sample.is_nan() { f32::NAN } else { sample };
+    let (words, _) = body.as_chunks::<N>();
+    if big_endian {
+        let swapped = |mut word: [u8; N]| {
+            word.reverse();
+            word
+        };
+        words.iter().map(|&word| masked(sample(swapped(word)))).collect()
+    } else {
+        words.iter().map(|&word| masked(sample(word))).collect()
+    }
+}
+
+/// The number that starts `bytes`.
+fn number<const N: usize>(bytes: &[u8], big_endian: bool, value: impl Fn([u8; N]) -> f64) -> f64 {
+    let mut word = bytes.first_chunk::<N>().copied().unwrap_or([0; N]);
+    if big_endian {
+        word.reverse();
+    }
+    value(word)
+}
+
+/// Name, bytes, and how they are read.
+#[allow(clippy::cast_lossless, reason = "one row for each width, of which the widest are rounded")]
+const ELEMENTS: &[(&str, usize, Convert, Value)] = &[
+    (
+        "f4",
+        4,
+        |body, big| converted(body, big, f32::from_le_bytes),
+        |body, big| number(body, big, |word| f64::from(f32::from_le_bytes(word))),
+    ),
+    (
+        "f8",
+        8,
+        |body, big| converted(body, big, |word| f64::from_le_bytes(word) as f32),
+        |body, big| number(body, big, f64::from_le_bytes),
+    ),
+    (
+        "f2",
+        2,
+        |body, big| converted(body, big, |word| half(u16::from_le_bytes(word).into()) as f32),
+        |body, big| number(body, big, |word| half(u16::from_le_bytes(word).into())),
+    ),
+    whole!("i1", i8),
+    whole!("i2", i16),
+    whole!("i4", i32),
+    whole!("i8", i64),
+    whole!("u1", u8),
+    whole!("u2", u16),
+    whole!("u4", u32),
+    whole!("u8", u64),
 ];
 
 fn element(descr: &str) -> Option<Element> {
     let (order, kind) = descr.split_at_checked(1)?;
-    let &(name, size, value) = ELEMENTS.iter().find(|(name, ..)| *name == kind)?;
+    let &(name, size, convert, value) = ELEMENTS.iter().find(|(name, ..)| *name == kind)?;
     let big_endian = match order {
         "<" => false,
         ">" => true,
         "|" if size == 1 => false,
         _ => return None,
     };
-    Some(Element { name, size, big_endian, value })
+    Some(Element { name, size, big_endian, convert, value })
 }
 
 fn decode(body: &[u8], element: Element, data_at: usize) -> Result<Vec<f32>, FormatError> {
-    let mut samples = Vec::with_capacity(body.len() / element.size);
-    for (i, chunk) in body.chunks_exact(element.size).enumerate() {
-        let mut little = [0; 8];
-        little[..element.size].copy_from_slice(chunk);
-        if element.big_endian {
-            little[..element.size].reverse();
-        }
-        let value = (element.value)(u64::from_le_bytes(little));
-        let sample = value as f32;
-        if sample.is_infinite() {
-            return Err(malformed(
-                data_at + i * element.size,
-                format!("sample {i} is {value:e}, expected a float32, or NaN where nothing was measured"),
-            ));
-        }
-        samples.push(if sample.is_nan() { f32::NAN } else { sample });
+    let samples = (element.convert)(body, element.big_endian);
+    // All are looked at: a search that ends early cannot take several at a time.
+    if !samples.iter().fold(false, |infinite, sample| infinite | sample.is_infinite()) {
+        return Ok(samples);
     }
-    Ok(samples)
+    let i = samples.iter().take_while(|sample| !sample.is_infinite()).count();
+    let value = (element.value)(&body[i * element.size..], element.big_endian);
+    Err(malformed(
+        data_at + i * element.size,
+        format!("sample {i} is {value:e}, expected a float32, or NaN where nothing was measured"),
+    ))
 }
 
 /// From first axis fastest to last axis fastest.
 fn to_row_major(shape: &[usize], samples: &[f32]) -> Vec<f32> {
-    let mut strides = Vec::with_capacity(shape.len());
-    let mut stride = 1;
-    for &length in shape {
-        strides.push(stride);
-        stride *= length;
-    }
-    let mut index = vec![0; shape.len()];
-    let mut at = 0;
-    let mut ordered = Vec::with_capacity(samples.len());
-    for _ in 0..samples.len() {
-        ordered.push(samples[at]);
-        for axis in (0..shape.len()).rev() {
-            index[axis] += 1;
-            at += strides[axis];
-            if index[axis] < shape[axis] {
-                break;
-            }
-            at -= strides[axis] * shape[axis];
-            index[axis] = 0;
-        }
+    let [first, middle @ .., last] = shape else { return samples.to_vec() };
+    let (outer, inner) = (samples.len() / first, samples.len() / last);
+    let mut ordered = vec![0.0; samples.len()];
+    // The tables of the first and the last axis, one for each place on the axes between them.
+    let mut index = vec![0; middle.len()];
+    loop {
+        let source = index.iter().zip(middle).rev().fold(0, |at, (i, length)| at * length + i) * first;
+        let target = index.iter().zip(middle).fold(0, |at, (i, length)| at * length + i) * last;
+        turn((&samples[source..], inner), (&mut ordered[target..], outer), *first, *last);
+        let Some(axis) = (0..middle.len()).rev().find(|&axis| index[axis] + 1 < middle[axis]) else { break };
+        index[axis] += 1;
+        index[axis + 1..].fill(0);
     }
     ordered
 }
@@ -283,10 +331,10 @@ fn parse_header(header: &str, data_at: usize) -> Result<Header, FormatError> {
         }
     }
     if literal.peek().is_some() {
-        return Err(literal.malformed("text after the dictionary"));
+        return Err(literal.malformed("text after the dictionary, expected the end of the header"));
     }
     let (Some((descr, descr_at)), Some(fortran_order), Some(shape)) = (descr, fortran_order, shape) else {
-        return Err(malformed(start, "the header lacks one of descr, fortran_order and shape"));
+        return Err(malformed(start, "the header lacks one of descr, fortran_order and shape, expected all of them"));
     };
     let Some(element) = element(descr) else {
         let known: Vec<&str> = ELEMENTS.iter().map(|(name, ..)| *name).collect();

@@ -89,6 +89,18 @@ pub(super) struct Lines<'a> {
     at: usize,
 }
 
+impl Lines<'_> {
+    /// Where the next line starts.
+    pub(super) fn offset(&self) -> usize {
+        self.at
+    }
+
+    /// Goes on with the line that starts at `offset`.
+    pub(super) fn skip_to(&mut self, offset: usize) {
+        self.at = offset;
+    }
+}
+
 impl<'a> Iterator for Lines<'a> {
     type Item = Token<'a>;
 
@@ -99,7 +111,7 @@ impl<'a> Iterator for Lines<'a> {
         }
         let offset = self.at;
         let bytes = rest.as_bytes();
-        let end = bytes.iter().position(|&b| b == b'\n' || b == b'\r').unwrap_or(rest.len());
+        let end = memchr::memchr2(b'\n', b'\r', bytes).unwrap_or(rest.len());
         let mark = match bytes.get(end..) {
             Some([b'\r', b'\n', ..]) => 2,
             Some([_, ..]) => 1,
@@ -128,17 +140,80 @@ impl<'a> Tokens<'a> {
         self.at
     }
 
+    /// The next token where it is a plain number behind at most one comma, and its offset; else nothing moves.
+    #[inline]
+    pub(super) fn plain_number(&mut self) -> Option<(f64, usize)> {
+        let bytes = self.text.as_bytes();
+        let (mut at, mut commas) = (self.at, 0);
+        loop {
+            match KINDS[usize::from(*bytes.get(at)?)] {
+                Kind::Blank => {}
+                Kind::Comma if commas == 0 => commas = 1,
+                Kind::Part => break,
+                _ => return None,
+            }
+            at += 1;
+        }
+        let (value, end) = decimal(bytes, at)?;
+        if let Some(&next) = bytes.get(end)
+            && !matches!(KINDS[usize::from(next)], Kind::Blank | Kind::Comma)
+        {
+            return None;
+        }
+        self.at = end;
+        Some((value, at))
+    }
+
     /// The length of the blank at a character boundary, 0 if there is none.
     #[inline]
     fn blank(&self, at: usize) -> usize {
-        match self.text.as_bytes()[at] {
-            b' ' | b'\t'..=b'\r' | 0 => 1,
+        match KINDS[usize::from(self.text.as_bytes()[at])] {
+            Kind::Blank => 1,
             // Few files have any other than these.
-            0x80.. => self.text[at..].chars().next().filter(|c| c.is_whitespace()).map_or(0, char::len_utf8),
+            Kind::Unknown => self.text[at..].chars().next().filter(|c| c.is_whitespace()).map_or(0, char::len_utf8),
             _ => 0,
         }
     }
+
+    /// The end of the token that goes on at `at`.
+    #[inline]
+    fn end(&self, mut at: usize) -> usize {
+        let bytes = self.text.as_bytes();
+        while let Some(&byte) = bytes.get(at) {
+            match KINDS[usize::from(byte)] {
+                Kind::Part => at += 1,
+                Kind::Unknown if self.blank(at) == 0 => at += self.text[at..].chars().next().map_or(1, char::len_utf8),
+                _ => break,
+            }
+        }
+        at
+    }
 }
+
+/// What a byte does to a token.
+#[derive(Clone, Copy)]
+enum Kind {
+    Part,
+    Blank,
+    Comma,
+    /// The character that it begins has to be looked at.
+    Unknown,
+}
+
+const KINDS: [Kind; 256] = {
+    let mut kinds = [Kind::Part; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        kinds[byte] = match byte as u8 {
+            b' ' | b'\t'..=b'\r' | 0 => Kind::Blank,
+            b',' => Kind::Comma,
+            0x80.. => Kind::Unknown,
+            _ => Kind::Part,
+        };
+        byte += 1;
+    }
+    kinds
+};
 
 impl<'a> Iterator for Tokens<'a> {
     type Item = Token<'a>;
@@ -164,9 +239,7 @@ impl<'a> Iterator for Tokens<'a> {
                 continue;
             }
             let offset = at;
-            while bytes.get(at).is_some_and(|&byte| byte != b',') && self.blank(at) == 0 {
-                at += if bytes[at] < 0x80 { 1 } else { self.text[at..].chars().next().map_or(1, char::len_utf8) };
-            }
+            at = self.end(at);
             self.at = at;
             return Some(Token { text: &self.text[offset..at], offset });
         }

@@ -141,10 +141,16 @@ struct Document<'a> {
     fields: Vec<(String, String)>,
     distributions: usize,
     rooted: bool,
+    /// The memory of a text that was read.
+    spare: String,
 }
+
+/// The element of one value.
+const DATA: &str = "SpectralData";
 
 /// An element that is not closed yet.
 struct Open {
+    /// Empty where there is a wavelength: the name is known then.
     name: String,
     text: String,
     /// The wavelength of an element `SpectralData`.
@@ -162,6 +168,7 @@ impl<'a> Document<'a> {
             fields: Vec::new(),
             distributions: 0,
             rooted: false,
+            spare: String::new(),
         }
     }
 
@@ -176,7 +183,7 @@ impl<'a> Document<'a> {
             let event = xml.read_event().map_err(|error| {
                 let at = usize::try_from(xml.error_position()).unwrap_or(offset);
                 let message: String = error.to_string().chars().take(120).collect();
-                self.malformed(at, format!("XML that is not well formed: {message}"))
+                self.malformed(at, format!("XML that is not well formed, expected elements that end: {message}"))
             })?;
             match event {
                 Event::Start(element) => self.open(&element, offset)?,
@@ -210,17 +217,19 @@ impl<'a> Document<'a> {
             None if self.rooted => Ok(()),
             None => Err(self.malformed(0, format!("no element, expected {ROOT}14"))),
             Some(open) => {
-                let message = format!("the file ends inside the element {}", snippet(&open.name));
+                let name = if open.wavelength.is_some() { DATA } else { &open.name };
+                let message = format!("the file ends inside the element {}, expected its end", snippet(name));
                 Err(self.malformed(self.source.text().len(), message))
             }
         }
     }
 
     fn open(&mut self, element: &BytesStart<'_>, offset: usize) -> Result<(), FormatError> {
-        let name = element.local_name().as_ref().to_owned();
+        let name = element.local_name();
+        let name = name.as_ref();
         if self.stack.is_empty() {
             if self.rooted || !name.starts_with(ROOT) {
-                let message = format!("the element {}, expected one {ROOT}14", snippet(&name));
+                let message = format!("the element {}, expected one {ROOT}14", snippet(name));
                 return Err(self.malformed(offset, message));
             }
             self.rooted = true;
@@ -236,9 +245,9 @@ impl<'a> Document<'a> {
                 let message = "a second SpectralDistribution, expected one";
                 return Err(self.source.error(FormatErrorKind::Unsupported, offset, message));
             }
-        } else if name == "SpectralData" {
+        } else if name == DATA {
             let attribute = element.try_get_attribute("wavelength").ok().flatten();
-            let written = attribute.and_then(|a| Some(a.normalized_value(XmlVersion::Implicit1_0).ok()?.into_owned()));
+            let written = attribute.as_ref().and_then(|a| a.normalized_value(XmlVersion::Implicit1_0).ok());
             let written = written.unwrap_or_default();
             wavelength = number(written.trim()).filter(|&nm| nm > 0.0);
             if wavelength.is_none() {
@@ -246,7 +255,8 @@ impl<'a> Document<'a> {
                 return Err(self.malformed(offset, message));
             }
         }
-        self.stack.push(Open { name, text: String::new(), wavelength, offset });
+        let name = if wavelength.is_some() { String::new() } else { name.to_owned() };
+        self.stack.push(Open { name, text: std::mem::take(&mut self.spare), wavelength, offset });
         Ok(())
     }
 
@@ -268,8 +278,8 @@ impl<'a> Document<'a> {
     }
 
     fn close(&mut self) -> Result<(), FormatError> {
-        let Some(Open { name, text, wavelength, offset }) = self.stack.pop() else { return Ok(()) };
-        let text = text.trim();
+        let Some(Open { name, text: mut written, wavelength, offset }) = self.stack.pop() else { return Ok(()) };
+        let text = written.trim();
         if let Some(wavelength) = wavelength {
             let value = number(text).map(|value| value as f32).filter(|value| value.is_finite());
             let value = value.ok_or_else(|| {
@@ -286,6 +296,8 @@ impl<'a> Document<'a> {
             }
             self.fields.push((name.chars().take(80).collect(), text.to_owned()));
         }
+        written.clear();
+        self.spare = written;
         Ok(())
     }
 }

@@ -5,6 +5,9 @@ use super::azimuth::{Closing, circle, closing, merge_repeated};
 use super::error::FormatError;
 use super::text::{Brief, Source};
 
+/// Rows of a grid that are filled at a time.
+const ROWS: usize = 16;
+
 /// What the stated planes stand for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Planes {
@@ -151,10 +154,18 @@ pub(super) fn type_c(
             "horizontal angles that are no symmetry of type C, expected 0, 0–90, 0–180, 90–270 or 0–360",
         ));
     };
-    let n = vertical.len();
-    let mut turned = Vec::with_capacity(n * planes.columns.len());
-    for v in (0..n).rev() {
-        turned.extend(planes.columns.iter().map(|&(_, plane)| values[plane * n + v]));
+    let (n, columns) = (vertical.len(), planes.columns.len());
+    let mut turned = vec![0.0; n * columns];
+    // A few rows at a time, of which each plane has a piece that lies together.
+    for (block, rows) in turned.chunks_mut(ROWS * columns).enumerate() {
+        let last = n - block * ROWS;
+        let count = rows.len() / columns;
+        for (column, &(_, plane)) in planes.columns.iter().enumerate() {
+            let piece = &values[plane * n + last - count..plane * n + last];
+            for (row, &value) in piece.iter().rev().enumerate() {
+                rows[row * columns + column] = value;
+            }
+        }
     }
     let theta = vertical.iter().rev().map(|gamma| 180.0 - gamma).collect();
     let phi = planes.extent.map(|extent| Azimuths { phi: planes.columns.iter().map(|&(c, _)| c).collect(), extent });

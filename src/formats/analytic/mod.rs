@@ -65,7 +65,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     }
     let document: Document = serde_json::from_slice(bytes).map_err(|e| FormatError {
         position: Some(Position::Text { line: e.line(), column: e.column() }),
-        ..malformed(plain(&e))
+        ..malformed(format!("{}, expected the JSON of a virtual measurement", plain(&e)))
     })?;
     if document.wavelume != "virtual" {
         return Err(malformed("`wavelume` must be \"virtual\" in a virtual measurement"));

@@ -1,35 +1,37 @@
 //! The lines of an EULUMDAT file in their order: texts, numbers with either decimal mark, and the block of lamp sets.
 
-use super::{HEAD_LINES, LampSet, NAME};
+use super::{HEAD_LINES, LampSet, MAX_SETS, NAME};
 use crate::domain::limits::MAX_ENTRIES;
 use crate::formats::error::{FormatError, FormatErrorKind};
-use crate::formats::text::{Source, Token, number, snippet};
+use crate::formats::radiometric_csv::number;
+use crate::formats::text::{self, Source, Token, snippet};
 
 /// Lines of the largest file: far more than 721 planes of 721 angles.
 const MAX_LINES: usize = 1 << 21;
+/// Lines up to the last lamp set, which are looked at in another order than they have.
+const HEAD: usize = HEAD_LINES + 6 * MAX_SETS;
 /// Characters kept of a text.
 const MAX_TEXT: usize = 256;
 
 /// The lines that are left.
 pub(super) struct Lines<'a> {
     source: &'a Source,
-    all: Vec<Token<'a>>,
+    head: Vec<Token<'a>>,
+    /// Those after the head.
+    body: text::Lines<'a>,
     next: usize,
 }
 
 impl<'a> Lines<'a> {
-    pub(super) fn of(source: &'a Source) -> Result<Self, FormatError> {
-        let lines: Vec<Token<'a>> = source.lines().take(MAX_LINES + 1).collect();
-        if lines.len() > MAX_LINES {
-            let message = format!("more than {MAX_LINES} lines, expected fewer");
-            return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));
-        }
-        Ok(Self { source, all: lines, next: 0 })
+    pub(super) fn of(source: &'a Source) -> Self {
+        let mut body = source.lines();
+        let head = body.by_ref().take(HEAD).collect();
+        Self { source, head, body, next: 0 }
     }
 
     /// Where the next line starts.
     pub(super) fn at(&self) -> usize {
-        self.all.get(self.next).map_or(self.source.text().len(), |line| line.offset)
+        self.head.get(self.next).map_or(self.body.offset(), |line| line.offset)
     }
 
     /// A refusal at an offset of the text.
@@ -37,13 +39,42 @@ impl<'a> Lines<'a> {
         self.source.malformed(offset, message)
     }
 
-    /// The lines that are left.
-    pub(super) fn rest(&self) -> &[Token<'a>] {
-        &self.all[self.next..]
+    /// More lines than this are not left: each ends with a byte at least.
+    fn most(&self) -> usize {
+        self.source.text().len() + 1 - self.at()
+    }
+
+    /// All numbers that follow, one a line, each with its place, as long as `take` takes them; and the lines after them.
+    pub(super) fn take_numbers(
+        &self,
+        mut take: impl FnMut(f64, usize) -> Result<(), FormatError>,
+    ) -> Result<text::Lines<'a>, FormatError> {
+        let bytes = self.source.text().as_bytes();
+        let mut lines = self.source.lines();
+        lines.skip_to(self.at());
+        for _ in 0..=MAX_LINES {
+            let at = lines.offset();
+            let plain = number::decimal(bytes, at);
+            // One byte ends most lines; any other end is looked for.
+            if let Some((value, end)) = plain.filter(|&(_, end)| bytes.get(end) == Some(&b'\n')) {
+                take(value, at)?;
+                lines.skip_to(end + 1);
+                continue;
+            }
+            let mut after = lines.clone();
+            let Some((line, value)) = after.next().and_then(|line| Some((line, decimal(line.text.trim())?))) else {
+                return Ok(lines);
+            };
+            take(value, line.offset)?;
+            lines = after;
+        }
+        let message = format!("more than {MAX_LINES} lines, expected fewer");
+        Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message))
     }
 
     fn line(&mut self, expected: &str) -> Result<Token<'a>, FormatError> {
-        let Some(&Token { text, offset }) = self.all.get(self.next) else {
+        let line = self.head.get(self.next).copied().or_else(|| self.body.next());
+        let Some(Token { text, offset }) = line else {
             return Err(self.refused(self.source.text().len(), format!("the file ends, expected {expected}")));
         };
         self.next += 1;
@@ -91,8 +122,7 @@ impl<'a> Lines<'a> {
 
     /// A number of things that follow, each on a line of its own.
     pub(super) fn count(&mut self, expected: &str) -> Result<usize, FormatError> {
-        let left = self.rest().len().saturating_sub(1);
-        self.whole(expected, 1, left.clamp(1, MAX_ENTRIES))
+        self.whole(expected, 1, self.most().clamp(1, MAX_ENTRIES))
     }
 
     /// `count` numbers, each with its place.
@@ -108,24 +138,24 @@ impl<'a> Lines<'a> {
 
 /// The finite number that `text` is, with a point or a comma as its decimal mark.
 pub(super) fn decimal(text: &str) -> Option<f64> {
-    number(text).or_else(|| {
+    text::number(text).or_else(|| {
         let comma = !text.contains('.') && text.bytes().filter(|&b| b == b',').count() == 1;
-        if comma { number(&text.replace(',', ".")) } else { None }
+        if comma { text::number(&text.replace(',', ".")) } else { None }
     })
 }
 
 /// The lamp sets, and whether they are written field by field (six blocks of n lines) instead of set by set, as some
 /// older files have them: the order under which numbers are numbers.
-pub(super) fn lamp_sets(lines: &mut Lines<'_>, most: usize) -> Result<(Vec<LampSet>, bool), FormatError> {
-    let left = lines.rest().len().saturating_sub(1) / 6;
-    let n = lines.whole("the number of lamp sets", 0, left.min(most))?;
+pub(super) fn lamp_sets(lines: &mut Lines<'_>) -> Result<(Vec<LampSet>, bool), FormatError> {
+    let left = lines.head.len().saturating_sub(lines.next + 1) / 6;
+    let n = lines.whole("the number of lamp sets", 0, left.min(MAX_SETS))?;
     let start = lines.next;
     let by_set = |set: usize, field: usize| start + 6 * set + field;
     let by_field = |set: usize, field: usize| start + n * field + set;
     let fits = |at: &dyn Fn(usize, usize) -> usize| {
         (0..n).all(|set| {
             [0, 2, 5].into_iter().all(|field| {
-                let text = lines.all[at(set, field)].text.trim();
+                let text = lines.head[at(set, field)].text.trim();
                 decimal(text).is_some() || (field == 5 && text.is_empty())
             })
         })

@@ -90,7 +90,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     if let Some(encoding) = source.odd_encoding() {
         report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
     }
-    let mut lines = Lines::of(&source)?;
+    let mut lines = Lines::of(&source);
     let header = Header::read(&mut lines, &mut report)?;
     let (unit, scale) = header.unit(how, &mut report)?;
     let (stated, stand_for, symmetry) = planes::read(&mut lines, &header, scale, &mut report)?;
@@ -173,7 +173,7 @@ impl Header {
         }
         let tilt = lines.optional("the tilt during measurement in degrees")?;
         keep("tilt_degrees", written(tilt));
-        let (sets, blocks) = lines::lamp_sets(lines, MAX_SETS)?;
+        let (sets, blocks) = lines::lamp_sets(lines)?;
         for (i, set) in sets.iter().enumerate() {
             let key = |name: &str| if sets.len() == 1 { name.to_owned() } else { format!("set_{}_{name}", i + 1) };
             keep(&key("lamps"), Brief(set.count).to_string());

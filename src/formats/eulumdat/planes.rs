@@ -1,10 +1,9 @@
 //! The angles and intensities of an EULUMDAT file: which C planes are stored, by symmetry and by how many values there are.
 
 use super::Header;
-use super::lines::{Lines, decimal};
-use crate::domain::limits::MAX_SAMPLES;
+use super::lines::Lines;
 use crate::formats::acquisition::{NoteKind, ParseReport};
-use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::error::FormatError;
 use crate::formats::text::{Brief, snippet};
 use crate::formats::type_c::{Planes, Stated};
 
@@ -105,35 +104,28 @@ fn stored(header: &Header, found: usize, lines: &Lines<'_>, report: &mut ParseRe
 
 /// All numbers that follow, one a line, times `scale`. What follows after them is no part of the format.
 fn intensities(lines: &Lines<'_>, scale: f64, report: &mut ParseReport) -> Result<Vec<f32>, FormatError> {
-    let rest = lines.rest();
-    let numbers = rest.iter().map_while(|line| Some((decimal(line.text.trim())?, line)));
-    let count = numbers.clone().count();
-    if count > MAX_SAMPLES / 4 {
-        let message = format!("{count} intensities, expected at most {}", MAX_SAMPLES / 4);
-        return Err(FormatError::new(FormatErrorKind::OverLimit, super::NAME, message));
-    }
-    let mut values = Vec::with_capacity(count);
+    let mut values = Vec::new();
     let (mut negative, mut lowest) = (0_usize, 0.0_f32);
-    for (value, line) in numbers {
+    let rest = lines.take_numbers(|value, offset| {
         let intensity = (value * scale) as f32;
         if !intensity.is_finite() {
-            let message =
-                format!("intensity {} × {} is too large for float32", snippet(line.text.trim()), Brief(scale));
-            return Err(lines.refused(line.offset, message));
+            let message = format!("intensity {} × {} is too large for float32", Brief(value), Brief(scale));
+            return Err(lines.refused(offset, message));
         }
         if intensity < 0.0 {
             negative += 1;
             lowest = lowest.min(intensity);
         }
         values.push(intensity);
-    }
+        Ok(())
+    })?;
     if negative > 0 {
         let message = format!("{negative} intensities are negative, down to {lowest}; kept as they are");
         report.note(NoteKind::Warning, message);
     }
-    let further = rest[count..].iter().filter(|line| !line.text.trim().is_empty()).count();
-    if further > 0 {
-        let first = rest[count..].iter().find(|line| !line.text.trim().is_empty()).map_or("", |line| line.text.trim());
+    let mut others = rest.map(|line| line.text.trim()).filter(|line| !line.is_empty());
+    if let Some(first) = others.next() {
+        let further = 1 + others.count();
         report.note(
             NoteKind::Warning,
             format!("{further} lines after the last intensity were not read, the first is {}", snippet(first)),

@@ -87,9 +87,10 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Labels, 
     let mut lines = source.lines().enumerate();
     let (tilt_value, numbers_at) = loop {
         let Some((i, line)) = lines.next() else {
-            return Err(
-                source.malformed(source.text().len(), "the file ends without a line TILT=NONE, INCLUDE or a file")
-            );
+            return Err(source.malformed(
+                source.text().len(),
+                "the file ends, expected a line TILT=NONE, TILT=INCLUDE or one that names a file",
+            ));
         };
         if let Some(value) = tilt(line.text) {
             break (value, line.offset + line.text.len());

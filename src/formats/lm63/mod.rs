@@ -62,8 +62,6 @@ struct Header {
 struct Numbers<'a> {
     source: &'a Source,
     tokens: Tokens<'a>,
-    /// How many tokens are left.
-    left: usize,
 }
 
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
@@ -170,19 +168,31 @@ fn check_flux(flux: f64, lamp_lumens: f64, report: &mut ParseReport) {
 
 impl<'a> Numbers<'a> {
     fn new(source: &'a Source, at: usize) -> Self {
-        let tokens = Tokens::new(source.text(), at);
-        Self { source, left: tokens.clone().count(), tokens }
+        Self { source, tokens: Tokens::new(source.text(), at) }
+    }
+
+    /// More numbers than this cannot follow: each takes a byte and one to separate it.
+    fn most(&self) -> usize {
+        (self.source.text().len() - self.tokens.offset()).div_ceil(2)
     }
 
     fn token(&mut self, expected: &str) -> Result<Token<'a>, FormatError> {
         let end = self.source.text().len();
-        self.left = self.left.saturating_sub(1);
         self.tokens.next().ok_or_else(|| self.source.malformed(end, format!("the file ends, expected {expected}")))
     }
 
     fn number(&mut self, expected: &str) -> Result<f64, FormatError> {
+        self.placed(expected).map(|(value, _)| value)
+    }
+
+    /// A number and its place.
+    #[inline]
+    fn placed(&mut self, expected: &str) -> Result<(f64, usize), FormatError> {
+        if let Some(number) = self.tokens.plain_number() {
+            return Ok(number);
+        }
         let token = self.token(expected)?;
-        self.source.number(token, expected)
+        Ok((self.source.number(token, expected)?, token.offset))
     }
 
     /// A whole number in `low..=high`; `3.0` is one.
@@ -199,8 +209,7 @@ impl<'a> Numbers<'a> {
 
     /// A count of things that follow, each at least one token.
     fn count(&mut self, expected: &str) -> Result<usize, FormatError> {
-        let remaining = self.left.saturating_sub(1);
-        self.whole(expected, 1, remaining.clamp(1, MAX_ENTRIES))
+        self.whole(expected, 1, self.most().clamp(1, MAX_ENTRIES))
     }
 
     /// The block of TILT=INCLUDE: how the whole luminaire dims when it is installed at an angle, not part of its shape.
@@ -258,30 +267,31 @@ impl<'a> Numbers<'a> {
     }
 
     /// The angles and intensities, every multiplier applied; as many numbers as announced must follow.
-    fn distribution(
-        &mut self,
-        header: &Header,
-        labels: &Labels,
-        report: &mut ParseReport,
-    ) -> Result<Stated, FormatError> {
+    fn distribution(&self, header: &Header, labels: &Labels, report: &mut ParseReport) -> Result<Stated, FormatError> {
         let (v, h) = (header.vertical, header.horizontal);
-        let remaining = self.left;
         let announced = v.checked_mul(h).and_then(|n| n.checked_add(v)?.checked_add(h));
-        if announced.is_none_or(|n| n > remaining) {
-            return Err(self.source.malformed(
-                self.source.text().len(),
-                format!(
-                    "the file ends after {remaining} numbers, expected {} for {v} vertical and {h} horizontal angles and {v} × {h} intensities",
-                    announced.map_or_else(|| "far more".to_owned(), |n| n.to_string())
-                ),
-            ));
+        let start = self.tokens.clone();
+        let ends = || {
+            let remaining = start.clone().count();
+            announced.is_none_or(|n| n > remaining).then(|| {
+                self.source.malformed(
+                    self.source.text().len(),
+                    format!(
+                        "the file ends after {remaining} numbers, expected {} for {v} vertical and {h} horizontal angles and {v} × {h} intensities",
+                        announced.map_or_else(|| "far more".to_owned(), |n| n.to_string())
+                    ),
+                )
+            })
+        };
+        if announced.is_none_or(|n| n > self.most())
+            && let Some(error) = ends()
+        {
+            return Err(error);
         }
         if v * h > MAX_SAMPLES / 4 {
             let message = format!("{v} × {h} intensities, expected at most {}", MAX_SAMPLES / 4);
             return Err(self.source.error(FormatErrorKind::OverLimit, self.tokens.offset(), message));
         }
-        let vertical = self.angles(v, "a vertical angle")?;
-        let horizontal = self.angles(h, "a horizontal angle")?;
         let mut factor = header.multiplier * header.ballast_factor;
         if labels.revision.field_12_multiplies() {
             factor *= header.field_12;
@@ -292,46 +302,45 @@ impl<'a> Numbers<'a> {
                 format!("the multipliers of this file make {factor}, expected more than 0", factor = Brief(factor)),
             );
         }
-        let mut values = Vec::with_capacity(v * h);
-        let (mut negative, mut lowest) = (0_usize, 0.0_f32);
-        for _ in 0..v * h {
-            let token = self.token("an intensity")?;
-            let value = self.source.number(token, "an intensity")?;
-            let intensity = (value * factor) as f32;
-            if !intensity.is_finite() {
-                let message = format!(
-                    "intensity {} × {factor} is too large for float32",
-                    snippet(token.text),
-                    factor = Brief(factor)
-                );
-                return Err(self.source.malformed(token.offset, message));
-            }
-            if intensity < 0.0 {
-                negative += 1;
-                lowest = lowest.min(intensity);
-            }
-            values.push(intensity);
-        }
+        let mut numbers = Self { source: self.source, tokens: self.tokens.clone() };
+        // A file that is too short says so, whatever else is wrong with it.
+        let stated = numbers.stated(v, h, factor).map_err(|error| ends().unwrap_or(error))?;
+        let negative = stated.values.iter().filter(|&&intensity| intensity < 0.0).count();
         if negative > 0 {
+            let lowest = stated.values.iter().copied().fold(0.0, f32::min);
             report.note(
                 NoteKind::Warning,
                 format!("{negative} intensities are negative, down to {lowest}; kept as they are"),
             );
         }
-        let trailing = self.left;
+        let trailing = numbers.tokens.count();
         if trailing > 0 {
             report.note(NoteKind::Warning, format!("{trailing} further tokens after the last intensity were not read"));
+        }
+        Ok(stated)
+    }
+
+    /// So many vertical and horizontal angles, and the intensities at them times `factor`.
+    fn stated(&mut self, v: usize, h: usize, factor: f64) -> Result<Stated, FormatError> {
+        let vertical = self.angles(v, "a vertical angle")?;
+        let horizontal = self.angles(h, "a horizontal angle")?;
+        let mut values = Vec::with_capacity(v * h);
+        for _ in 0..v * h {
+            let (value, offset) = self.placed("an intensity")?;
+            let intensity = (value * factor) as f32;
+            if !intensity.is_finite() {
+                let found = Tokens::new(self.source.text(), offset).next().map_or("", |token| token.text);
+                let message =
+                    format!("intensity {} × {factor} is too large for float32", snippet(found), factor = Brief(factor));
+                return Err(self.source.malformed(offset, message));
+            }
+            values.push(intensity);
         }
         Ok(Stated { vertical, horizontal, values })
     }
 
     fn angles(&mut self, count: usize, expected: &str) -> Result<Vec<(f64, usize)>, FormatError> {
-        (0..count)
-            .map(|_| {
-                let token = self.token(expected)?;
-                Ok((self.source.number(token, expected)?, token.offset))
-            })
-            .collect()
+        (0..count).map(|_| self.placed(expected)).collect()
     }
 }
 

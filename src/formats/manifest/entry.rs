@@ -73,7 +73,7 @@ pub(super) fn parse(axis: usize, value: &Value, length: usize, how: &Interpretat
     };
     let found = entry.len();
     if found != length {
-        return Err(unfit(format!("axis {axis}: {found} entries ({what}), the array has {length} there")));
+        return Err(unfit(format!("axis {axis}: {found} entries ({what}), expected {length} as the array has there")));
     }
     Ok(entry)
 }
@@ -142,7 +142,7 @@ fn bare_wavelengths(axis: usize, length: usize, how: &Interpretation) -> Result<
     let grid = WavelengthGrid::parse_range(range).map_err(|e| wavelength_error(axis, &e))?;
     if grid.len() != length {
         return Err(unfit(format!(
-            "axis {axis}: the wavelengths {} are {}, the array has {length} there",
+            "axis {axis}: the wavelengths {} are {}, expected {length} as the array has there",
             snippet(range),
             grid.len()
         )));

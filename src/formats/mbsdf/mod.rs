@@ -182,7 +182,12 @@ fn blocks(bytes: &[u8], report: &mut ParseReport) -> Result<(Option<Block>, Opti
 
 /// A block from `at` on, and where it ends.
 fn block(bytes: &[u8], at: usize) -> Result<(Block, usize), FormatError> {
-    let head = bytes.get(at..at + 12).ok_or_else(|| malformed(bytes.len(), "the file ends in the head of a block"))?;
+    let head = bytes.get(at..at + 12).ok_or_else(|| {
+        malformed(
+            bytes.len(),
+            "the file ends in the head of a block, expected a type and two numbers of angles in 12 bytes",
+        )
+    })?;
     let word = |i: usize| u32::from_le_bytes([head[4 * i], head[4 * i + 1], head[4 * i + 2], head[4 * i + 3]]);
     let rgb = match word(0) {
         0 => false,
@@ -205,13 +210,11 @@ fn block(bytes: &[u8], at: usize) -> Result<(Block, usize), FormatError> {
             format!("{} bytes of values, expected {} for {theta} × {theta} × {phi}", bytes.len() - start, 4 * count),
         )
     })?;
-    let mut values = Vec::with_capacity(count);
-    for (i, chunk) in body.as_chunks::<4>().0.iter().enumerate() {
-        let value = f32::from_le_bytes(*chunk);
-        if !value.is_finite() {
-            return Err(malformed(start + 4 * i, format!("value {i} is {value}, expected a finite number")));
-        }
-        values.push(value);
+    let values: Vec<f32> = body.as_chunks::<4>().0.iter().map(|word| f32::from_le_bytes(*word)).collect();
+    // All are looked at: a search that ends early cannot take several at a time.
+    if !values.iter().fold(true, |finite, value| finite & value.is_finite()) {
+        let i = values.iter().take_while(|value| value.is_finite()).count();
+        return Err(malformed(start + 4 * i, format!("value {i} is {}, expected a finite number", values[i])));
     }
     Ok((Block { theta, phi, rgb, values }, start + 4 * count))
 }

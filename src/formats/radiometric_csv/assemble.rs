@@ -34,10 +34,10 @@ pub(super) fn samples(
     report: &mut ParseReport,
 ) -> Result<Samples, FormatError> {
     if rows.values.is_empty() {
-        return Err(malformed("no rows of numbers after the names of the columns"));
+        return Err(malformed("no rows of numbers after the names of the columns, expected one or more"));
     }
     if rows.values.len() > MAX_SAMPLES {
-        return Err(over_limit(format!("{} values, expected at most {MAX_SAMPLES}", rows.values.len())));
+        return Err(over_limit(format!("{} values or more, expected at most {MAX_SAMPLES}", rows.values.len())));
     }
     if rows.directions.len() > MAX_DIRECTIONS {
         let message =
@@ -62,9 +62,9 @@ pub(super) fn samples(
     match directions.shape(spectral.as_ref().map_or(1, Axis::len), rows.values.len()) {
         Some(shape) => {
             skips_sigma(report);
-            grid(&rows, &directions, shape, spectral, header, report).map(Samples::Grid)
+            grid(&mut rows, &directions, shape, spectral, header, report).map(Samples::Grid)
         }
-        None => scattered(&rows, &directions, spectral, header, report).map(Samples::Scattered),
+        None => scattered(&mut rows, &directions, spectral, header, report).map(Samples::Scattered),
     }
 }
 
@@ -100,7 +100,9 @@ fn without_directions(
     spectral: Option<Axis>,
     report: &mut ParseReport,
 ) -> Result<Samples, FormatError> {
-    let Some(axis) = spectral else { return Err(malformed("no wavelengths")) };
+    let Some(axis) = spectral else {
+        return Err(malformed("no wavelengths, expected a column of them or one for each"));
+    };
     let (axes, values) = if columns.is_wide() {
         let count = rows.values.len() / columns.width();
         if count > MAX_ENTRIES {
@@ -222,9 +224,39 @@ impl Places {
     }
 }
 
-/// Puts every value at its place; `place` is the number of a direction's row among rows of `width` values.
-fn placed(rows: &Rows, places: &[usize], count: usize, width: usize, report: &mut ParseReport) -> Vec<f32> {
-    put(rows, &rows.values, places, count, width).finish(report)
+/// Takes every value to its place; `place` is the number of a direction's row among rows of `width` values.
+fn placed(rows: &mut Rows, places: &[usize], count: usize, width: usize, report: &mut ParseReport) -> Vec<f32> {
+    let values = std::mem::take(&mut rows.values);
+    match ordered(rows, values, places, count, width) {
+        Ok(placed) => placed,
+        Err(values) => put(rows, &values, places, count, width).finish(report),
+    }
+}
+
+/// The values at their places, if they come in that order, each place at most once: most files are so. Else as given.
+fn ordered(
+    rows: &Rows,
+    mut values: Vec<f32>,
+    places: &[usize],
+    count: usize,
+    width: usize,
+) -> Result<Vec<f32>, Vec<f32>> {
+    let in_order = |lambdas: &[u32]| lambdas.iter().enumerate().all(|(i, &lambda)| i == lambda as usize);
+    let whole_rows = rows.lengths.is_empty()
+        || rows.lengths.iter().all(|&length| length as usize == width)
+            && (width == 1 || rows.lambdas.chunks(width).all(in_order));
+    if !whole_rows || !places.is_sorted_by(|a, b| a < b) {
+        return Err(values);
+    }
+    if places.last().is_some_and(|&last| last + 1 == places.len()) {
+        values.resize(count * width, f32::NAN);
+        return Ok(values);
+    }
+    let mut placed = vec![f32::NAN; count * width];
+    for (row, &place) in values.chunks_exact(width).zip(places) {
+        placed[place * width..(place + 1) * width].copy_from_slice(row);
+    }
+    Ok(placed)
 }
 
 /// `values`, one for each of `rows`, at their places.
@@ -260,7 +292,7 @@ fn count_missing(values: &[f32], what: &str, report: &mut ParseReport) {
 }
 
 fn grid(
-    rows: &Rows,
+    rows: &mut Rows,
     directions: &Directions,
     shape: [usize; 4],
     spectral: Option<Axis>,
@@ -364,7 +396,7 @@ fn fill_row(pole: &mut [f32], inner: usize) -> usize {
 }
 
 fn scattered(
-    rows: &Rows,
+    rows: &mut Rows,
     directions: &Directions,
     spectral: Option<Axis>,
     header: &Header,
@@ -395,8 +427,11 @@ fn scattered(
     let values = placed(rows, &places, count, width, report);
     count_missing(&values, "pairs of direction and wavelength", report);
     // The uncertainty of an average is at most the average uncertainty.
-    let sigma = (!rows.sigma.is_empty())
-        .then(|| put(rows, &rows.sigma, &places, count, width).finish(&mut ParseReport::default()));
+    let sigma = std::mem::take(&mut rows.sigma);
+    let sigma = (!sigma.is_empty()).then(|| {
+        let put = |sigma: Vec<f32>| put(rows, &sigma, &places, count, width).finish(&mut ParseReport::default());
+        ordered(rows, sigma, &places, count, width).unwrap_or_else(put)
+    });
     let side = |theta: usize| -> Vec<[f64; 2]> {
         if directions.angles[theta].is_empty() {
             return Vec::new();

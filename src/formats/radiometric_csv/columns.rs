@@ -215,7 +215,10 @@ fn sigma_cells(columns: &mut Columns, wide: &[(f64, usize)], alone: Option<usize
                 columns.has_sigma = true;
             }
             Some(_) => refuse(format!("two columns of the uncertainty at {} nm, expected one", Brief(nanometres))),
-            None => refuse(format!("an uncertainty at {} nm, where there is no column of values", Brief(nanometres))),
+            None => refuse(format!(
+                "an uncertainty at {} nm, where there is no column of values, expected one",
+                Brief(nanometres)
+            )),
         }
     }
 }

@@ -50,14 +50,40 @@ pub(in crate::formats) fn decimal(bytes: &[u8], start: usize) -> Option<(f64, us
     value.is_finite().then_some((value, at))
 }
 
-/// Appends the digits from `at` on to `mantissa` (modulo 2^64), and says where they end.
+/// Appends the digits from `at` on to `mantissa` (modulo 2^64), and says where they end. Eight bytes at a time, without a
+/// branch for each: how many digits a number has cannot be foreseen.
 #[inline]
 fn digits(bytes: &[u8], mut at: usize, mantissa: &mut u64) -> usize {
+    while let Some(eight) = bytes.get(at..).and_then(|rest| rest.first_chunk::<8>()) {
+        let values = u64::from_le_bytes(*eight) ^ 0x3030_3030_3030_3030;
+        // The high bit of each byte above 9; what carries into the next byte lies behind the first of them.
+        let others = (values.wrapping_add(0x7676_7676_7676_7676) | values) & 0x8080_8080_8080_8080;
+        let count = others.trailing_zeros() / 8;
+        if count == 0 {
+            return at;
+        }
+        *mantissa = mantissa.wrapping_mul(TENS[count as usize]).wrapping_add(eight_digits(values << (64 - 8 * count)));
+        at += count as usize;
+        if count < 8 {
+            return at;
+        }
+    }
     while let Some(digit) = bytes.get(at).map(|byte| byte.wrapping_sub(b'0')).filter(|&digit| digit < 10) {
         *mantissa = mantissa.wrapping_mul(10).wrapping_add(u64::from(digit));
         at += 1;
     }
     at
+}
+
+/// Powers of ten up to as many digits as eight bytes hold.
+const TENS: [u64; 9] = [1, 10, 100, 1000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
+
+/// The number that eight digits make, the first in the lowest byte: neighbours are joined to pairs, fours, and all.
+#[inline]
+fn eight_digits(digits: u64) -> u64 {
+    let pairs = digits.wrapping_mul(2561) >> 8;
+    let fours = (pairs & 0x00FF_00FF_00FF_00FF).wrapping_mul(6_553_601) >> 16;
+    (fours & 0x0000_FFFF_0000_FFFF).wrapping_mul(42_949_672_960_001) >> 32
 }
 
 /// The exponent written from `at` on, and where it ends; out of range it is as large as it takes.
@@ -106,6 +132,11 @@ mod tests {
             for text in [format!("{value:e}"), format!("{small:.digits$}"), format!("{small}"), format!("{small:.digits$e}")] {
                 if let Ok(expected) = text.parse::<f64>() && expected.is_finite() {
                     prop_assert_eq!(whole(&text).map(f64::to_bits), Some(expected.to_bits()), "{}", text);
+                    // Whatever follows: eight bytes are looked at together.
+                    for next in [",", "\n12345678", " .9e9", "\u{b7}1234567", "/:/:/:/:", "\u{ff}\u{ff}\u{ff}\u{ff}"] {
+                        let found = decimal(format!("7{text}{next}").as_bytes(), 1);
+                        prop_assert_eq!(found.map(|(value, end)| (value.to_bits(), end)), Some((expected.to_bits(), 1 + text.len())));
+                    }
                 }
             }
         }

@@ -3,12 +3,15 @@
 use super::columns::{Cell, Columns};
 use super::number::decimal;
 use super::problems::Problems;
+use crate::domain::limits::MAX_SAMPLES;
 use crate::formats::text::snippet;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Bytes that one task reads.
-const PIECE: usize = 1 << 21;
+const PIECE: usize = 1 << 20;
+/// Pieces for each thread whose numbers wait to be joined: their memory is used again for the next ones.
+const WAITING: usize = 4;
 /// Characters of a cell that a message may quote.
 const QUOTED: usize = 60;
 
@@ -66,18 +69,28 @@ pub(super) fn read(body: &[u8], before: usize, columns: &Columns, cosine: bool, 
     let mut start = 0;
     while start < body.len() {
         let wanted = (start + PIECE).min(body.len());
-        let end = body[wanted..].iter().position(|&b| b == b'\n').map_or(body.len(), |i| wanted + i + 1);
+        let end = memchr::memchr(b'\n', &body[wanted..]).map_or(body.len(), |i| wanted + i + 1);
         pieces.push(&body[start..end]);
         start = end;
     }
-    let read: Vec<Piece> = pieces.into_par_iter().map(|text| Piece::read(text, columns, cosine)).collect();
     let mut all = Rows::default();
-    all.values.reserve_exact(read.iter().map(|piece| piece.rows.values.len()).sum());
     let mut line = before;
-    for piece in read {
-        problems.append(piece.problems, line);
-        line += piece.lines;
-        all.append(&piece.rows);
+    for (done, together) in pieces.chunks(WAITING * rayon::current_num_threads()).enumerate() {
+        let read: Vec<Piece> = together.par_iter().map(|text| Piece::read(text, columns, cosine)).collect();
+        if done == 0 {
+            // As many numbers in the other pieces: they have as many bytes.
+            let found: usize = read.iter().map(|piece| piece.rows.values.len()).sum();
+            all.values.reserve((found / together.len() * pieces.len()).min(MAX_SAMPLES));
+        }
+        for piece in read {
+            problems.append(piece.problems, line);
+            line += piece.lines;
+            all.append(&piece.rows);
+        }
+        if all.values.len() > MAX_SAMPLES {
+            // Too many, whatever follows.
+            break;
+        }
     }
     all
 }
@@ -165,7 +178,7 @@ impl Parser<'_> {
 
     /// The line feed from `at` on, or the end.
     fn line_end(&self, at: usize) -> usize {
-        self.text[at..].iter().position(|&b| b == b'\n').map_or(self.text.len(), |i| at + i)
+        memchr::memchr(b'\n', &self.text[at..]).map_or(self.text.len(), |i| at + i)
     }
 
     /// Where the cell that starts at `at` ends.
@@ -204,6 +217,10 @@ impl Parser<'_> {
         let mut at = self.line_start;
         let last = columns.cells.len() - 1;
         for (column, cell) in columns.cells.iter().enumerate() {
+            if let Some(next) = self.plain_cell(*cell, at, base, column == last) {
+                at = next;
+                continue;
+            }
             let start = self.blanks(at);
             at = match *cell {
                 Cell::Value(value) | Cell::Sigma(value) => match decimal(text, start) {
@@ -265,7 +282,7 @@ impl Parser<'_> {
                 Some(b',') if column < last => at += 1,
                 Some(b',') => {
                     good = false;
-                    self.problem(at, || format!("more cells than the {} columns", last + 1));
+                    self.problem(at, || format!("more cells than the {} columns, expected one for each", last + 1));
                     break;
                 }
                 None | Some(b'\n' | b'\r') if column == last => {}
@@ -288,6 +305,32 @@ impl Parser<'_> {
             self.rows.sigma.truncate(base);
         }
         self.line_end(at)
+    }
+
+    /// Where the next cell starts, or the row ends, if the cell at `at` is a finite number, or the angle of the row before,
+    /// and nothing else; its value is kept.
+    #[inline]
+    fn plain_cell(&mut self, cell: Cell, at: usize, base: usize, is_last: bool) -> Option<usize> {
+        let end = match cell {
+            Cell::Value(value) => {
+                let (number, end) = decimal(self.text, at)?;
+                let sample = number as f32;
+                self.rows.values[base + value] = sample;
+                sample.is_finite().then_some(end)?
+            }
+            Cell::Angle(k) => {
+                let Known { start, end, .. } = self.last[k];
+                let after = at + (end - start);
+                let same = end > start && self.text.get(at..after) == Some(&self.text[start..end]);
+                same.then_some(after)?
+            }
+            _ => return None,
+        };
+        match (self.text.get(end), is_last) {
+            (Some(b','), false) => Some(end + 1),
+            (Some(b'\n'), true) => Some(end),
+            _ => None,
+        }
     }
 
     /// The angle that a whole cell is.

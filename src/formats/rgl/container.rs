@@ -113,7 +113,10 @@ impl<'a> Field<'a> {
             return Err(malformed(*entry, message));
         }
         if shape.contains(&0) {
-            return Err(malformed(*entry, format!("`{name}` has the shape {shape:?} with nothing in it")));
+            return Err(malformed(
+                *entry,
+                format!("`{name}` has the shape {shape:?} with nothing in it, expected 1 or more along each axis"),
+            ));
         }
         let count = shape.iter().try_fold(1_usize, |n, &length| n.checked_mul(length));
         if count.is_none_or(|n| n > MAX_SAMPLES) {
@@ -144,6 +147,12 @@ impl<'a> Field<'a> {
     /// The numbers of a checked f32 array, in order.
     pub(super) fn floats(&self) -> impl ExactSizeIterator<Item = f32> + Clone {
         self.data.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes))
+    }
+
+    /// The same in pieces of `length`.
+    pub(super) fn pieces(&self, length: usize) -> impl Iterator<Item = impl ExactSizeIterator<Item = f32>> {
+        let (words, _) = self.data.as_chunks::<4>();
+        words.chunks_exact(length).map(|piece| piece.iter().map(|bytes| f32::from_le_bytes(*bytes)))
     }
 }
 

@@ -16,6 +16,7 @@ pub use write::{RglGrid, write_rgl};
 use super::acquisition::{Acquisition, Angles, AzimuthExtent, Azimuths, Modelled, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
 use super::text::snippet;
+use super::turned::turn;
 use super::{Format, Interpretation, Reader, Sample};
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Axis, Quantity, Unit, WavelengthGrid};
@@ -275,21 +276,32 @@ fn channels_last(
 ) -> Result<Vec<f32>, FormatError> {
     let (mut missing, mut negative, mut lowest) = (0_usize, 0_usize, 0.0_f32);
     let mut values = vec![0.0_f32; field.floats().len()];
-    for (i, value) in field.floats().enumerate() {
-        if value.is_nan() {
-            missing += 1;
-        } else if value.abs() > LARGEST {
+    let mut slice = Vec::with_capacity(nodes * channels);
+    let pieces = field.pieces(nodes * channels).zip(values.chunks_exact_mut(nodes * channels));
+    for (n, (piece, target)) in pieces.enumerate() {
+        slice.clear();
+        slice.extend(piece);
+        let mut over = false;
+        // Sums of 32 bits, so that several numbers are looked at together; a piece has fewer than 2^28.
+        let (mut missing_here, mut negative_here) = (0_u32, 0_u32);
+        for &value in &slice {
+            missing_here += u32::from(value.is_nan());
+            negative_here += u32::from(value < 0.0);
+            lowest = if value < lowest { value } else { lowest };
+            over |= value.abs() > LARGEST;
+        }
+        missing += missing_here as usize;
+        negative += negative_here as usize;
+        if over {
+            let i = slice.iter().take_while(|value| value.is_nan() || value.abs() <= LARGEST).count();
+            let (value, i) = (slice[i], n * nodes * channels + i);
             let message = format!(
                 "`{}`: number {i} is {value:e}, expected at most {LARGEST:e}, or NaN where nothing was measured",
                 field.name
             );
             return Err(malformed(field.at + 4 * i, message));
-        } else if value < 0.0 {
-            negative += 1;
-            lowest = lowest.min(value);
         }
-        let (slice, rest) = (i / (nodes * channels), i % (nodes * channels));
-        values[(slice * nodes + rest % nodes) * channels + rest / nodes] = value;
+        turn((&slice, nodes), (target, channels), nodes, channels);
     }
     let all = values.len();
     if missing > 0 {

@@ -147,6 +147,19 @@ fn an_identity_warp_holds_f_times_cosine() {
 }
 
 #[test]
+fn one_elevation_holds_for_all() {
+    let mut file = File::plain();
+    file.floats("theta_i", &[1], &[0.0]);
+    file.floats("vndf", &[1, 1, 2, 2], &[1.0; 4]);
+    file.floats("luminance", &[1, 1, 2, 2], &[1.0; 4]);
+    file.floats("spectra", &[1, 1, 2, 2, 2], &(0..8).map(|i| i as f32).collect::<Vec<_>>());
+    let (one, two) = (file.modelled(), File::plain().modelled());
+    assert_eq!(one.incoming.theta, [0.0]);
+    assert_eq!(at(&one, (0.0, 0.0), (45.0, 30.0)), at(&two, (0.0, 0.0), (45.0, 30.0)));
+    assert!(at(&one, (60.0, 0.0), (45.0, 30.0)).iter().all(|value| value.is_finite()));
+}
+
+#[test]
 fn nothing_is_reflected_below_the_surface() {
     let modelled = File::plain().modelled();
     for (wi, wo) in [((91.0, 0.0), (0.0, 0.0)), ((0.0, 0.0), (91.0, 0.0)), ((0.0, 0.0), (90.0, 0.0))] {

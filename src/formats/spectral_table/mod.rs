@@ -11,6 +11,7 @@ pub use write::{write_spd, write_spectra};
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
 use super::text::{Brief, Source, snippet};
+use super::turned::turned;
 use super::{Format, Interpretation, Reader, Sample};
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Axis, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
@@ -52,8 +53,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let (axes, samples) = if columns == 1 {
         (vec![lambda], table.values)
     } else {
-        let by_column = (0..columns).flat_map(|c| (0..n).map(move |row| (row, c)));
-        let samples = by_column.map(|(row, c)| table.values[row * columns + c]).collect();
+        let samples = turned(&table.values, columns, n);
         (vec![Axis::Index { count: columns, labels: table.names }, lambda], samples)
     };
     let tensor =

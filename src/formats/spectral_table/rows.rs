@@ -156,7 +156,13 @@ pub(in crate::formats) fn read(source: &Source, report: &mut ParseReport) -> Res
     };
     let mut parser = Parser { delimiter, width, source, preamble: Vec::new(), prose: String::new(), table: None };
     let mut lines = source.lines();
-    for line in lines.by_ref() {
+    loop {
+        if let Some(table) = &mut parser.table {
+            let end = table.push_plain(source.text().as_bytes(), lines.offset(), delimiter);
+            lines.skip_to(end);
+            parser.check_limit(end)?;
+        }
+        let Some(line) = lines.next() else { break };
         let (content, comment) = split_comment(line);
         if let Some(comment) = comment {
             parser.comment(content, comment, report);
@@ -205,11 +211,6 @@ impl<'a> Parser<'a> {
     }
 
     fn content(&mut self, line: Token<'a>, report: &mut ParseReport) -> Result<(), FormatError> {
-        if let Some(table) = &mut self.table
-            && table.push_plain(line, self.delimiter)
-        {
-            return self.within_limit(line);
-        }
         let cells = self.delimiter.cells(line);
         if self.table.is_none() {
             // A row begins the data even if it holds something that is no number: that is an error, not a header.
@@ -251,15 +252,16 @@ impl<'a> Parser<'a> {
             }
             table.values.push(sample);
         }
-        self.within_limit(line)
+        Ok(())
     }
 
-    fn within_limit(&self, line: Token<'_>) -> Result<(), FormatError> {
+    /// Refuses more values than a table may have, all of them before `offset`.
+    fn check_limit(&self, offset: usize) -> Result<(), FormatError> {
         if self.table.as_ref().is_none_or(|table| table.values.len() <= MAX_SAMPLES) {
             return Ok(());
         }
         let message = format!("more than the limit of {MAX_SAMPLES} values");
-        Err(self.source.error(FormatErrorKind::OverLimit, line.offset, message))
+        Err(self.source.error(FormatErrorKind::OverLimit, offset, message))
     }
 
     /// Begins the table: the last line before it is its header if it has as many cells.
@@ -317,56 +319,65 @@ impl<'a> Parser<'a> {
 }
 
 impl Table {
-    /// Takes a row of plain finite numbers in one pass; any other row is left to be read cell by cell.
-    fn push_plain(&mut self, line: Token<'_>, delimiter: Delimiter) -> bool {
-        let bytes = line.text.as_bytes();
+    /// Takes rows of plain finite numbers in one pass from `at` on; where the first line starts that is another, or that
+    /// is one too many.
+    fn push_plain(&mut self, text: &[u8], mut at: usize, delimiter: Delimiter) -> usize {
+        while self.values.len() <= MAX_SAMPLES {
+            let first = self.values.len();
+            let Some((wavelength, end)) = self.plain_row(text, at, delimiter) else {
+                self.values.truncate(first);
+                break;
+            };
+            self.wavelengths.push(wavelength);
+            at = end;
+        }
+        at
+    }
+
+    /// Appends the values of the row that starts at `at`: its wavelength with its place, and where the next line starts.
+    #[inline]
+    fn plain_row(&mut self, text: &[u8], at: usize, delimiter: Delimiter) -> Option<((f64, usize), usize)> {
         let separator = match delimiter {
-            Delimiter::Tab => Some(b'\t'),
-            Delimiter::Semicolon => Some(b';'),
-            Delimiter::Comma => Some(b','),
-            Delimiter::Blank => None,
+            Delimiter::Tab => b'\t',
+            Delimiter::Semicolon => b';',
+            Delimiter::Comma => b',',
+            Delimiter::Blank => b' ',
         };
         let blanks = |mut at: usize| {
-            while matches!(bytes.get(at), Some(&byte) if (byte == b' ' || byte == b'\t') && Some(byte) != separator) {
+            while let Some(&byte @ (b' ' | b'\t')) = text.get(at)
+                && (byte != separator || delimiter == Delimiter::Blank)
+            {
                 at += 1;
             }
             at
         };
-        let (first, width) = (self.values.len(), self.names.len() + 1);
-        let mut at = blanks(0);
-        let mut wavelength = (0.0, line.offset + at);
-        let mut count = 0;
-        while count < width {
-            let Some((value, end)) = decimal(bytes, at) else { break };
-            if count == 0 {
-                wavelength = (value, line.offset + at);
-            } else if (value as f32).is_infinite() {
-                break;
+        let mut at = blanks(at);
+        let place = at;
+        let (wavelength, mut end) = decimal(text, at)?;
+        for _ in 0..self.names.len() {
+            at = blanks(end);
+            if delimiter == Delimiter::Blank {
+                (at > end).then_some(())?;
             } else {
-                self.values.push(value as f32);
+                (text.get(at) == Some(&separator)).then_some(())?;
+                at = blanks(at + 1);
             }
-            count += 1;
-            let next = blanks(end);
-            match (bytes.get(next), separator) {
-                (None, _) => {
-                    at = next;
-                    break;
-                }
-                (Some(found), Some(separator)) if *found == separator => at = blanks(next + 1),
-                (Some(_), None) if next > end => at = next,
-                _ => {
-                    count = 0;
-                    break;
-                }
+            let (value, next) = decimal(text, at)?;
+            let sample = value as f32;
+            if sample.is_infinite() {
+                return None;
             }
+            self.values.push(sample);
+            end = next;
         }
-        // A separator at the end opens one more cell.
-        if count == width && at == bytes.len() && !line.text.ends_with([',', ';', '\t']) {
-            self.wavelengths.push(wavelength);
-            return true;
-        }
-        self.values.truncate(first);
-        false
+        let end = blanks(end);
+        let mark = match text.get(end..)? {
+            [b'\r', b'\n', ..] => 2,
+            [b'\r' | b'\n', ..] => 1,
+            [] => 0,
+            _ => return None,
+        };
+        Some(((wavelength, place), end + mark))
     }
 
     /// A delimiter at the end of every row makes a nameless column without a value.

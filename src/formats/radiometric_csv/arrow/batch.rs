@@ -22,7 +22,7 @@ pub(super) enum Refusal {
 
 impl From<Broken> for Refusal {
     fn from(_: Broken) -> Self {
-        Self::Broken("a reference in the batch leads outside it".to_owned())
+        Self::Broken("a reference in the batch leads outside it, expected one within".to_owned())
     }
 }
 
@@ -84,7 +84,7 @@ impl<'a> Parts<'a> {
         self.buffer += 1;
         if bytes.len() / element.size() < count {
             return Err(Refusal::Broken(format!(
-                "{} bytes for {count} numbers of {} bytes",
+                "{} bytes, expected {count} numbers of {} bytes",
                 bytes.len(),
                 element.size()
             )));
@@ -110,7 +110,10 @@ impl<'a> Parts<'a> {
             return Ok(None);
         }
         if bits.len() < count.div_ceil(8) {
-            return Err(Refusal::Broken(format!("{} bytes say which of {count} entries are missing", bits.len())));
+            return Err(Refusal::Broken(format!(
+                "{} bytes say which of {count} entries are missing, expected one for every eight",
+                bits.len()
+            )));
         }
         Ok(Some(bits))
     }
@@ -279,7 +282,7 @@ impl<'a> Batches<'a> {
             for (value, bytes) in rows.iter_mut().zip(stored) {
                 let stored = f32::from_le_bytes(*bytes);
                 infinite |= stored.is_infinite();
-                *value = stored;
+                *value = if stored.is_nan() { f32::NAN } else { stored };
             }
             if infinite {
                 let at: Vec<usize> =

@@ -67,11 +67,13 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let start = messages.at;
     let schema = match messages.next()? {
         Some(Message { kind: SCHEMA, header, .. }) => schema::read(header).map_err(|refusal| match refusal {
-            schema::Refusal::Malformed => malformed(start, "a reference in the schema leads outside it"),
+            schema::Refusal::Malformed => {
+                malformed(start, "a reference in the schema leads outside it, expected one within")
+            }
             schema::Refusal::Unsupported(message) => refused(FormatErrorKind::Unsupported, start, message),
             schema::Refusal::OverLimit(message) => refused(FormatErrorKind::OverLimit, start, message),
         })?,
-        _ => return Err(malformed(start, "the stream does not begin with a schema")),
+        _ => return Err(malformed(start, "the stream does not begin with a schema, expected one before the batches")),
     };
     let named = |error: FormatError| FormatError { format: NAME, ..error };
     let mut problems = Problems::default();
@@ -81,7 +83,11 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         None => (None, Vec::new()),
     };
     let (Some(header), Some(columns)) = (header, columns) else {
-        return Err(named(problems.into_error().unwrap_or_else(|| malformed(start, "the columns make no table"))));
+        return Err(named(
+            problems
+                .into_error()
+                .unwrap_or_else(|| malformed(start, "the columns make no table, expected those of radiometric-csv")),
+        ));
     };
     let mut batches = Batches::new(&schema.columns, &cells, &columns, header.cosine_included);
     let mut count = 0_usize;
@@ -238,17 +244,22 @@ impl<'a> Messages<'a> {
             return Err(refused(FormatErrorKind::OverLimit, at, message));
         }
         let cut = |found: usize, expected: usize| {
-            malformed(at, format!("the file ends in a message: {found} bytes of {expected}"))
+            malformed(at, format!("the file ends in a message: {found} bytes, expected {expected}"))
         };
         let metadata = self.bytes.get(start..start + length);
         let metadata = metadata.ok_or_else(|| cut(self.bytes.len().saturating_sub(start), length))?;
-        let broken = |Broken| malformed(at, "a reference in the metadata of a message leads outside them");
+        let broken =
+            |Broken| malformed(at, "a reference in the metadata of a message leads outside them, expected one within");
         let message = Table::root(metadata).map_err(broken)?;
         let kind = message.byte(1).map_err(broken)?;
-        let header = message.table(2).map_err(broken)?.ok_or_else(|| malformed(at, "a message without a header"))?;
+        let header = message
+            .table(2)
+            .map_err(broken)?
+            .ok_or_else(|| malformed(at, "a message without a header, expected a batch of rows"))?;
         let body_at = start + length;
         let size = message.long(3).map_err(broken)?;
-        let size = usize::try_from(size).map_err(|_| malformed(at, format!("a body of {size} bytes")))?;
+        let size =
+            usize::try_from(size).map_err(|_| malformed(at, format!("a body of {size} bytes, expected 0 or more")))?;
         let end = body_at.checked_add(size);
         let body =
             end.and_then(|end| self.bytes.get(body_at..end)).ok_or_else(|| cut(self.bytes.len() - body_at, size))?;
