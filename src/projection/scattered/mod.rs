@@ -32,7 +32,7 @@ use crate::domain::vector::Vector;
 use crate::domain::{Axis, ErrorAccumulator, ErrorReport, Layout, Measurement, Sampling, Tensor, check_axes};
 use crate::formats::{Acquisition, Scattered};
 use cells::{Fitted, Standing, standings};
-use plan::Plan;
+use plan::{Plan, Under};
 use report::{Region, Tally, brightest, compare, region};
 use rows::{Kind, Rows};
 use std::borrow::Cow;
@@ -73,7 +73,7 @@ pub(super) fn project(
     let mut samples = vec![0.0_f32; count];
     let mut standing: Vec<Standing> = Vec::with_capacity(plan.entries.len() * mesh.len());
     let under = plan.points_by_entry();
-    for ((entry, out), (has_sample, _)) in plan.entries.iter().zip(samples.chunks_mut(plane)).zip(&under) {
+    for ((entry, out), Under { has_sample, .. }) in plan.entries.iter().zip(samples.chunks_mut(plane)).zip(&under) {
         let fitted = plan.fitted(&rows, entry.cloud);
         let drafts = fitted.cells(entry.wi, mesh, plan.parts, &channels, &|cell| Some(has_sample[cell]), out);
         standing.extend(standings(&drafts));
@@ -137,13 +137,13 @@ fn remarks(report: &ScatterReport, filled: u64, empty: u64) -> Vec<String> {
 fn report_of(
     acquisition: &Acquisition,
     scattered: &Scattered,
-    (plan, under): (&Plan, &[(Vec<bool>, Vec<u32>)]),
+    (plan, under): (&Plan, &[Under]),
     rows: &Rows<'_>,
     measurement: &Measurement,
 ) -> ScatterReport {
     let light = |row: u32| rows.row(row).iter().map(|&v| f64::from(v)).filter(|v| !v.is_nan()).sum::<f64>();
     let mut regions = vec![Region::Middle; rows.kinds.len()];
-    for (_, members) in under {
+    for Under { rows: members, .. } in under {
         let most = brightest(members.iter().map(|&row| light(row)).collect());
         for &row in members {
             regions[row as usize] = region(light(row), most, plan.directions[row as usize].1[2]);

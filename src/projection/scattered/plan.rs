@@ -33,6 +33,15 @@ pub(super) struct Entry {
     pub(super) cloud: usize,
 }
 
+/// The samples under an entry of the incoming axis.
+#[derive(Clone, Debug)]
+pub(super) struct Under {
+    /// Whether each cell holds one.
+    pub(super) has_sample: Vec<bool>,
+    /// Their rows.
+    pub(super) rows: Vec<u32>,
+}
+
 /// Everything that was chosen.
 pub(super) struct Plan {
     pub(super) isotropic: bool,
@@ -227,10 +236,11 @@ impl Plan {
         triangles.or_else(|| (!self.elevations.is_empty()).then(|| Axis::Elevation(self.elevations.clone())))
     }
 
-    /// For each entry of the incoming axis which cells hold a sample, and the rows under it.
-    pub(super) fn points_by_entry(&self) -> Vec<(Vec<bool>, Vec<u32>)> {
+    /// What lies under each entry of the incoming axis.
+    pub(super) fn points_by_entry(&self) -> Vec<Under> {
         let mesh = self.outgoing.mesh;
-        let mut found = vec![(vec![false; mesh.len()], Vec::new()); self.entries.len()];
+        let none = Under { has_sample: vec![false; mesh.len()], rows: Vec::new() };
+        let mut found = vec![none; self.entries.len()];
         let axis = self.incoming_axis();
         for (i, cloud) in self.clouds.iter().enumerate() {
             for point in &cloud.points {
@@ -239,12 +249,12 @@ impl Plan {
                     None => Some(0),
                     Some(axis) => entry_of(axis, point.wi, Direction::from_unit(point.wi).theta_degrees()),
                 };
-                let Some((cells, rows)) = entry.and_then(|entry| found.get_mut(entry)) else { continue };
+                let Some(under) = entry.and_then(|entry| found.get_mut(entry)) else { continue };
                 if let Some(cell) = mesh.locate(Direction::from_unit(point.wo)) {
-                    cells[cell] = true;
+                    under.has_sample[cell] = true;
                 }
-                if rows.last() != Some(&point.row) {
-                    rows.push(point.row);
+                if under.rows.last() != Some(&point.row) {
+                    under.rows.push(point.row);
                 }
             }
         }
