@@ -124,11 +124,16 @@ impl Integrals {
     }
 }
 
-impl DirectionalFunction for Curve {
+/// One table for each wavelength.
+#[derive(Clone, Debug)]
+pub(super) struct Curves(pub(super) Vec<Curve>);
+
+impl DirectionalFunction for Curves {
     fn evaluate(&self, wi: Direction, wo: Direction, values: &mut [f64]) {
         // wi points back to where the light comes from: it goes on straight where wo = -wi.
         let cosine = (-wi.dot(wo)).clamp(-1.0, 1.0);
-        values.fill(self.at(libm::acos(cosine).to_degrees()));
+        let angle = libm::acos(cosine).to_degrees();
+        values.iter_mut().zip(&self.0).for_each(|(value, curve)| *value = curve.at(angle));
     }
 }
 
@@ -167,7 +172,7 @@ mod tests {
 
     #[test]
     fn light_that_goes_straight_on_is_scattered_by_nothing() {
-        let curve = curve(Between::Angles, |mu| mu);
+        let curve = Curves(vec![curve(Between::Angles, |mu| mu)]);
         let (wi, mut value) = (Direction::from_degrees(30.0, 40.0), [0.0]);
         let [x, y, z] = wi.xyz();
         for (wo, expected) in [(Direction::new(-x, -y, -z), 1.0), (Some(wi), -1.0)] {

@@ -21,8 +21,8 @@ use super::spectral_table::rows::{self, Table};
 use super::text::{Brief, Source, snippet};
 use super::{Format, Interpretation, Reader, Sample};
 use crate::domain::limits::MAX_WAVELENGTHS;
-use crate::domain::{Quantity, Unit};
-use function::{Between, Curve};
+use crate::domain::{Axis, Quantity, Unit};
+use function::{Between, Curve, Curves};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -82,6 +82,8 @@ impl std::str::FromStr for Normalization {
 const WORDS: [&str; 7] =
     ["phase function", "phasefunction", "scattering angle", "scattering_angle", "legendre", "tabphase", "cos_theta"];
 const VSF_WORDS: [&str; 2] = ["vsf", "volume scattering"];
+/// Numbers of tables over angles and wavelengths at most.
+const MAX_VALUES: usize = 1 << 22;
 /// How far the integral may be from 1 or 4π to be taken for it.
 const TOLERANCE: f64 = 0.05;
 /// Degrees at either end of a table over which its last values hold.
@@ -143,8 +145,23 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         );
     }
     normalise(&mut curve, how.normalization.or(vsf.then_some(Normalization::Vsf)), &mut report)?;
-    let (numbers, missing) = (curve.values.len(), curve.values.iter().filter(|v| v.is_nan()).count());
-    let finest = curve.angles.array_windows().map(|[a, b]| b - a).fold(180.0, f64::min);
+    Ok(Acquisition {
+        format: NAME,
+        dialect: form,
+        quantity: Quantity::Phase,
+        unit: Unit::PerSteradian,
+        samples: Samples::Function(modelled(vec![curve], None, &mut report)),
+        spectral_factor: None,
+        report,
+    })
+}
+
+/// A function of two directions from normalised tables over the same angles, one for each entry of `spectral`.
+fn modelled(curves: Vec<Curve>, spectral: Option<Axis>, report: &mut ParseReport) -> Modelled {
+    let numbers = curves.iter().map(|curve| curve.values.len()).sum();
+    let missing = curves.iter().flat_map(|curve| &curve.values).filter(|v| v.is_nan()).count();
+    let steps = curves.iter().take(1).flat_map(|curve| curve.angles.array_windows().map(|[a, b]| b - a));
+    let finest = steps.fold(180.0, f64::min);
     // A function of one angle does not need all the pairs of directions that its table could tell apart.
     let spacing = finest.max(OUTGOING_SPACING);
     let steps = (180.0 / finest.max(INCOMING_SPACING)).round().max(2.0) as usize;
@@ -162,22 +179,49 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
             ),
         );
     }
-    Ok(Acquisition {
-        format: NAME,
-        dialect: form,
-        quantity: Quantity::Phase,
-        unit: Unit::PerSteradian,
-        samples: Samples::Function(Modelled {
-            incoming: Angles { theta, covers: (0.0, 180.0), phi },
-            outgoing_spacing: spacing,
-            spectral: None,
-            numbers,
-            missing,
-            function: Arc::new(curve),
-        }),
-        spectral_factor: None,
-        report,
-    })
+    Modelled {
+        incoming: Angles { theta, covers: (0.0, 180.0), phi },
+        outgoing_spacing: spacing,
+        spectral,
+        numbers,
+        missing,
+        function: Arc::new(Curves(curves)),
+    }
+}
+
+/// A function of two directions from `values` `[angle, wavelength]` over increasing scattering angles in degrees.
+pub(super) fn tabulated(
+    angles: &[f64],
+    values: &[f32],
+    spectral: Option<Axis>,
+    said: Option<Normalization>,
+    report: &mut ParseReport,
+) -> Result<Modelled, FormatError> {
+    let width = spectral.as_ref().map_or(1, Axis::len);
+    if angles.len() < 2 {
+        let message = "values at one scattering angle, expected a table from 0 to 180 degrees";
+        return Err(FormatError::new(FormatErrorKind::Malformed, NAME, message));
+    }
+    if values.len() > MAX_VALUES {
+        let message = format!("{} values of a phase function, expected at most {MAX_VALUES}", values.len());
+        return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));
+    }
+    let between = if said == Some(Normalization::Vsf) { Between::PowerLaws } else { Between::Angles };
+    let mut curves = Vec::with_capacity(width);
+    for band in 0..width {
+        let values = values.iter().skip(band).step_by(width).map(|&value| f64::from(value)).collect();
+        // The notes on the first wavelength stand for all.
+        let mut others = ParseReport::default();
+        let report = if band == 0 { &mut *report } else { &mut others };
+        let mut curve = held(Curve::new(angles.to_vec(), values, between), report);
+        normalise(&mut curve, said, report)?;
+        curves.push(curve);
+    }
+    if width > 1 {
+        let message = format!("each of {width} wavelengths is normalised by itself; what is said here is of the first");
+        report.note(NoteKind::Assumed, message);
+    }
+    Ok(modelled(curves, spectral, report))
 }
 
 fn needs(message: String) -> FormatError {

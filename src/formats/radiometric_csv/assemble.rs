@@ -6,10 +6,13 @@ use super::columns::Columns;
 use super::header::Header;
 use super::rows::{Numbered, Rows};
 use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
-use crate::domain::{Axis, Sampling, Tensor, WavelengthGrid};
-use crate::formats::acquisition::{AngleGrid, Angles, Azimuths, NoteKind, Outside, ParseReport, Samples, Scattered};
+use crate::domain::{Axis, Quantity, Sampling, Tensor, WavelengthGrid};
+use crate::formats::acquisition::{
+    AngleGrid, Angles, Azimuths, Modelled, NoteKind, Outside, ParseReport, Samples, Scattered,
+};
 use crate::formats::azimuth::extended;
 use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::phase_table;
 use crate::formats::text::Brief;
 use std::collections::HashMap;
 
@@ -57,6 +60,10 @@ pub(super) fn samples(
     if columns.angles.iter().all(Option::is_none) {
         skips_sigma(report);
         return without_directions(rows, columns, spectral, report);
+    }
+    if header.quantity == Quantity::Phase && columns.angles[0].is_none() {
+        skips_sigma(report);
+        return scattering_angles(&mut rows, spectral, header, report).map(Samples::Function);
     }
     let directions = Directions::of(&mut rows, columns, header);
     match directions.shape(spectral.as_ref().map_or(1, Axis::len), rows.values.len()) {
@@ -118,6 +125,30 @@ fn without_directions(
     count_missing(&values, "values", report);
     let tensor = Tensor::new(axes, values).map_err(|e| over_limit(e.to_string()))?;
     Ok(Samples::OnAxes { tensor, sampling: Sampling::default() })
+}
+
+/// A phase function over the scattering angle, for each wavelength.
+fn scattering_angles(
+    rows: &mut Rows,
+    spectral: Option<Axis>,
+    header: &Header,
+    report: &mut ParseReport,
+) -> Result<Modelled, FormatError> {
+    let width = spectral.as_ref().map_or(1, Axis::len);
+    let (angles, ranks) = ranked(std::mem::take(&mut rows.directions).into_iter().map(|direction| direction[2]));
+    let whole = angles.len().checked_mul(width).filter(|&n| n <= MAX_SAMPLES && n / 8 <= rows.values.len());
+    if whole.is_none() {
+        return Err(over_limit(format!(
+            "{} values at {} angles and {width} wavelengths: expected most angles to have most wavelengths",
+            rows.values.len(),
+            angles.len()
+        )));
+    }
+    let places: Vec<usize> = ranks.into_iter().map(|rank| rank as usize).collect();
+    let values = placed(rows, &places, angles.len(), width, report);
+    count_missing(&values, "pairs of angle and wavelength", report);
+    let function = phase_table::tabulated(&angles, &values, spectral, header.normalization, report);
+    function.map_err(|error| FormatError { format: NAME, ..error })
 }
 
 /// The directions of the rows, each angle as its rank among the distinct ones.

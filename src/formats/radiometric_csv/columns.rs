@@ -258,6 +258,8 @@ fn angle_of(name: &str, quantity: Quantity) -> Option<(usize, Option<bool>)> {
         "c" if outgoing => Some((3, Some(true))),
         "theta" if outgoing => Some((2, Some(false))),
         "phi" if outgoing => Some((3, Some(false))),
+        // The scattering angle: nothing else counts where wi has no columns.
+        "theta" if quantity == Quantity::Phase => Some((2, None)),
         "theta" if quantity == Quantity::Reflectance => Some((0, None)),
         "phi" if quantity == Quantity::Reflectance => Some((1, None)),
         _ => None,
@@ -292,12 +294,16 @@ fn check_directions(columns: &Columns, header: &Header, refuse: &mut impl FnMut(
         Quantity::Spectrum => (false, false),
         Quantity::Reflectance => (theta_i, false),
         Quantity::Edf => (false, true),
+        Quantity::Phase if !theta_i && !phi_o => (false, true),
         Quantity::Brdf | Quantity::Btdf | Quantity::Bsdf | Quantity::Phase => (true, true),
     };
     if (theta_i, theta_o) != expected || (phi_i && !theta_i) || (phi_o && !theta_o) {
         let names = match (quantity, expected) {
             (Quantity::Reflectance, _) => "none, or theta_i with or without phi_i",
             (_, (false, false)) => "none",
+            (Quantity::Phase, (true, true)) => {
+                "theta (the scattering angle) alone, or theta_i, theta_o and phi_o, and phi_i unless it is isotropic"
+            }
             (_, (true, true)) => "theta_i, theta_o and phi_o, and phi_i unless it is isotropic",
             _ => "theta and phi, or gamma and c",
         };

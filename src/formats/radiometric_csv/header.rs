@@ -3,11 +3,11 @@
 use super::NAME;
 use super::problems::Problems;
 use crate::domain::{Quantity, Unit};
-use crate::formats::Interpretation;
-use crate::formats::acquisition::{AzimuthExtent, NoteKind, ParseReport};
+use crate::formats::acquisition::{AzimuthExtent, NoteKind, ParseReport, Samples};
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::spectral_table::wavelength_unit::WavelengthUnit;
 use crate::formats::text::snippet;
+use crate::formats::{Interpretation, Normalization};
 
 /// One `# key: value` line.
 pub(super) struct Field {
@@ -36,6 +36,15 @@ pub(super) struct Header {
     pub(super) extents: [Option<AzimuthExtent>; 2],
     /// The range of theta that the incoming and outgoing samples stand for, degrees, where it is stated.
     pub(super) covers: [Option<(f64, f64)>; 2],
+    /// What a phase function over the scattering angle integrates to, where it is known.
+    pub(super) normalization: Option<Normalization>,
+}
+
+impl Header {
+    /// The unit of what was read: a phase function over the scattering angle is normalised.
+    pub(super) fn unit_of(&self, samples: &Samples) -> Unit {
+        if matches!(samples, Samples::Function(_)) { Unit::PerSteradian } else { self.unit }
+    }
 }
 
 /// Looks keys up and keeps account of the problems.
@@ -155,6 +164,7 @@ pub(super) fn read(
         luminaire,
         extents,
         covers,
+        normalization: how.normalization.or((unit == Unit::Relative).then_some(Normalization::Relative)),
     }))
 }
 

@@ -3,7 +3,7 @@
 //! `# key: value` lines, one row of column names, rows of numbers; UTF-8, `,` between cells, `.` in numbers; lines with
 //! `##` are remarks. Required: `quantity`, `value_unit`; `angle_unit` where there are angles; `cosine_included` for a BSDF, whose
 //! values are divided by `|cos theta_o|` if it is true. Columns in any order: `theta_i`, `phi_i`, `theta_o`, `phi_o`
-//! (emission: `theta`, `phi`, or `gamma`, `c` from nadir), then `wavelength` and `value`, or one `v550` for each
+//! (emission: `theta`, `phi`, or `gamma`, `c` from nadir; a phase function may have `theta` alone, the scattering angle), then `wavelength` and `value`, or one `v550` for each
 //! wavelength. A blank cell, or `nan`, is a missing value. `sigma`, or one `s550` for each `v550`, are standard
 //! uncertainties (k = 1) of the values. Directions that form a grid are read as one.
 
@@ -36,7 +36,7 @@ pub(super) const READER: Reader = Reader {
         reads: true,
         writes: false,
     },
-    options: &["wavelength_unit"],
+    options: &["wavelength_unit", "normalization"],
     probe,
     read,
 };
@@ -79,13 +79,14 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let what = match &samples {
         Samples::OnAxes { .. } => "spectra",
         Samples::Grid(_) => "a grid of directions",
-        Samples::Scattered(_) | Samples::Function(_) => "scattered directions",
+        Samples::Scattered(_) => "scattered directions",
+        Samples::Function(_) => "scattering angles",
     };
     Ok(Acquisition {
         format: NAME,
         dialect: format!("version 1, {form} form, {count} rows, {what}"),
         quantity: header.quantity,
-        unit: header.unit,
+        unit: header.unit_of(&samples),
         samples,
         spectral_factor: None,
         report,
@@ -107,7 +108,7 @@ fn remarks(header: &header::Header, columns: &Columns, grazing: usize, report: &
         let message = format!("{grazing} values at theta_o of 90 degrees hold a cosine of 0: masked");
         report.note(NoteKind::Warning, message);
     }
-    let no_phi_i = columns.angles[1].is_none();
+    let no_phi_i = columns.angles[0].is_some() && columns.angles[1].is_none();
     if header.quantity.directions() == 2 && no_phi_i && !header.isotropic {
         report.note(NoteKind::Assumed, "no column phi_i: isotropic, phi_o is relative to the incoming azimuth");
     }

@@ -1,7 +1,7 @@
 //! radiometric-csv: long and wide forms against each other, grids and scattered directions, and every problem at once.
 
 use super::*;
-use crate::domain::{Axis, Quantity, Unit};
+use crate::domain::{Axis, Direction, Quantity, Unit};
 use crate::formats::acquisition::{AngleGrid, AzimuthExtent, Scattered};
 use crate::formats::error::Position;
 use crate::formats::read as read_any;
@@ -261,6 +261,63 @@ fn emission_is_in_either_frame_and_angles_in_either_unit() {
     assert_eq!(grid(&steep).outgoing.as_ref().unwrap().theta, [90.0]);
 }
 
+const PHASE: &str = "# radiometric-csv: 1\n# quantity: phase\n# angle_unit: deg\n# wavelength_unit: nm\n";
+
+/// Henyey and Greenstein's phase function.
+fn haze(g: f64, angle: f64) -> f64 {
+    (1.0 - g * g) / (4.0 * std::f64::consts::PI * (1.0 + g * g - 2.0 * g * angle.to_radians().cos()).powf(1.5))
+}
+
+/// The value of a function of the scattering angle, for each wavelength.
+fn scattered_by(acquisition: &Acquisition, angle: f64, wavelengths: usize) -> Vec<f64> {
+    let Samples::Function(modelled) = &acquisition.samples else { panic!("{:?}", acquisition.samples) };
+    let (wi, wo) = (Direction::from_degrees(180.0, 0.0), Direction::from_degrees(angle, 40.0));
+    let mut values = vec![0.0; wavelengths];
+    modelled.function.evaluate(wi, wo, &mut values);
+    values
+}
+
+#[test]
+fn a_phase_function_may_have_the_scattering_angle_alone() {
+    let long = (0..=180).rev().fold(format!("{PHASE}# value_unit: 1/sr\ntheta,value\n"), |text, i| {
+        format!("{text}{i},{}\n", haze(0.5, f64::from(i)))
+    });
+    let acquired = good(&long);
+    assert_eq!((acquired.quantity, acquired.unit), (Quantity::Phase, Unit::PerSteradian));
+    for angle in [0.0, 20.5, 90.0, 180.0] {
+        let found = scattered_by(&acquired, angle, 1)[0];
+        assert!((found / haze(0.5, angle) - 1.0).abs() < 1e-3, "{angle}: {found}");
+    }
+    let mean = acquired.report.metadata.iter().find(|(key, _)| key == "mean_cosine").unwrap().1.parse::<f64>().unwrap();
+    assert!((mean - 0.5).abs() < 1e-4, "{mean}");
+
+    // Each wavelength by itself, whatever its scale.
+    let wide = (0..=180).fold(format!("{PHASE}# value_unit: relative\ntheta,v450,v650\n"), |text, i| {
+        format!("{text}{i},{},{}\n", 3.0 * haze(0.5, f64::from(i)), 70.0 * haze(-0.2, f64::from(i)))
+    });
+    let acquired = good(&wide);
+    assert_eq!(acquired.unit, Unit::PerSteradian);
+    assert!(says(&acquired, NoteKind::Assumed, "each of 2 wavelengths"), "{:?}", acquired.report.notes);
+    let found = scattered_by(&acquired, 60.0, 2);
+    for (found, g) in found.into_iter().zip([0.5, -0.2]) {
+        assert!((found / haze(g, 60.0) - 1.0).abs() < 1e-3, "{g}: {found}");
+    }
+}
+
+#[test]
+fn phase_functions_that_are_none_are_refused() {
+    for (rows, kind, words) in [
+        ("theta,value\n0,1\n", FormatErrorKind::Malformed, "one scattering angle, expected"),
+        ("theta,value\n0,5\n180,5\n", FormatErrorKind::NeedsOption, "neither 1 nor 4 pi"),
+        ("theta,value\n0,1\n90,1\n", FormatErrorKind::NeedsOption, "does not cover 0 to 180"),
+        ("theta,phi_o,value\n0,0,1\n180,0,1\n", FormatErrorKind::Malformed, "theta (the scattering angle) alone"),
+        ("theta,value\n0,1\n181,1\n", FormatErrorKind::Malformed, "181"),
+    ] {
+        let error = plain(&format!("{PHASE}# value_unit: 1/sr\n{rows}")).unwrap_err();
+        assert!(error.kind == kind && error.message.contains(words), "{rows}: {error}");
+    }
+}
+
 #[test]
 fn spectra_need_no_directions() {
     let header = "# radiometric-csv: 1\n# quantity: transmittance\n# value_unit: 1\n# wavelength_unit: um\n";
@@ -363,8 +420,6 @@ fn headers_and_columns_are_checked() {
     }
     let long = format!("# radiometric-csv: 1\n{}", "# x\n".repeat(2000));
     assert_eq!(plain(&long).unwrap_err().kind, FormatErrorKind::OverLimit);
-    let phase = "# radiometric-csv: 1\n# quantity: phase\n# value_unit: 1/sr\n# angle_unit: deg\ntheta,value\n0,1\n";
-    assert!(plain(phase).unwrap_err().message.contains("theta_i, theta_o and phi_o"));
 }
 
 #[test]

@@ -34,7 +34,7 @@ pub(in crate::formats) const READER: Reader = Reader {
         reads: true,
         writes: false,
     },
-    options: &["wavelength_unit"],
+    options: &["wavelength_unit", "normalization"],
     probe: |sample: &Sample<'_>| {
         let is_stream = sample.bytes.starts_with(CONTINUES) || sample.bytes.starts_with(FILE);
         if is_stream { 95 } else { 0 }
@@ -118,13 +118,14 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let what = match &samples {
         Samples::OnAxes { .. } => "spectra",
         Samples::Grid(_) => "a grid of directions",
-        Samples::Scattered(_) | Samples::Function(_) => "scattered directions",
+        Samples::Scattered(_) => "scattered directions",
+        Samples::Function(_) => "scattering angles",
     };
     Ok(Acquisition {
         format: NAME,
         dialect: format!("{form} form, {places} rows in {count} batches, {what}"),
         quantity: header.quantity,
-        unit: header.unit,
+        unit: header.unit_of(&samples),
         samples,
         spectral_factor: None,
         report,
