@@ -72,17 +72,18 @@ impl Curve {
     pub(super) fn integrals(&self) -> Integrals {
         let mut all = Integrals::default();
         let (first, last) = (self.angles[0], self.angles[self.angles.len() - 1]);
+        let least = if self.between == Between::PowerLaws { 4 } else { 1 };
         if self.held > 0.0 {
-            all.add(0.0, first, |_| self.values[0]);
+            all.add(0.0, first, 1, |_| self.values[0]);
         }
         for i in 0..self.angles.len() - 1 {
-            all.add(self.angles[i], self.angles[i + 1], |angle| self.inside(i, angle));
+            all.add(self.angles[i], self.angles[i + 1], least, |angle| self.inside(i, angle));
             if i == 0 {
                 all.first = all.total;
             }
         }
         if self.held > 0.0 {
-            all.add(last, 180.0, |_| self.values[self.values.len() - 1]);
+            all.add(last, 180.0, 1, |_| self.values[self.values.len() - 1]);
         }
         all
     }
@@ -98,7 +99,8 @@ pub(super) struct Integrals {
     pub(super) first: f64,
 }
 
-/// Abscissae and weights of Gauss and Legendre's rule of order 4 on -1..1 (Abramowitz & Stegun, table 25.4).
+/// Abscissae and weights of Gauss and Legendre's rules of order 2 and 4 on -1..1 (Abramowitz & Stegun, table 25.4).
+const SHORT_RULE: [(f64, f64); 2] = [(-0.577_350_269_189_625_8, 1.0), (0.577_350_269_189_625_8, 1.0)];
 const RULE: [(f64, f64); 4] = [
     (-0.861_136_311_594_052_6, 0.347_854_845_137_453_86),
     (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
@@ -107,18 +109,20 @@ const RULE: [(f64, f64); 4] = [
 ];
 
 impl Integrals {
-    fn add(&mut self, from: f64, to: f64, value: impl Fn(f64) -> f64) {
-        // Ten degrees of a sine are a polynomial as far as the rule is concerned; a power law takes more pieces.
-        let pieces = (libm::ceil((to - from) / 5.0) as usize).max(4);
+    /// Adds `value` from one angle to another in at least so many pieces: what is linear needs one, a power law several.
+    fn add(&mut self, from: f64, to: f64, least: usize, value: impl Fn(f64) -> f64) {
+        // Ten degrees of a sine are a polynomial as far as the longer rule is concerned, half a degree for the shorter.
+        let pieces = (libm::ceil((to - from) / 5.0) as usize).max(least);
         let half = 0.5 * (to - from) / pieces as f64;
+        let rule = if least == 1 && half <= 0.25 { &SHORT_RULE[..] } else { &RULE[..] };
         for piece in 0..pieces {
             let middle = from + (2 * piece + 1) as f64 * half;
-            for (x, weight) in RULE {
+            for &(x, weight) in rule {
                 let angle = middle + half * x;
-                let radians = angle.to_radians();
-                let part = 2.0 * PI * value(angle) * libm::sin(radians) * weight * half.to_radians();
+                let (sin, cos) = libm::sincos(angle.to_radians());
+                let part = 2.0 * PI * value(angle) * sin * weight * half.to_radians();
                 self.total += part;
-                self.cosine += part * libm::cos(radians);
+                self.cosine += part * cos;
             }
         }
     }

@@ -79,13 +79,14 @@ impl DirectionalFunction for Model {
 
 impl Model {
     /// The mean distance in degrees between the outgoing directions of neighbouring nodes of the values: the geometric mean
-    /// over up to 64 × 64 nodes of up to 64 slices, which lie densest where the lobe is.
+    /// over up to 16 × 16 places in up to 64 slices, which lie densest where the lobe is.
     pub(super) fn spacing(&self) -> Option<f64> {
-        const MOST: usize = 64;
+        const SLICES: usize = 64;
+        const PLACES: usize = 16;
         let slices = self.phi.len() * self.theta.len();
-        let side = (self.side - 1).min(MOST);
+        let side = (self.side - 1).min(PLACES);
         let (mut sum, mut count) = (0.0, 0_usize);
-        for slice in (0..slices).step_by(slices.div_ceil(MOST)) {
+        for slice in (0..slices).step_by(slices.div_ceil(SLICES)) {
             let (phi_i, theta_i) = (self.phi[slice / self.theta.len()], self.theta[slice % self.theta.len()]);
             let wi = Direction::from_radians(theta_i, phi_i).vector();
             for node in 0..side * side {
