@@ -207,7 +207,7 @@ impl From<FormatError> for ExportError {
     }
 }
 
-/// Writes `material` as `format`. `npy` holds the samples of a decoded material instead: see [`array`].
+/// Writes `material` as `format`. `npy` holds the samples of a decoded material instead: see [`array()`].
 pub fn export(material: &Material, format: ExportFormat, options: &ExportOptions) -> Result<Exported, ExportError> {
     fits::check(material, format, options)?;
     match format {
