@@ -77,7 +77,11 @@ impl Curve {
             all.add(0.0, first, 1, |_| self.values[0]);
         }
         for i in 0..self.angles.len() - 1 {
-            all.add(self.angles[i], self.angles[i + 1], least, |angle| self.inside(i, angle));
+            if self.between == Between::Cosines {
+                all.add_line([self.cosines[i], self.cosines[i + 1]], [self.values[i], self.values[i + 1]]);
+            } else {
+                all.add(self.angles[i], self.angles[i + 1], least, |angle| self.inside(i, angle));
+            }
             if i == 0 {
                 all.first = all.total;
             }
@@ -109,6 +113,13 @@ const RULE: [(f64, f64); 4] = [
 ];
 
 impl Integrals {
+    /// Adds what is linear between two cosines, exactly.
+    fn add_line(&mut self, [c0, c1]: [f64; 2], [y0, y1]: [f64; 2]) {
+        let part = 2.0 * PI * (c0 - c1);
+        self.total += part * 0.5 * (y0 + y1);
+        self.cosine += part / 6.0 * (y0 * (2.0 * c0 + c1) + y1 * (c0 + 2.0 * c1));
+    }
+
     /// Adds `value` from one angle to another in at least so many pieces: what is linear needs one, a power law several.
     fn add(&mut self, from: f64, to: f64, least: usize, value: impl Fn(f64) -> f64) {
         // Ten degrees of a sine are a polynomial as far as the longer rule is concerned, half a degree for the shorter.
