@@ -242,6 +242,7 @@ fn said(query: PostQuery) -> Result<Upload, Problem> {
             wavelength_unit: query.wavelength_unit,
             column: query.column,
             normalization: query.normalization,
+            axes: None,
         },
     })
 }

@@ -34,6 +34,9 @@ const MAX_RATIO: u64 = 200;
 const FREE: u64 = 1 << 20;
 /// Bytes of a name.
 const MAX_NAME: usize = 1024;
+/// How the names of an array and of the manifest beside it end.
+const ARRAY: &str = ".npy";
+const MANIFEST: &str = ".axes.json";
 /// Names that a message lists.
 const SHOWN: usize = 10;
 
@@ -152,9 +155,24 @@ impl<'a> Archive<'a> {
     ) -> Result<Acquisition, FormatError> {
         let mut how = Interpretation { member: None, ..how.clone() };
         if how.axes.is_none() {
-            how.axes = self.side_car(member)?;
+            how.axes = self.manifest_of(member)?;
         }
         super::read(unpacked, &how)
+    }
+
+    /// The manifest that lies beside an array as `NAME.axes.json`.
+    pub fn manifest_of(&mut self, array: &Member) -> Result<Option<serde_json::Value>, FormatError> {
+        let Some(stem) = array.name.strip_suffix(ARRAY) else { return Ok(None) };
+        let name = format!("{stem}{MANIFEST}");
+        let Some(beside) = self.members.iter().find(|member| member.name == name).cloned() else { return Ok(None) };
+        let manifest = serde_json::from_slice(&self.unpack(&beside)?);
+        manifest.map(Some).map_err(|error| refused(FormatErrorKind::Malformed, format!("{}: {error}", snippet(&name))))
+    }
+
+    /// Whether a file is the manifest of an array beside it.
+    pub fn is_manifest(&self, member: &Member) -> bool {
+        let Some(stem) = member.name.strip_suffix(MANIFEST) else { return false };
+        self.members.iter().any(|other| other.name.strip_suffix(ARRAY) == Some(stem))
     }
 
     /// The member of that name, or whose name without folders it is.
@@ -252,15 +270,6 @@ impl Archive<'_> {
                 Err(refused(FormatErrorKind::NeedsOption, message))
             }
         }
-    }
-
-    /// The manifest that lies beside an array as `NAME.axes.json`.
-    fn side_car(&mut self, member: &Member) -> Result<Option<serde_json::Value>, FormatError> {
-        let Some(stem) = member.name.strip_suffix(".npy") else { return Ok(None) };
-        let name = format!("{stem}.axes.json");
-        let Some(beside) = self.members.iter().find(|member| member.name == name).cloned() else { return Ok(None) };
-        let manifest = serde_json::from_slice(&self.unpack(&beside)?);
-        manifest.map(Some).map_err(|error| refused(FormatErrorKind::Malformed, format!("{}: {error}", snippet(&name))))
     }
 }
 

@@ -34,7 +34,7 @@ pub(crate) async fn run(engine: &Arc<Engine>, request: &str, control: &Arc<Contr
     let work = {
         let (request, control) = (request.clone(), Arc::clone(control));
         let mut interpretation = options.interpretation();
-        interpretation.axes.clone_from(&request.axes);
+        interpretation.axes = request.axes.clone().or(interpretation.axes);
         interpretation.wavelengths.clone_from(&request.wavelengths);
         interpretation.quantity = request.quantity.or(interpretation.quantity);
         move || {

@@ -46,6 +46,9 @@ pub struct Options {
     /// What the values of a phase table integrate to.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub normalization: Option<Normalization>,
+    /// The axes of an array, from the manifest beside it in an archive.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axes: Option<serde_json::Value>,
 }
 
 /// Why an upload did not become a measurement.
@@ -88,7 +91,7 @@ impl Options {
             column: self.column.clone(),
             normalization: self.normalization,
             member: None,
-            axes: None,
+            axes: self.axes.clone(),
             wavelengths: None,
         }
     }
@@ -106,6 +109,7 @@ impl Options {
         options.extend(self.wavelength_unit.clone().map(|v| ("wavelength_unit", v)));
         options.extend(self.column.clone().map(|v| ("column", v)));
         options.extend(self.normalization.map(|v| ("normalization", v.name().to_owned())));
+        options.extend(self.axes.as_ref().map(|v| ("axes", v.to_string())));
         let quoted = |text: &str| serde_json::Value::from(text).to_string();
         let listed: Vec<String> =
             options.iter().map(|(key, value)| format!("{}:{}", quoted(key), quoted(value))).collect();

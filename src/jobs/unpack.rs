@@ -1,9 +1,9 @@
 //! An uploaded archive to one measurement for each of its files; what is no measurement is named with the reason.
 
 use super::engine::Engine;
-use super::ingest::{IngestError, Upload};
+use super::ingest::{IngestError, Options, Upload};
 use crate::catalog::MeasurementRow;
-use crate::formats::{Archive, is_archive};
+use crate::formats::{Archive, FormatError, is_archive};
 use crate::store::{Staged, StoreError};
 use std::fs::File;
 use std::io::Read;
@@ -24,7 +24,12 @@ pub enum Ingested {
 }
 
 /// A file of an archive.
-type Unpacked = (String, Staged);
+struct Unpacked {
+    name: String,
+    staged: Staged,
+    /// Of an array: the manifest beside it.
+    axes: Result<Option<serde_json::Value>, FormatError>,
+}
 
 impl Engine {
     /// Makes a measurement of staged bytes, or one for each file of a zip archive; the archive itself is not kept.
@@ -35,11 +40,18 @@ impl Engine {
             return Ok(Ingested::One(row, new));
         };
         let (mut items, mut skipped) = (Vec::new(), Vec::new());
-        for (name, staged) in files {
+        for Unpacked { name, staged, axes } in files {
+            let axes = match axes {
+                Ok(axes) => axes,
+                Err(error) => {
+                    skipped.push((name, error.to_string()));
+                    continue;
+                }
+            };
             let one = Upload {
                 name: upload.name.as_ref().map(|all| format!("{all}: {name}")),
                 file_name: Some(name.clone()),
-                options: upload.options.clone(),
+                options: Options { axes, ..upload.options.clone() },
             };
             match self.ingest(staged, one).await {
                 Ok(item) => items.push(item),
@@ -80,9 +92,12 @@ impl Engine {
                     let message = format!("the files of the archive have {total} bytes, expected at most {most}");
                     return Err(IngestError::Unfit(message));
                 }
-                let files = members.iter().filter(|member| member.bytes > 0).map(|member| {
-                    let unpacked = archive.unpack(member).map_err(IngestError::Refused)?;
-                    Ok((member.name.clone(), staging.stage(&unpacked)?))
+                let files = members.iter().filter(|member| member.bytes > 0 && !archive.is_manifest(member));
+                let files: Vec<_> = files.cloned().collect();
+                let files = files.into_iter().map(|member| {
+                    let axes = archive.manifest_of(&member);
+                    let unpacked = archive.unpack(&member).map_err(IngestError::Refused)?;
+                    Ok(Unpacked { name: member.name, staged: staging.stage(&unpacked)?, axes })
                 });
                 let files = files.collect::<Result<Vec<_>, IngestError>>()?;
                 Ok((staged, Some(files)))

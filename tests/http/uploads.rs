@@ -1,6 +1,6 @@
 //! Uploads and what is kept of them.
 
-use crate::service::{CHECKER, D65, LAMP, LAMP_SPECTRUM, Service, config, problem, problem_of};
+use crate::service::{CHECKER, D65, LAMP, LAMP_SPECTRUM, Service, config, npy, problem, problem_of};
 use async_compression::tokio::bufread::{GzipEncoder, ZstdEncoder};
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
@@ -184,6 +184,24 @@ async fn each_file_of_an_archive_becomes_a_measurement() {
     assert!(answer["skipped"][0]["reason"].as_str().unwrap().contains("PDF"));
     let again = service.post("/v1/measurements").body(archive).send().await.unwrap();
     assert_eq!(again.status(), StatusCode::OK);
+
+    // An array takes the manifest beside it along; a broken one is told of.
+    let array = npy(&[3]);
+    let manifest = br#"{"quantity": "reflectance", "value_unit": "1", "axes": ["lambda:400:100:3"]}"#;
+    let arrays = zipped(&[
+        ("scan/a.npy", &array),
+        ("scan/a.axes.json", manifest),
+        ("b.npy", &array),
+        ("b.axes.json", b"{\"quantity\": "),
+    ]);
+    let answer: Value = service.post("/v1/measurements").body(arrays).send().await.unwrap().json().await.unwrap();
+    let items = answer["items"].as_array().unwrap();
+    assert_eq!((items.len(), items[0]["file_name"].as_str()), (1, Some("scan/a.npy")), "{answer}");
+    assert_eq!(items[0]["quantity"], "reflectance", "{answer}");
+    assert_eq!(answer["skipped"].as_array().unwrap().len(), 1, "{answer}");
+    assert!(answer["skipped"][0]["reason"].as_str().unwrap().contains("b.axes.json"), "{answer}");
+    let job = service.compress(&json!({ "measurement": items[0]["id"], "target": { "er_l2": 0.01 } })).await;
+    assert_eq!(job["state"], "succeeded", "{job}");
 
     let nested = zipped(&[("a.zip", &zipped(&[("lamp.ies", LAMP)]))]);
     problem(service.post("/v1/measurements").body(nested), 422, "unsupported-measurement").await;

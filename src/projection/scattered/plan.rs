@@ -12,6 +12,7 @@ use crate::projection::averages::OCTANT_DEGREES;
 use crate::projection::grid::MAX_CHOSEN_SAMPLES;
 use crate::projection::levels::{self, Choice, rounded};
 use crate::projection::{AxesRequest, ProjectionError, on_axes};
+use rayon::prelude::*;
 
 /// The target where none is named: a relative error.
 const TARGET: f64 = 0.01;
@@ -148,7 +149,9 @@ impl Plan {
         let cloud = |rows: &[u32]| Cloud::new(rows.iter().copied(), &directions, quantity, stretch, unfolded);
         let (clouds, elevations): (Vec<Cloud>, Vec<f64>) = match groups {
             Incoming::None | Incoming::Directions(_) => (vec![cloud(&live)], Vec::new()),
-            Incoming::Elevations(elevations, groups) => (groups.iter().map(|rows| cloud(rows)).collect(), elevations),
+            Incoming::Elevations(elevations, groups) => {
+                (groups.par_iter().map(|rows| cloud(rows)).collect(), elevations)
+            }
             Incoming::AllElevations(elevations) => (vec![cloud(&live)], elevations),
         };
         let spacing = joint.as_ref().map_or_else(
