@@ -147,13 +147,7 @@ impl Plan {
             JOINT_STRETCH * outgoing / joint.spacing
         });
         let cloud = |rows: &[u32]| Cloud::new(rows.iter().copied(), &directions, quantity, stretch, unfolded);
-        let (clouds, elevations): (Vec<Cloud>, Vec<f64>) = match groups {
-            Incoming::None | Incoming::Directions(_) => (vec![cloud(&live)], Vec::new()),
-            Incoming::Elevations(elevations, groups) => {
-                (groups.par_iter().map(|rows| cloud(rows)).collect(), elevations)
-            }
-            Incoming::AllElevations(elevations) => (vec![cloud(&live)], elevations),
-        };
+        let (clouds, elevations) = clouds(groups, &live, cloud);
         let spacing = joint.as_ref().map_or_else(
             || spacing(&clouds),
             |joint| (area * joint.count as f64 / live.len() as f64).sqrt().to_degrees(),
@@ -342,6 +336,15 @@ impl Plan {
         }
         notes.append(&mut self.notes);
         self.notes = notes;
+    }
+}
+
+/// A cloud for each group of samples, and the elevations of the incoming axis.
+fn clouds(groups: Incoming, live: &[u32], cloud: impl Fn(&[u32]) -> Cloud + Sync) -> (Vec<Cloud>, Vec<f64>) {
+    match groups {
+        Incoming::None | Incoming::Directions(_) => (vec![cloud(live)], Vec::new()),
+        Incoming::Elevations(elevations, groups) => (groups.par_iter().map(|rows| cloud(rows)).collect(), elevations),
+        Incoming::AllElevations(elevations) => (vec![cloud(live)], elevations),
     }
 }
 
