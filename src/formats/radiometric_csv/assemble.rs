@@ -168,9 +168,12 @@ impl Directions {
         let isotropic = header.isotropic || header.quantity.directions() == 2 && !present[1];
         if isotropic && present[1] {
             for direction in &mut written {
-                // The difference of two decimals, without the last bits of the subtraction.
-                let relative = ((direction[3] - direction[1]) * 1e9).round() / 1e9;
-                direction[3] = relative.rem_euclid(360.0) + 0.0;
+                // Without a column of phi_o there is nothing that it would be relative to.
+                if present[3] {
+                    // The difference of two decimals, without the last bits of the subtraction.
+                    let relative = ((direction[3] - direction[1]) * 1e9).round() / 1e9;
+                    direction[3] = relative.rem_euclid(360.0) + 0.0;
+                }
                 direction[1] = 0.0;
             }
             present[1] = false;

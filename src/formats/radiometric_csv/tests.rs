@@ -159,6 +159,16 @@ fn isotropic_azimuths_are_relative_and_mirrored() {
 }
 
 #[test]
+fn azimuths_of_isotropic_data_count_only_against_one_another() {
+    let rows = "theta_i,phi_i,theta_o,value\n0,11,20,1\n30,1,20,2\n30,5,20,4\n30,1,50,nan\n";
+    let acquired = good(&format!("{BRDF}# isotropic: true\n{rows}"));
+    let read = grid(&acquired);
+    assert!(read.incoming.as_ref().unwrap().phi.is_none() && read.outgoing.as_ref().unwrap().phi.is_none());
+    assert_eq!(read.values.iter().filter(|v| !v.is_nan()).copied().collect::<Vec<_>>(), [1.0, 3.0]);
+    assert!(says(&acquired, NoteKind::Warning, "measured more than once"), "{:?}", acquired.report.notes);
+}
+
+#[test]
 fn poles_are_one_direction_and_holes_are_masked() {
     let rows = "0,0,5\n30,0,1\n30,120,2\n30,240,3\n60,0,4\n60,120,\n60,240,nan\n";
     let acquisition = good(&format!("{BRDF}theta_o,phi_o,value,theta_i\n{}", rows.replace('\n', ",10\n")));
