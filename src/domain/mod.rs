@@ -35,6 +35,7 @@ pub use lattice::{MOST_NEIGHBOURS, Neighbours, Symmetry};
 pub use progress::{Cancelled, Progress, Silent};
 pub(crate) use quantity::named;
 pub use quantity::{Quantity, Sampling, Unit, UnknownName};
+pub(crate) use tensor::first_where;
 pub use tensor::{Measurement, Tensor, TensorError};
 pub use triangles::{Domain, TriangleMesh};
 pub(crate) use triangles::{Vertices, centroid, child, solid_angle};

@@ -36,6 +36,12 @@ pub enum TensorError {
     },
 }
 
+/// The first of `values` that is so. All are looked at first: a search that ends early cannot take several at a time.
+pub(crate) fn first_where(values: &[f32], is_so: impl Fn(f32) -> bool) -> Option<usize> {
+    let any = values.iter().fold(false, |any, &value| any | is_so(value));
+    if any { values.iter().position(|&value| is_so(value)) } else { None }
+}
+
 impl Tensor {
     /// Checks axes, count and finiteness. NaN marks masked samples.
     pub fn new(axes: Vec<Axis>, samples: Vec<f32>) -> Result<Self, TensorError> {
@@ -44,9 +50,7 @@ impl Tensor {
             let shape = axes.iter().map(Axis::len).collect();
             return Err(TensorError::Count { found: samples.len(), expected, shape });
         }
-        // All are looked at: a search that ends early cannot take several at a time.
-        if samples.iter().fold(false, |infinite, s| infinite | s.is_infinite()) {
-            let index = samples.iter().take_while(|s| !s.is_infinite()).count();
+        if let Some(index) = first_where(&samples, f32::is_infinite) {
             return Err(TensorError::Infinite { index });
         }
         Ok(Self { axes, samples: Arc::new(samples) })

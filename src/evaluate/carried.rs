@@ -13,7 +13,6 @@ pub(super) struct Carried {
     side: f64,
 }
 
-#[allow(clippy::inline_always, reason = "a call in a loop over places would keep it from becoming vector code")]
 impl Carried {
     /// Of a cell of incoming direction `from`, to the incoming direction `to`.
     #[inline(always)]
@@ -177,7 +176,6 @@ impl CarriedBlock {
 
 /// `work` with an alignment that its code knows.
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "what is not known in a loop keeps it from becoming vector code")]
 pub(super) fn known(alignment: Alignment, work: impl FnOnce(Alignment)) {
     match alignment {
         Alignment::None => work(Alignment::None),

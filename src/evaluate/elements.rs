@@ -89,7 +89,6 @@ impl Elements {
 
     /// Writes the patches around one of them or four, from lane `at` on.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     pub(super) fn write<T: Number, const N: usize>(self, [x, y, z]: [T; 3], to: &mut Patches<N>, at: usize) {
         let (zero, one) = (T::of(0.0), T::of(1.0));
         let size = self.octant as f32;
@@ -150,7 +149,6 @@ const WITHIN: f32 = 1.0 - 4e-7;
 const ROUND: f32 = 12_582_912.0;
 
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
 fn arc<T: Number>(x: T) -> T {
     let xx = x * x;
     x * (T::of(1.0) + xx * (T::of(0.15) + T::of(0.42) * xx))

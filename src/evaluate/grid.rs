@@ -26,7 +26,6 @@ impl Place {
 
     /// The node above all its leaves and that node's level, where there are more than two.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "the first step of every query")]
     pub(super) fn root(self) -> Option<(usize, u8)> {
         (self.plane == Self::MANY).then_some((usize::from(self.inside), self.outside as u8))
     }
@@ -142,7 +141,6 @@ impl Cube {
     }
 }
 
-#[allow(clippy::inline_always, reason = "the first step of every query, in loops that become vector code too")]
 impl Grid {
     /// Of a mesh of this level. `cuts` are the three planes of each inner node, level by level.
     pub(super) fn new(level: u8, cuts: &[Vector]) -> Self {

@@ -192,7 +192,6 @@ impl Nodes {
 
     /// The nodes around an incoming direction (of azimuth 0 for elevations); `None` outside the domain.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn around(&self, wi: Vector) -> Option<Around> {
         match self {
             Self::One | Self::Same(_) => Some(Around::one(0)),
@@ -212,7 +211,6 @@ impl Nodes {
 
     /// The same where the entry of the axis that holds it is known already.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn around_in(&self, entry: usize, wi: Vector) -> Option<Around> {
         match self {
             Self::Triangles(triangles) => Some(triangles.around_in(entry, wi)),
@@ -241,14 +239,12 @@ fn at_rim_of(beyond: &[[u32; 3]], i: usize) -> bool {
 
 impl Triangles {
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     fn around(&self, wi: Vector) -> Option<Around> {
         Some(self.around_in(self.lookup.locate_vector(wi)?, wi))
     }
 
     /// The nodes around an incoming direction of any length in `cell`.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     fn around_in(&self, cell: usize, wi: Vector) -> Around {
         let fan = &self.fans[cell];
         let [x, y, z] = wi.map(|x| x as f32);
@@ -337,7 +333,6 @@ pub(super) struct Origin<T = f32> {
     pub(super) azimuth: [T; 2],
 }
 
-#[allow(clippy::inline_always, reason = "a call in a loop over places would keep it from becoming vector code")]
 impl Origin {
     #[inline(always)]
     pub(super) fn new(direction: Vector) -> Self {
@@ -370,7 +365,6 @@ pub(super) fn carried(alignment: Alignment, domain: Domain, wi: Vector, to: Vect
 
 /// The same for four directions at once.
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
 pub(super) fn carried_to_four(
     alignment: Alignment,
     domain: Domain,
@@ -389,7 +383,6 @@ pub(super) fn carried_to_four(
 
 /// The same where the alignment is known; `is_free` where there is no horizon.
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
 pub(super) fn carried_to<T: Number>(
     alignment: Alignment,
     is_free: bool,
@@ -450,7 +443,6 @@ pub(super) struct Carrier {
     turn: [f64; 2],
 }
 
-#[allow(clippy::inline_always, reason = "a call in a loop over places would keep it from becoming vector code")]
 #[allow(clippy::needless_bitwise_bool, reason = "loops over places without branches become vector code")]
 impl Carrier {
     #[inline(always)]
@@ -533,7 +525,6 @@ impl Carrier {
 
 /// Cosine and sine of the azimuth; of 0 for the normal.
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "as for a carrier")]
 fn azimuth(d: Vector) -> [f64; 2] {
     let length = (d[0] * d[0] + d[1] * d[1]).sqrt();
     if length * length > f64::from(NO_AZIMUTH) { [d[0] / length, d[1] / length] } else { [1.0, 0.0] }

@@ -15,21 +15,18 @@ pub(super) type Vectors = [Block; 3];
 
 /// The vector of one place of a block.
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "a call in the loop over places would keep it from becoming vector code")]
 pub(super) fn vector_of([x, y, z]: &Vectors, i: usize) -> [f64; 3] {
     [x[i], y[i], z[i]]
 }
 
 /// Sets it.
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "as for reading it")]
 pub(super) fn set_vector([x, y, z]: &mut Vectors, i: usize, to: [f64; 3]) {
     [x[i], y[i], z[i]] = to;
 }
 
 /// eˣ to 2 units in the last place for −87 … 88; 0 below and the largest finite power above.
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "a call in the loop over lanes would keep it from becoming vector code")]
 pub(super) fn exp(x: f32) -> f32 {
     const LOG2_E: f32 = std::f32::consts::LOG2_E;
     // ln 2 in two parts, the first with few bits, so that its multiples are exact (Cody & Waite 1980).
@@ -53,7 +50,6 @@ pub(super) fn exp(x: f32) -> f32 {
 
 /// The exponentials of all lanes.
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "as for the exponential itself")]
 pub(super) fn exp_all<const N: usize>(values: &mut [f32; N]) {
     for value in values {
         *value = exp(*value);

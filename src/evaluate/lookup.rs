@@ -106,21 +106,18 @@ impl MeshLookup {
 
     /// The triangle that holds `direction`; `None` outside the domain.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn locate(&self, direction: Direction) -> Option<usize> {
         self.locate_vector(direction.xyz())
     }
 
     /// The triangle that holds the unit vector `d`; `None` outside the domain.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn locate_vector(&self, d: Vector) -> Option<usize> {
         self.descend(d).map(|(triangle, _)| triangle)
     }
 
     /// Whether the unit vector `d` is in the domain.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a call in a loop over places would keep it from becoming vector code")]
     pub(super) fn holds(&self, [_, _, z]: Vector) -> bool {
         z * self.up >= 0.0
     }
@@ -168,7 +165,6 @@ impl MeshLookup {
 
     /// The triangle that holds a unit vector, and the vector in the first octant; `None` outside the domain.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn descend(&self, [x, y, z]: Vector) -> Option<(usize, Vector)> {
         if !self.holds([x, y, z]) {
             return None;
@@ -199,14 +195,12 @@ impl MeshLookup {
 
     /// The number of the first leaf of the octant in one of the quadrants, above or below the horizon.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "as for whether it is in the domain")]
     pub(super) fn triangle(&self, quadrant: u32, down: u32) -> u32 {
         (quadrant + self.below * down) << self.shift
     }
 
     /// The leaf of the first octant that holds `folded`, of any length, which lies in a place of the grid.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "as for whether it is in the domain")]
     pub(super) fn leaf_at(&self, place: Place, folded: Vector) -> usize {
         if let Some(root) = place.root() {
             return self.leaf_below(root, folded);

@@ -294,7 +294,6 @@ impl Material {
 
     /// The entry of the incoming axis for `wi` in the piecewise constant sense; 0 where there is no such axis.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn incoming_entry(&self, wi: Option<Direction>) -> Result<usize, EvaluateError> {
         self.look_up(wi, || 0, MeshLookup::locate, nearest_elevation)
     }
@@ -305,7 +304,6 @@ impl Material {
     }
 
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     fn look_up<T>(
         &self,
         wi: Option<Direction>,
@@ -385,7 +383,6 @@ impl Material {
     /// The mesh of the outgoing axis and the direction in it: `wo`, turned back by the azimuth of `wi` where incoming
     /// directions are elevations.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn outgoing(
         &self,
         wi: Option<Direction>,

@@ -23,6 +23,12 @@
 //!   some, sampling takes negative means over wavelengths as 0, and everything else has them unless
 //!   [`physics::Preparation::clamp`] asks for 0.
 
+#![allow(
+    clippy::inline_always,
+    reason = "queries and loops over places are compiled for the machine only where they are inlined, and a query waits for \
+              what goes through memory between calls"
+)]
+
 mod albedo;
 mod batch;
 mod carried;

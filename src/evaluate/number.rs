@@ -1,5 +1,4 @@
 //! Arithmetic that is written once for single numbers, in loops that become vector code, and for four side by side.
-#![allow(clippy::inline_always, reason = "a call in a loop would keep it from becoming vector code")]
 
 use std::ops::{Add, Div, Mul, Sub};
 use wide::f32x4;

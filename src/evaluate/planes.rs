@@ -248,7 +248,6 @@ impl Planes {
 
     /// Linear between the samples of `row` at up to [`FEW`] positions, 0 … last sample, times `scale`.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     pub(super) fn few(&self, row: &[f32], scale: f32, positions: &[f64]) -> [f32; FEW] {
         by_width!(self.few_in(row, scale, positions))
     }
@@ -273,7 +272,6 @@ impl Planes {
 
     /// As [`Planes::few`] at the positions of `columns`.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     pub(super) fn picked(&self, row: &[f32], scale: f32, columns: &Columns) -> [f32; FEW] {
         by_width!(self.picked_in(row, scale, columns))
     }
@@ -306,7 +304,6 @@ impl Planes {
 
     /// The inner product of the spectrum of a row with this presence with weights.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     pub(super) fn weighted(&self, row: &[f32], presence: f32, weights: &[f32]) -> f32 {
         if presence.is_nan() || presence <= 0.0 {
             return presence;
@@ -324,7 +321,6 @@ impl Planes {
 }
 
 /// What is compiled for each width and machine; inlined, as only then it is.
-#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
 impl Planes {
     /// Values of a block of wavelengths, or of as many that were chosen.
     #[inline(always)]
@@ -428,7 +424,6 @@ impl Planes {
 
 /// Linear between the samples below and those above.
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
 fn between(values: &[f32; LANES], shares: &[f32; FEW], scale: f32) -> [f32; FEW] {
     let mut between = [0.0; FEW];
     for i in 0..FEW {
@@ -439,14 +434,12 @@ fn between(values: &[f32; LANES], shares: &[f32; FEW], scale: f32) -> [f32; FEW]
 
 /// The numbers of a row of a known width.
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
 fn fixed<const WIDTH: usize>(row: &[f32]) -> &[f32; WIDTH] {
     row.first_chunk().unwrap_or(&[0.0; WIDTH])
 }
 
 /// Σ row · column, in four sums.
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
 fn product<const WIDTH: usize>(row: &[f32; WIDTH], column: &[f32; WIDTH]) -> f32 {
     let mut sums = f32x4::ZERO;
     for (row, column) in row.as_chunks().0.iter().zip(column.as_chunks().0) {

@@ -249,7 +249,6 @@ impl Material {
     /// A direction drawn by the mean over wavelengths, its density, and what `value` makes of where the function is taken: the
     /// place, the form, the entry of the incoming axis, and the cell where that is known.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     pub(super) fn drawn_with<T>(
         &self,
         index: &[usize],
@@ -416,7 +415,6 @@ impl Material {
 
     /// The cell of `index` and `wi`, after a look at the options.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     fn sampled_cell(
         &self,
         index: &[usize],

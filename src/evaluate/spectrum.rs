@@ -222,7 +222,6 @@ impl Material {
     /// What `work` makes of the row of planes at a place and of its presence: 0 if `wo` is outside the outgoing domain, NaN
     /// where it is masked. The smooth form need not look for the entry of the incoming axis where it is known.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "rows are worked on where they stand")]
     pub(super) fn with_row<R>(
         &self,
         planes: &Planes,
@@ -287,7 +286,6 @@ impl Material {
 
     /// The cell that holds a place; `None` if `wo` is outside the outgoing domain.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn cell_at(&self, entry: usize, place: Place<'_>) -> Result<Option<usize>, EvaluateError> {
         let incoming = self.incoming_entry(place.wi)?;
         let outgoing = match self.outgoing(place.wi, place.wo)? {
@@ -301,7 +299,6 @@ impl Material {
     /// A place as the smooth form sees it, where the entry of the incoming axis may be known; `None` outside the outgoing
     /// domain.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub(super) fn seen(
         &self,
         smooth: &Smooth,

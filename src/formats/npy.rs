@@ -5,6 +5,7 @@ use super::turned::turn;
 use super::{
     Acquisition, Format, FormatError, FormatErrorKind, Interpretation, NoteKind, ParseReport, Reader, Sample, manifest,
 };
+use crate::domain::first_where;
 use crate::domain::limits::{MAX_AXES, MAX_SAMPLES};
 
 pub(super) const NAME: &str = "npy";
@@ -268,11 +269,7 @@ fn element(descr: &str) -> Option<Element> {
 
 fn decode(body: &[u8], element: Element, data_at: usize) -> Result<Vec<f32>, FormatError> {
     let samples = (element.convert)(body, element.big_endian);
-    // All are looked at: a search that ends early cannot take several at a time.
-    if !samples.iter().fold(false, |infinite, sample| infinite | sample.is_infinite()) {
-        return Ok(samples);
-    }
-    let i = samples.iter().take_while(|sample| !sample.is_infinite()).count();
+    let Some(i) = first_where(&samples, f32::is_infinite) else { return Ok(samples) };
     let value = (element.value)(&body[i * element.size..], element.big_endian);
     Err(malformed(
         data_at + i * element.size,

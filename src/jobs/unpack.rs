@@ -86,15 +86,14 @@ impl Engine {
                 }
                 let bytes = staged.read()?;
                 let mut archive = Archive::open(&bytes).map_err(IngestError::Refused)?;
-                let members = archive.members().to_vec();
+                let mut members = archive.members().to_vec();
                 let total = members.iter().fold(0_u64, |total, member| total.saturating_add(member.bytes));
                 if total > most {
                     let message = format!("the files of the archive have {total} bytes, expected at most {most}");
                     return Err(IngestError::Unfit(message));
                 }
-                let files = members.iter().filter(|member| member.bytes > 0 && !archive.is_manifest(member));
-                let files: Vec<_> = files.cloned().collect();
-                let files = files.into_iter().map(|member| {
+                members.retain(|member| member.bytes > 0 && !archive.is_manifest(member));
+                let files = members.into_iter().map(|member| {
                     let axes = archive.manifest_of(&member);
                     let unpacked = archive.unpack(&member).map_err(IngestError::Refused)?;
                     Ok(Unpacked { name: member.name, staged: staging.stage(&unpacked)?, axes })

@@ -112,7 +112,6 @@ impl Mixed {
     /// Of a sum of rows that weigh `live` together, of `known` that are not masked. Weights of a fit may be negative, and
     /// what is left of them next to nothing.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     fn settled(mut row: Row, live: f32, known: f32) -> Self {
         let mut presence = 0.0;
         if live > NO_LIGHT {
@@ -174,7 +173,6 @@ impl Smooth {
 
     /// What stands at a place, in index entry `entry`.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     pub(super) fn at(&self, entry: usize, seen: &Seen) -> Mixed {
         let &Seen { around, wi, wo } = seen;
         let [a, b, c] = around.nodes;
@@ -224,7 +222,6 @@ impl Smooth {
 
     /// Writes the patches in which places are seen under `count` nodes around, and multiplies weights with their worth.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     fn look_up_block(&self, alignment: Alignment, is_free: bool, count: usize, seen: &mut SeenBlock) {
         let mut origins = [[0.0; BLOCK]; 5];
         for i in 0..BLOCK {
@@ -268,7 +265,6 @@ impl Smooth {
 
     /// What stands in one table or three, in the patches of these lanes.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     fn gather<const N: usize>(
         &self,
         count: usize,
@@ -289,7 +285,6 @@ impl Smooth {
 
     /// Tables beyond those that there are have no weight. Those of patches are multiplied with those of tables already.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     fn gather_in<const WIDTH: usize, const COUNT: usize, const N: usize>(
         &self,
         tables: [usize; 3],
@@ -322,7 +317,6 @@ impl Smooth {
 
     /// The sum of rows: of each node of each patch the place in its table, and its factor.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
     fn summed<const WIDTH: usize, const COUNT: usize>(
         &self,
         bases: [usize; COUNT],

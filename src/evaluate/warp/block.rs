@@ -56,7 +56,6 @@ struct Inside {
     densities: Block,
 }
 
-#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
 #[allow(clippy::needless_range_loop, reason = "places of many arrays side by side")]
 impl Warps {
     /// Draws a direction from each cell and point of the unit square, by the tree alone and down to its leaves.
@@ -217,7 +216,6 @@ impl Warps {
 
 /// Fractions as numbers.
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "compiled for the machine only where it is inlined")]
 fn reduce(over: &mut [Block; 2], under: &[Block; 2]) {
     for (over, &under) in over.as_flattened_mut().iter_mut().zip(under.as_flattened()) {
         *over = Fraction { over: *over, under }.value();

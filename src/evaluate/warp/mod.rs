@@ -181,7 +181,6 @@ impl Warps {
     /// Draws a direction from a point `u` of the unit square (held within it). `None` where the cell's total is 0 and
     /// nothing is drawn defensively; with a defensive part such a cell draws all its directions so.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub fn sample(&self, cell: usize, u: [f64; 2], options: &SampleOptions) -> Option<Drawn> {
         let [first, second] = u.map(|u| u.clamp(0.0, BELOW_ONE));
         let defensive = self.defensive(cell, options);
@@ -205,7 +204,6 @@ impl Warps {
 
     /// The density in sr⁻¹ with which [`Warps::sample`] draws `direction`; 0 outside the domain.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     pub fn pdf(&self, cell: usize, direction: Direction, options: &SampleOptions) -> f64 {
         let defensive = self.defensive(cell, options);
         match self.leaf_density(cell, direction, options) {
@@ -307,7 +305,6 @@ impl Warps {
 
     /// The leaf that holds a direction, its coordinates there, and the tree's density.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     fn leaf_density(
         &self,
         cell: usize,
@@ -326,7 +323,6 @@ impl Warps {
 
     /// The tree's warp.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     fn draw(&self, cell: usize, u: [f64; 2], options: &SampleOptions) -> Drawn {
         let end = self.end(options);
         let mut left = u.map(Fraction::new);
@@ -392,7 +388,6 @@ impl Warps {
     /// Goes down to a square of leaves by the quadrants that `decide` chooses from a level and their four weights; returns it
     /// and the probabilities of its halves.
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a query waits for what goes through memory between calls")]
     fn descend(&self, cell: usize, end: u8, mut decide: impl FnMut(u8, [f64; 4]) -> usize) -> (usize, [f64; 2]) {
         let (mesh, last) = (&*self.mesh, self.mesh.mesh().level());
         let tree = self.tree(cell);
@@ -494,7 +489,6 @@ struct Fraction {
     under: f64,
 }
 
-#[allow(clippy::inline_always, reason = "a call in a loop over points would keep it from becoming vector code")]
 impl Fraction {
     #[inline(always)]
     fn new(u: f64) -> Self {
@@ -526,7 +520,6 @@ impl Fraction {
 
 /// Chooses a quadrant, the half a by the first coordinate and the half b by the second, and stretches both over the choice.
 /// Never chooses one without weight.
-#[allow(clippy::inline_always, reason = "as for a fraction")]
 #[inline(always)]
 fn choose([w0, w1, w2, w3]: [f64; 4], u: &mut [Fraction; 2]) -> usize {
     let (a, first) = u[0].split(w0 + w1, w2 + w3);
@@ -548,7 +541,6 @@ fn interval([w0, w1, w2, w3]: [f64; 4], quadrant: usize) -> ([f64; 2], [f64; 2])
 }
 
 /// `u` in the square of level 0, which may run the other way.
-#[allow(clippy::inline_always, reason = "as for a fraction")]
 #[inline(always)]
 fn flipped(square: usize, u: [Fraction; 2]) -> [Fraction; 2] {
     [0, 1].map(|k| {
@@ -558,7 +550,6 @@ fn flipped(square: usize, u: [Fraction; 2]) -> [Fraction; 2] {
 }
 
 /// Coordinates at least [`MARGIN`] from the edges.
-#[allow(clippy::inline_always, reason = "as for a fraction")]
 #[inline(always)]
 fn inward([a, b, c]: [f64; 3]) -> [f64; 3] {
     if a.min(b).min(c) >= MARGIN {

@@ -23,7 +23,6 @@ impl Point {
 
     /// The barycentric coordinates in its half: of the right angle, of (0,0), of (1,1).
     #[inline(always)]
-    #[allow(clippy::inline_always, reason = "a call in a loop over points would keep it from becoming vector code")]
     pub(super) fn coordinates(self) -> [f64; 3] {
         if self.upper { [self.b - self.a, 1.0 - self.b, self.a] } else { [self.a - self.b, 1.0 - self.a, self.b] }
     }
@@ -33,7 +32,6 @@ impl Point {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Constant(pub(super) [f64; 2]);
 
-#[allow(clippy::inline_always, reason = "a call in a loop over points would keep it from becoming vector code")]
 #[allow(clippy::needless_bitwise_bool, reason = "neither can be predicted")]
 impl Constant {
     #[inline(always)]
@@ -68,7 +66,6 @@ pub(super) struct Linear {
     scale: f64,
 }
 
-#[allow(clippy::inline_always, reason = "a call in a loop over points would keep it from becoming vector code")]
 #[allow(clippy::needless_bitwise_bool, reason = "neither can be predicted")]
 impl Linear {
     /// The linear density with the shape of `shapes` ≥ 0 at the corners and these masses; constant where a half's are all 0.
@@ -151,7 +148,6 @@ impl Linear {
 
 /// The shape and its sum; constant where all are 0.
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "as for a point")]
 fn shaped(values: [f64; 3]) -> ([f64; 3], f64) {
     let sum = values[0] + values[1] + values[2];
     if sum > 0.0 { (values, sum) } else { ([1.0; 3], 3.0) }
@@ -159,7 +155,6 @@ fn shaped(values: [f64; 3]) -> ([f64; 3], f64) {
 
 /// The linear density of one triangle with the shape of `values` at its vertices and mean `mass`, at barycentric coordinates.
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "as for a point")]
 pub(super) fn linear_at(mass: f64, values: [f64; 3], [a, b, c]: [f64; 3]) -> f64 {
     let ([x, y, z], sum) = shaped(values);
     3.0 * mass * (x * a + y * b + z * c) / sum
@@ -167,14 +162,12 @@ pub(super) fn linear_at(mass: f64, values: [f64; 3], [a, b, c]: [f64; 3]) -> f64
 
 /// `a / b`, 0 where `b` is.
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "as for a point")]
 fn ratio(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b } else { 0.0 }
 }
 
 /// How far along a line of this length with densities `p` and `q` at its ends twice the mass `v` goes.
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "as for a point")]
 fn along(p: f64, q: f64, length: f64, v: f64) -> f64 {
     ratio(v, p + (p * p + v * (q - p) / length).max(0.0).sqrt())
 }
@@ -201,7 +194,6 @@ fn root(c: [f64; 3], u: f64) -> f64 {
 /// What two steps give, and whether that is the root.
 #[inline(always)]
 #[allow(clippy::needless_bitwise_bool, clippy::manual_range_contains, reason = "without branches")]
-#[allow(clippy::inline_always, reason = "a call in a loop over points would keep it from becoming vector code")]
 fn near_root([c1, c2, c3]: [f64; 3], u: f64) -> (f64, bool) {
     let total = c1 + c2 + c3;
     // m(u) − u·m(1), with fewer operations after u.
@@ -238,14 +230,12 @@ fn bounded_root(c: [f64; 3], u: f64) -> f64 {
 
 /// m(a).
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "as for the root")]
 fn mass_left([c1, c2, c3]: [f64; 3], a: f64) -> f64 {
     a * (c1 + a * (c2 + a * c3))
 }
 
 /// Halley's step from `a`, where m is too large by `error`.
 #[inline(always)]
-#[allow(clippy::inline_always, reason = "as for the root")]
 fn halley([c1, c2, c3]: [f64; 3], a: f64, error: f64) -> f64 {
     let slope = c1 + a * (2.0 * c2 + a * 3.0 * c3);
     let bend = c2 + 3.0 * a * c3;

@@ -16,7 +16,7 @@ use super::error::{FormatError, FormatErrorKind};
 use super::text::snippet;
 use super::{Format, Interpretation, Reader, Sample};
 use crate::domain::limits::MAX_SAMPLES;
-use crate::domain::{Axis, Quantity, Unit};
+use crate::domain::{Axis, Quantity, Unit, first_where};
 use joined::joined;
 
 const NAME: &str = "mbsdf";
@@ -211,9 +211,7 @@ fn block(bytes: &[u8], at: usize) -> Result<(Block, usize), FormatError> {
         )
     })?;
     let values: Vec<f32> = body.as_chunks::<4>().0.iter().map(|word| f32::from_le_bytes(*word)).collect();
-    // All are looked at: a search that ends early cannot take several at a time.
-    if !values.iter().fold(true, |finite, value| finite & value.is_finite()) {
-        let i = values.iter().take_while(|value| value.is_finite()).count();
+    if let Some(i) = first_where(&values, |value| !value.is_finite()) {
         return Err(malformed(start + 4 * i, format!("value {i} is {}, expected a finite number", values[i])));
     }
     Ok((Block { theta, phi, rgb, values }, start + 4 * count))

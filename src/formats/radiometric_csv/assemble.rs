@@ -75,6 +75,27 @@ pub(super) fn samples(
     }
 }
 
+/// What they are, for people.
+pub(super) fn kind(samples: &Samples) -> &'static str {
+    match samples {
+        Samples::OnAxes { .. } => "spectra",
+        Samples::Grid(_) => "a grid of directions",
+        Samples::Scattered(_) => "scattered directions",
+        Samples::Function(_) => "scattering angles",
+    }
+}
+
+/// Refuses tables of which most would be missing, or too large.
+fn check_density(rows: &Rows, count: usize, of: &str, width: usize) -> Result<(), FormatError> {
+    let found = rows.values.len();
+    if count.checked_mul(width).is_some_and(|n| n <= MAX_SAMPLES && n / 8 <= found) {
+        return Ok(());
+    }
+    Err(over_limit(format!(
+        "{found} values at {count} {of} and {width} wavelengths: expected most {of} to have most wavelengths"
+    )))
+}
+
 /// The axis of wavelengths; in the long form the numbers of wavelengths become their ranks.
 fn spectral(rows: &mut Rows, columns: &Columns, header: &Header) -> Result<Option<Axis>, FormatError> {
     let wavelengths = if columns.is_wide() {
@@ -136,14 +157,7 @@ fn scattering_angles(
 ) -> Result<Modelled, FormatError> {
     let width = spectral.as_ref().map_or(1, Axis::len);
     let (angles, ranks) = ranked(std::mem::take(&mut rows.directions).into_iter().map(|direction| direction[2]));
-    let whole = angles.len().checked_mul(width).filter(|&n| n <= MAX_SAMPLES && n / 8 <= rows.values.len());
-    if whole.is_none() {
-        return Err(over_limit(format!(
-            "{} values at {} angles and {width} wavelengths: expected most angles to have most wavelengths",
-            rows.values.len(),
-            angles.len()
-        )));
-    }
+    check_density(rows, angles.len(), "angles", width)?;
     let places: Vec<usize> = ranks.into_iter().map(|rank| rank as usize).collect();
     let values = placed(rows, &places, angles.len(), width, report);
     count_missing(&values, "pairs of angle and wavelength", report);
@@ -451,13 +465,7 @@ fn scattered(
         .collect();
     drop(known);
     let count = distinct.len();
-    let whole = count.checked_mul(width).filter(|&n| n <= MAX_SAMPLES && n / 8 <= rows.values.len());
-    if whole.is_none() {
-        return Err(over_limit(format!(
-            "{} values at {count} directions and {width} wavelengths: expected most directions to have most wavelengths",
-            rows.values.len()
-        )));
-    }
+    check_density(rows, count, "directions", width)?;
     let values = placed(rows, &places, count, width, report);
     count_missing(&values, "pairs of direction and wavelength", report);
     // The uncertainty of an average is at most the average uncertainty.

@@ -1,11 +1,12 @@
 //! `radiometric-csv`: measurements as text that says what they are, long (one value a row) or wide (one spectrum a row).
 //!
 //! `# key: value` lines, one row of column names, rows of numbers; UTF-8, `,` between cells, `.` in numbers; lines with
-//! `##` are remarks. Required: `quantity`, `value_unit`; `angle_unit` where there are angles; `cosine_included` for a BSDF, whose
-//! values are divided by `|cos theta_o|` if it is true. Columns in any order: `theta_i`, `phi_i`, `theta_o`, `phi_o`
-//! (emission: `theta`, `phi`, or `gamma`, `c` from nadir; a phase function may have `theta` alone, the scattering angle), then `wavelength` and `value`, or one `v550` for each
-//! wavelength. A blank cell, or `nan`, is a missing value. `sigma`, or one `s550` for each `v550`, are standard
-//! uncertainties (k = 1) of the values. Directions that form a grid are read as one.
+//! `##` are remarks. Required: `quantity`, `value_unit`; `angle_unit` where there are angles; `cosine_included` for a
+//! BSDF, whose values are divided by `|cos theta_o|` if it is true. Columns in any order: `theta_i`, `phi_i`, `theta_o`,
+//! `phi_o` (emission: `theta`, `phi`, or `gamma`, `c` from nadir; a phase function may have `theta` alone, the scattering
+//! angle), then `wavelength` and `value`, or one `v550` for each wavelength. A blank cell, or `nan`, is a missing value.
+//! `sigma`, or one `s550` for each `v550`, are standard uncertainties (k = 1) of the values. Directions that form a grid
+//! are read as one.
 
 pub(super) mod arrow;
 mod assemble;
@@ -17,7 +18,7 @@ mod rows;
 #[cfg(test)]
 mod tests;
 
-use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
+use super::acquisition::{Acquisition, NoteKind, ParseReport};
 use super::error::{FormatError, FormatErrorKind};
 use super::text::Source;
 use super::{Format, Interpretation, Reader, Sample};
@@ -76,15 +77,9 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let form = if columns.is_wide() { "wide" } else { "long" };
     let count = rows.values.len() / columns.width();
     let samples = assemble::samples(rows, &columns, &header, &mut report)?;
-    let what = match &samples {
-        Samples::OnAxes { .. } => "spectra",
-        Samples::Grid(_) => "a grid of directions",
-        Samples::Scattered(_) => "scattered directions",
-        Samples::Function(_) => "scattering angles",
-    };
     Ok(Acquisition {
         format: NAME,
-        dialect: format!("version 1, {form} form, {count} rows, {what}"),
+        dialect: format!("version 1, {form} form, {count} rows, {}", assemble::kind(&samples)),
         quantity: header.quantity,
         unit: header.unit_of(&samples),
         samples,

@@ -10,8 +10,9 @@ use std::collections::HashMap;
 
 /// Bytes that one task reads.
 const PIECE: usize = 1 << 20;
-/// Pieces for each thread whose numbers wait to be joined: their memory is used again for the next ones.
-const WAITING: usize = 4;
+/// Pieces whose numbers wait to be joined: their memory is used again for the next ones. The same for any number of
+/// threads, as what is said of a file with too many values counts those of whole pieces.
+const WAITING: usize = 16;
 /// Characters of a cell that a message may quote.
 const QUOTED: usize = 60;
 
@@ -75,7 +76,7 @@ pub(super) fn read(body: &[u8], before: usize, columns: &Columns, cosine: bool, 
     }
     let mut all = Rows::default();
     let mut line = before;
-    for (done, together) in pieces.chunks(WAITING * rayon::current_num_threads()).enumerate() {
+    for (done, together) in pieces.chunks(WAITING).enumerate() {
         let read: Vec<Piece> = together.par_iter().map(|text| Piece::read(text, columns, cosine)).collect();
         if done == 0 {
             // As many numbers in the other pieces: they have as many bytes.

@@ -2,9 +2,9 @@
 
 use super::cloud::Cloud;
 use super::fit::{Fitter, Place, Support};
-use super::nearby::{Nearby, apart};
+use super::nearby::Nearby;
 use super::rows::{Kind, PARTS, Rows};
-use super::tree::{Found, by_distance};
+use super::tree::{Found, by_distance, distance};
 use crate::domain::vector::Vector;
 use crate::domain::{TriangleMesh, Vertices, centroid, child, solid_angle};
 use crate::projection::resampling::Channels;
@@ -189,7 +189,7 @@ impl Fitted<'_> {
         support.variance = variance;
         if !draft.has_sample {
             let key = self.cloud.key(wi, centroid(vertices).vector());
-            let near = |found: &Found| (apart(&key, &self.cloud.keys[found.1 as usize]), found.1);
+            let near = |found: &Found| (distance(&key, &self.cloud.keys[found.1 as usize]), found.1);
             if let Some(nearest) = scratch.found.iter().map(near).min_by(by_distance) {
                 (support.nearest, support.nearest_point) = (nearest.0.sqrt(), nearest.1);
             }

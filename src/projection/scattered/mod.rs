@@ -1,9 +1,12 @@
 //! Samples at directions of their own → averages over triangles of a local fit, holes filled by declared rules and marked.
 //!
-//! 1. Samples are grouped by incoming direction ([`cloud`]); isotropic data keep their elevations.
+//! 1. Samples are grouped by incoming direction ([`cloud`]); isotropic data keep their elevations. How far and how densely
+//!    they lie ([`extent`]) chooses levels and axes ([`plan`]).
 //! 2. Withheld samples choose how many neighbours a value is fitted to, and tell whether the data are symmetric ([`trials`]).
-//! 3. Each triangle is the mean of fits within it ([`fit`], [`rows`], [`cells`]): in slopes of the half vector for
-//!    reflection, of logarithms where all samples around are positive.
+//! 3. Each triangle is the mean of fits within it ([`cells`]): in slopes of the half vector for reflection, of logarithms
+//!    where all samples around are positive. Samples around a block of triangles are looked up once ([`nearby`], in a
+//!    [`tree`]); a fit ([`fit`]) takes its own from them as columns ([`gathering`]), solves for them ([`system`]) and weighs their
+//!    rows of bands ([`rows`]).
 //! 4. Holes are continued, or taken from mirror images or reciprocal directions where these hold ([`fill`]).
 //! 5. The report has errors at the original samples and at withheld ones ([`report`]).
 

@@ -1,7 +1,7 @@
 //! The samples around a block of triangles, from which every place within picks its own.
 
 use super::cloud::Cloud;
-use super::tree::{Found, by_distance};
+use super::tree::{Found, by_distance, distance};
 use crate::domain::vector::Vector;
 use crate::domain::{Vertices, wide};
 
@@ -41,7 +41,7 @@ impl Nearby {
     ) {
         self.centre = middle(cloud, wi, vertices);
         let corners = vertices.iter().flatten();
-        self.size = corners.map(|&corner| apart(&cloud.key(wi, corner), &self.centre)).fold(0.0, f64::max).sqrt();
+        self.size = corners.map(|&corner| distance(&cloud.key(wi, corner), &self.centre)).fold(0.0, f64::max).sqrt();
         cloud.tree.nearest(&self.centre, neighbours, &wanted, &mut self.found);
         self.reach = self.found.first().map_or(0.0, |farthest| farthest.0);
         self.is_wide = false;
@@ -118,7 +118,7 @@ impl Nearby {
 
     /// The square of the distance from a place within which all samples are here.
     fn complete_around(&self, key: &[f64; 6]) -> f64 {
-        (self.complete - apart(key, &self.centre).sqrt()).max(0.0).powi(2)
+        (self.complete - distance(key, &self.centre).sqrt()).max(0.0).powi(2)
     }
 
     /// Sets the squares of distances; beyond the first coordinates there is no difference.
@@ -163,9 +163,4 @@ fn middle(cloud: &Cloud, wi: Vector, vertices: &[Vertices]) -> [f64; 6] {
         count += 1.0;
     }
     sum.map(|sum| sum / count)
-}
-
-/// The square of the distance between two keys.
-pub(super) fn apart(a: &[f64; 6], b: &[f64; 6]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }

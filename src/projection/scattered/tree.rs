@@ -137,8 +137,9 @@ pub(super) fn is_nearer(a: Found, b: Found) -> bool {
     a.0 < b.0 || a.0 == b.0 && a.1 < b.1
 }
 
+/// The square of the distance between two points.
 #[inline]
-fn distance<const D: usize>(a: &[f64; D], b: &[f64; D]) -> f64 {
+pub(super) fn distance<const D: usize>(a: &[f64; D], b: &[f64; D]) -> f64 {
     let mut sum = 0.0;
     for k in 0..D {
         sum += (a[k] - b[k]) * (a[k] - b[k]);

@@ -16,7 +16,7 @@ use super::columns::{self, Columns, Row};
 use super::header::{self, Field, Header};
 use super::problems::Problems;
 use super::{assemble, remarks};
-use crate::formats::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
+use crate::formats::acquisition::{Acquisition, NoteKind, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::{Brief, number, snippet};
 use crate::formats::{Format, Interpretation, Reader, Sample};
@@ -115,15 +115,9 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let form = if columns.is_wide() { "wide" } else { "long" };
     let places = rows.values.len() / columns.width();
     let samples = assemble::samples(rows, &columns, &header, &mut report).map_err(named)?;
-    let what = match &samples {
-        Samples::OnAxes { .. } => "spectra",
-        Samples::Grid(_) => "a grid of directions",
-        Samples::Scattered(_) => "scattered directions",
-        Samples::Function(_) => "scattering angles",
-    };
     Ok(Acquisition {
         format: NAME,
-        dialect: format!("{form} form, {places} rows in {count} batches, {what}"),
+        dialect: format!("{form} form, {places} rows in {count} batches, {}", assemble::kind(&samples)),
         quantity: header.quantity,
         unit: header.unit_of(&samples),
         samples,

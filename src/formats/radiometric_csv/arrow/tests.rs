@@ -1,7 +1,7 @@
 //! Streams written by another library, the same measurement three times; damage to every byte of them; refusals.
 
 use super::*;
-use crate::formats::{AngleGrid, read as read_any};
+use crate::formats::{AngleGrid, Samples, read as read_any};
 
 const WIDE: &[u8] = include_bytes!("../../../../tests/fixtures/arrow/wide.arrows");
 const LONG: &[u8] = include_bytes!("../../../../tests/fixtures/arrow/long.arrows");
