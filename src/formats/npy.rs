@@ -79,7 +79,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
 fn read_array(bytes: &[u8], report: &mut ParseReport) -> Result<Array, FormatError> {
     let (header, data_at) = header_of(bytes)?;
     let header = parse_header(header, data_at)?;
-    let shape = header.shape;
+    let Header { element, fortran_order, shape } = header;
     if shape.is_empty() {
         return Err(malformed(MAGIC.len(), "the array has no axes, expected at least one"));
     }
@@ -106,18 +106,23 @@ fn read_array(bytes: &[u8], report: &mut ParseReport) -> Result<Array, FormatErr
     }
     // At most 2^28 samples of 8 bytes: no overflow, and nothing was allocated yet.
     let body = &bytes[data_at..];
-    let expected = count * header.element.size;
+    let expected = count * element.size;
     if body.len() != expected {
         return Err(malformed(
             data_at,
             format!("{} bytes of data, expected {expected} for the shape {shape:?}", body.len()),
         ));
     }
-    let samples = decode(body, header.element, data_at)?;
-    if header.element.name != "f4" && header.element.name != "f2" {
-        report.note(NoteKind::Assumed, format!("{} values were rounded to float32", header.element.name));
+    let samples = decode(body, &shape, element, fortran_order).map_err(|i| {
+        let value = (element.value)(&body[i * element.size..], element.big_endian);
+        malformed(
+            data_at + i * element.size,
+            format!("sample {i} is {value:e}, expected a float32, or NaN where nothing was measured"),
+        )
+    })?;
+    if element.name != "f4" && element.name != "f2" {
+        report.note(NoteKind::Assumed, format!("{} values were rounded to float32", element.name));
     }
-    let samples = if header.fortran_order { to_row_major(&shape, &samples) } else { samples };
     Ok(Array { shape, samples })
 }
 
@@ -190,28 +195,27 @@ macro_rules! whole {
         (
             $name,
             size_of::<$kind>(),
-            |body, big| converted(body, big, |word| <$kind>::from_le_bytes(word) as f64 as f32),
+            |body, big, samples| convert(body, big, samples, |word| <$kind>::from_le_bytes(word) as f64 as f32),
             |body, big| number(body, big, |word| <$kind>::from_le_bytes(word) as f64),
         )
     };
 }
 
 /// Samples from bytes in either order, and the number that the bytes of one of them are.
-type Convert = fn(&[u8], bool) -> Vec<f32>;
+type Convert = fn(&[u8], bool, &mut [f32]);
 type Value = fn(&[u8], bool) -> f64;
 
 /// Each number of `N` bytes as a sample; all of NaN is one.
-fn converted<const N: usize>(body: &[u8], big_endian: bool, sample: impl Fn([u8; N]) -> f32) -> Vec<f32> {
+fn convert<const N: usize>(body: &[u8], big_endian: bool, samples: &mut [f32], sample: impl Fn([u8; N]) -> f32) {
     let masked = |sample: f32| if sample.is_nan() { f32::NAN } else { sample };
     let (words, _) = body.as_chunks::<N>();
     if big_endian {
-        let swapped = |mut word: [u8; N]| {
+        for (to, &(mut word)) in samples.iter_mut().zip(words) {
             word.reverse();
-            word
-        };
-        words.iter().map(|&word| masked(sample(swapped(word)))).collect()
+            *to = masked(sample(word));
+        }
     } else {
-        words.iter().map(|&word| masked(sample(word))).collect()
+        samples.iter_mut().zip(words).for_each(|(to, &word)| *to = masked(sample(word)));
     }
 }
 
@@ -230,19 +234,19 @@ const ELEMENTS: &[(&str, usize, Convert, Value)] = &[
     (
         "f4",
         4,
-        |body, big| converted(body, big, f32::from_le_bytes),
+        |body, big, samples| convert(body, big, samples, f32::from_le_bytes),
         |body, big| number(body, big, |word| f64::from(f32::from_le_bytes(word))),
     ),
     (
         "f8",
         8,
-        |body, big| converted(body, big, |word| f64::from_le_bytes(word) as f32),
+        |body, big, samples| convert(body, big, samples, |word| f64::from_le_bytes(word) as f32),
         |body, big| number(body, big, f64::from_le_bytes),
     ),
     (
         "f2",
         2,
-        |body, big| converted(body, big, |word| half(u16::from_le_bytes(word).into()) as f32),
+        |body, big, samples| convert(body, big, samples, |word| half(u16::from_le_bytes(word).into()) as f32),
         |body, big| number(body, big, |word| half(u16::from_le_bytes(word).into())),
     ),
     whole!("i1", i8),
@@ -267,32 +271,39 @@ fn element(descr: &str) -> Option<Element> {
     Some(Element { name, size, big_endian, convert, value })
 }
 
-fn decode(body: &[u8], element: Element, data_at: usize) -> Result<Vec<f32>, FormatError> {
-    let samples = (element.convert)(body, element.big_endian);
-    let Some(i) = first_where(&samples, f32::is_infinite) else { return Ok(samples) };
-    let value = (element.value)(&body[i * element.size..], element.big_endian);
-    Err(malformed(
-        data_at + i * element.size,
-        format!("sample {i} is {value:e}, expected a float32, or NaN where nothing was measured"),
-    ))
+/// The samples in row-major order; or the number of the first in the file that is infinite.
+fn decode(body: &[u8], shape: &[usize], element: Element, fortran_order: bool) -> Result<Vec<f32>, usize> {
+    let Element { size, big_endian, convert, .. } = element;
+    let count = body.len() / size;
+    let mut samples = vec![0.0; count];
+    if fortran_order && shape.len() > 1 {
+        to_row_major(shape, &mut samples, |at, piece| convert(&body[at * size..], big_endian, piece));
+    } else {
+        convert(body, big_endian, &mut samples);
+    }
+    if first_where(&samples, f32::is_infinite).is_none() {
+        return Ok(samples);
+    }
+    convert(body, big_endian, &mut samples);
+    Err(samples.iter().take_while(|sample| !sample.is_infinite()).count())
 }
 
-/// From first axis fastest to last axis fastest.
-fn to_row_major(shape: &[usize], samples: &[f32]) -> Vec<f32> {
-    let [first, middle @ .., last] = shape else { return samples.to_vec() };
-    let (outer, inner) = (samples.len() / first, samples.len() / last);
-    let mut ordered = vec![0.0; samples.len()];
+/// From first axis fastest to last axis fastest; `read(at, piece)` writes samples as they come in the file, from number
+/// `at` on.
+fn to_row_major(shape: &[usize], ordered: &mut [f32], mut read: impl FnMut(usize, &mut [f32])) {
+    let [first, middle @ .., last] = shape else { return };
+    let (outer, inner) = (ordered.len() / first, ordered.len() / last);
     // The tables of the first and the last axis, one for each place on the axes between them.
     let mut index = vec![0; middle.len()];
     loop {
         let source = index.iter().zip(middle).rev().fold(0, |at, (i, length)| at * length + i) * first;
         let target = index.iter().zip(middle).fold(0, |at, (i, length)| at * length + i) * last;
-        turn((&samples[source..], inner), (&mut ordered[target..], outer), *first, *last);
+        let read = |column, row, piece: &mut [f32]| read(source + column * inner + row, piece);
+        turn((&mut ordered[target..], outer), *first, *last, read);
         let Some(axis) = (0..middle.len()).rev().find(|&axis| index[axis] + 1 < middle[axis]) else { break };
         index[axis] += 1;
         index[axis + 1..].fill(0);
     }
-    ordered
 }
 
 /// Parses the Python dictionary literal of a header: string keys; strings, booleans and tuples of integers as values.

@@ -1,24 +1,54 @@
-//! Tables turned from one order of their axes to another, by blocks that stay in the cache.
+//! Tables turned from one order of their axes to another, by panels that stay in the cache.
 
 /// Entries along the side of a block: as many float32 as a line of the cache holds.
 const SIDE: usize = 16;
+/// Entries of a panel: 128 KiB.
+const PANEL: usize = 1 << 15;
 
 /// The table `[rows, columns]` of a table `[columns, rows]`, both without gaps.
 pub(super) fn turned(source: &[f32], rows: usize, columns: usize) -> Vec<f32> {
     let mut target = vec![0.0; rows * columns];
-    turn((source, rows), (&mut target, columns), rows, columns);
+    turn((&mut target, columns), rows, columns, |column, row, piece| {
+        piece.copy_from_slice(&source[column * rows + row..][..piece.len()]);
+    });
     target
 }
 
-/// `target[row * to + column] = source[column * from + row]`.
-pub(super) fn turn((source, from): (&[f32], usize), (target, to): (&mut [f32], usize), rows: usize, columns: usize) {
+/// Fills `target[row * stride + column]` of a table `[rows, columns]`: `read(column, row, piece)` writes a piece of a
+/// column, from a row on.
+pub(super) fn turn(
+    (target, stride): (&mut [f32], usize),
+    rows: usize,
+    columns: usize,
+    mut read: impl FnMut(usize, usize, &mut [f32]),
+) {
+    let wide = columns.min(PANEL / SIDE).max(1);
+    let tall = (PANEL / wide).min(rows.next_multiple_of(SIDE)).max(SIDE) / SIDE * SIDE;
+    // Columns a line more apart than they are long: powers of two would share few places of the cache.
+    let apart = tall + SIDE;
+    let mut panel = vec![0.0; wide * apart];
+    for first_row in (0..rows).step_by(tall) {
+        let together = tall.min(rows - first_row);
+        for first in (0..columns).step_by(wide) {
+            let side_by_side = wide.min(columns - first);
+            for (column, piece) in panel.chunks_exact_mut(apart).take(side_by_side).enumerate() {
+                read(first + column, first_row, &mut piece[..together]);
+            }
+            let target = &mut target[first_row * stride + first..];
+            turn_panel((&panel, apart), (target, stride), together, side_by_side);
+        }
+    }
+}
+
+/// `target[row * to + column] = panel[column * from + row]`.
+fn turn_panel((panel, from): (&[f32], usize), (target, to): (&mut [f32], usize), rows: usize, columns: usize) {
     for first_row in (0..rows).step_by(SIDE) {
         let together = SIDE.min(rows - first_row);
         for first in (0..columns).step_by(SIDE) {
             let mut block = [[0.0; SIDE]; SIDE];
             let wide = SIDE.min(columns - first);
-            for (column, source) in source[first * from..].chunks(from).take(wide).enumerate() {
-                for (row, &value) in block.iter_mut().zip(&source[first_row..first_row + together]) {
+            for (column, piece) in panel[first * from..].chunks_exact(from).take(wide).enumerate() {
+                for (row, &value) in block.iter_mut().zip(&piece[first_row..first_row + SIDE]) {
                     row[column] = value;
                 }
             }
@@ -35,12 +65,14 @@ mod tests {
 
     #[test]
     fn rows_become_columns_whatever_their_number() {
-        for (rows, columns) in [(1, 1), (1, 40), (40, 1), (16, 16), (17, 33), (50, 3)] {
+        for (rows, columns) in
+            [(1, 1), (1, 40), (40, 1), (16, 16), (17, 33), (50, 3), (3, 5000), (5000, 3), (600, 70), (0, 4), (4, 0)]
+        {
             let source: Vec<f32> = (0..rows * columns).map(|i| i as f32).collect();
             let turned = turned(&source, rows, columns);
             for row in 0..rows {
                 for column in 0..columns {
-                    assert_eq!(turned[row * columns + column], source[column * rows + row]);
+                    assert_eq!(turned[row * columns + column], source[column * rows + row], "{rows} × {columns}");
                 }
             }
         }

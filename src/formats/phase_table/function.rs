@@ -27,15 +27,21 @@ pub(super) struct Curve {
     pub(super) between: Between,
     /// How far beyond the first and last entry their values hold.
     pub(super) held: f64,
-    /// The cosines of the angles.
+    /// The cosines of the angles, where it is linear in them.
     cosines: Vec<f64>,
 }
 
 impl Curve {
     /// A table that holds nothing beyond its ends.
-    pub(super) fn new(angles: Vec<f64>, values: Vec<f64>, between: Between) -> Self {
-        let cosines = angles.iter().map(|angle| libm::cos(angle.to_radians())).collect();
-        Self { angles, values, between, held: 0.0, cosines }
+    pub(super) fn over_angles(angles: Vec<f64>, values: Vec<f64>, is_volume: bool) -> Self {
+        let between = if is_volume { Between::PowerLaws } else { Between::Angles };
+        Self { angles, values, between, held: 0.0, cosines: Vec::new() }
+    }
+
+    /// The same over decreasing cosines.
+    pub(super) fn over_cosines(cosines: Vec<f64>, values: Vec<f64>) -> Self {
+        let angles = cosines.iter().map(|&cosine| libm::acos(cosine).to_degrees()).collect();
+        Self { angles, values, between: Between::Cosines, held: 0.0, cosines }
     }
 
     /// The value at a scattering angle in degrees; NaN outside the table and beside missing entries.
@@ -54,40 +60,46 @@ impl Curve {
     /// The value between entries `i` and `i + 1`.
     fn inside(&self, i: usize, angle: f64) -> f64 {
         let (x0, x1, y0, y1) = (self.angles[i], self.angles[i + 1], self.values[i], self.values[i + 1]);
-        let line = |t: f64| y0 + t * (y1 - y0);
-        match self.between {
-            Between::PowerLaws if x1 <= POWER_LAW_BELOW && x0 > 0.0 && y0 > 0.0 && y1 > 0.0 => {
-                y0 * libm::pow(angle / x0, libm::log(y1 / y0) / libm::log(x1 / x0))
-            }
-            Between::Angles | Between::PowerLaws => line((angle - x0) / (x1 - x0)),
-            Between::Cosines => {
-                let (c0, c1) = (self.cosines[i], self.cosines[i + 1]);
-                line((libm::cos(angle.to_radians()) - c0) / (c1 - c0))
-            }
+        if self.is_power_law([x0, x1], [y0, y1]) {
+            return y0 * libm::pow(angle / x0, libm::log(y1 / y0) / libm::log(x1 / x0));
         }
+        let t = if self.between == Between::Cosines {
+            let (c0, c1) = (self.cosines[i], self.cosines[i + 1]);
+            (libm::cos(angle.to_radians()) - c0) / (c1 - c0)
+        } else {
+            (angle - x0) / (x1 - x0)
+        };
+        y0 + t * (y1 - y0)
+    }
+
+    /// Whether values between two entries are no line.
+    fn is_power_law(&self, [x0, x1]: [f64; 2], [y0, y1]: [f64; 2]) -> bool {
+        self.between == Between::PowerLaws && x1 <= POWER_LAW_BELOW && x0 > 0.0 && y0 > 0.0 && y1 > 0.0
     }
 
     /// `2π ∫ p sin ψ dψ` and `2π ∫ p cos ψ sin ψ dψ` from the first to the last angle that the table covers, and the
     /// first of them up to the second entry.
     pub(super) fn integrals(&self) -> Integrals {
         let mut all = Integrals::default();
-        let (first, last) = (self.angles[0], self.angles[self.angles.len() - 1]);
-        let least = if self.between == Between::PowerLaws { 4 } else { 1 };
+        let last = self.angles.len() - 1;
         if self.held > 0.0 {
-            all.add(0.0, first, 1, |_| self.values[0]);
+            all.add_line([0.0, self.angles[0]], [self.values[0]; 2]);
         }
-        for i in 0..self.angles.len() - 1 {
+        for i in 0..last {
+            let (angles, values) = ([self.angles[i], self.angles[i + 1]], [self.values[i], self.values[i + 1]]);
             if self.between == Between::Cosines {
-                all.add_line([self.cosines[i], self.cosines[i + 1]], [self.values[i], self.values[i + 1]]);
+                all.add_line_of_cosines([self.cosines[i], self.cosines[i + 1]], values);
+            } else if self.is_power_law(angles, values) {
+                all.add(angles, |angle| self.inside(i, angle));
             } else {
-                all.add(self.angles[i], self.angles[i + 1], least, |angle| self.inside(i, angle));
+                all.add_line(angles, values);
             }
             if i == 0 {
                 all.first = all.total;
             }
         }
         if self.held > 0.0 {
-            all.add(last, 180.0, 1, |_| self.values[self.values.len() - 1]);
+            all.add_line([self.angles[last], 180.0], [self.values[last]; 2]);
         }
         all
     }
@@ -103,32 +115,63 @@ pub(super) struct Integrals {
     pub(super) first: f64,
 }
 
-/// Abscissae and weights of Gauss and Legendre's rules of order 2 and 4 on -1..1 (Abramowitz & Stegun, table 25.4).
-const SHORT_RULE: [(f64, f64); 2] = [(-0.577_350_269_189_625_8, 1.0), (0.577_350_269_189_625_8, 1.0)];
+/// Abscissae and weights of Gauss and Legendre's rule of order 4 on -1..1 (Abramowitz & Stegun, table 25.4).
 const RULE: [(f64, f64); 4] = [
     (-0.861_136_311_594_052_6, 0.347_854_845_137_453_86),
     (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
     (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
     (0.861_136_311_594_052_6, 0.347_854_845_137_453_86),
 ];
+/// Pieces of a power law to which the rule is applied.
+const PIECES: usize = 4;
+/// Half widths in radians below which sines are short polynomials.
+const SHORT: f64 = 0.25;
+
+/// `∫ cos x dx` and `∫ x sin x dx` over `-half..half`.
+fn around_zero(half: f64) -> [f64; 2] {
+    if half > SHORT {
+        let (sin, cos) = libm::sincos(half);
+        return [2.0 * sin, 2.0 * (sin - half * cos)];
+    }
+    // Taylor's series: the difference of the second would cancel.
+    let x = half * half;
+    let series = |terms: [f64; 6]| terms.iter().rev().fold(0.0, |sum, term| sum * x + term);
+    [
+        2.0 * half * series([1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0, -1.0 / 39_916_800.0]),
+        2.0 * half * series([0.0, 1.0 / 3.0, -1.0 / 30.0, 1.0 / 840.0, -1.0 / 45_360.0, 1.0 / 3_991_680.0]),
+    ]
+}
 
 impl Integrals {
     /// Adds what is linear between two cosines, exactly.
-    fn add_line(&mut self, [c0, c1]: [f64; 2], [y0, y1]: [f64; 2]) {
+    fn add_line_of_cosines(&mut self, [c0, c1]: [f64; 2], [y0, y1]: [f64; 2]) {
         let part = 2.0 * PI * (c0 - c1);
         self.total += part * 0.5 * (y0 + y1);
         self.cosine += part / 6.0 * (y0 * (2.0 * c0 + c1) + y1 * (c0 + 2.0 * c1));
     }
 
-    /// Adds `value` from one angle to another in at least so many pieces: what is linear needs one, a power law several.
-    fn add(&mut self, from: f64, to: f64, least: usize, value: impl Fn(f64) -> f64) {
-        // Ten degrees of a sine are a polynomial as far as the longer rule is concerned, half a degree for the shorter.
-        let pieces = (libm::ceil((to - from) / 5.0) as usize).max(least);
-        let half = 0.5 * (to - from) / pieces as f64;
-        let rule = if least == 1 && half <= 0.25 { &SHORT_RULE[..] } else { &RULE[..] };
-        for piece in 0..pieces {
+    /// Adds what is linear between two angles in degrees, exactly.
+    fn add_line(&mut self, [from, to]: [f64; 2], [y0, y1]: [f64; 2]) {
+        let half = (0.5 * (to - from)).to_radians();
+        if half <= 0.0 {
+            return;
+        }
+        let (sin, cos) = libm::sincos((0.5 * (from + to)).to_radians());
+        let (mean, slope) = (0.5 * (y0 + y1), 0.5 * (y1 - y0) / half);
+        let [even, odd] = around_zero(half);
+        self.total += 2.0 * PI * (mean * sin * even + slope * cos * odd);
+        // cos ψ sin ψ is half the sine of twice the angle.
+        let [even, odd] = around_zero(2.0 * half);
+        let (sin_2, cos_2) = (2.0 * sin * cos, cos * cos - sin * sin);
+        self.cosine += 0.5 * PI * (mean * sin_2 * even + 0.5 * slope * cos_2 * odd);
+    }
+
+    /// Adds `value` from one angle in degrees to another.
+    fn add(&mut self, [from, to]: [f64; 2], value: impl Fn(f64) -> f64) {
+        let half = 0.5 * (to - from) / PIECES as f64;
+        for piece in 0..PIECES {
             let middle = from + (2 * piece + 1) as f64 * half;
-            for &(x, weight) in rule {
+            for (x, weight) in RULE {
                 let angle = middle + half * x;
                 let (sin, cos) = libm::sincos(angle.to_radians());
                 let part = 2.0 * PI * value(angle) * sin * weight * half.to_radians();
@@ -158,8 +201,12 @@ mod tests {
 
     fn curve(between: Between, f: impl Fn(f64) -> f64) -> Curve {
         let angles: Vec<f64> = (0..=180).map(f64::from).collect();
-        let values = angles.iter().map(|a| f(libm::cos(a.to_radians()))).collect();
-        Curve::new(angles, values, between)
+        let cosines: Vec<f64> = angles.iter().map(|a| libm::cos(a.to_radians())).collect();
+        let values = cosines.iter().map(|&mu| f(mu)).collect();
+        match between {
+            Between::Cosines => Curve::over_cosines(cosines, values),
+            other => Curve::over_angles(angles, values, other == Between::PowerLaws),
+        }
     }
 
     #[test]
@@ -174,11 +221,26 @@ mod tests {
     }
 
     #[test]
+    fn lines_are_integrated_exactly_however_long_they_are() {
+        // ∫ ψ sin ψ dψ and ∫ ψ cos ψ sin ψ dψ over 0..π are π and -π/4, in any steps.
+        for steps in [1, 2, 3, 7, 20, 180, 65_535] {
+            let angles: Vec<f64> = (0..=steps).map(|i| 180.0 * f64::from(i) / f64::from(steps)).collect();
+            let values = angles.iter().map(|angle| angle.to_radians()).collect();
+            let found = Curve::over_angles(angles, values, false).integrals();
+            assert!((found.total / (2.0 * PI * PI) - 1.0).abs() < 1e-12, "{steps}: {found:?}");
+            assert!((found.cosine / (-0.5 * PI * PI) - 1.0).abs() < 1e-12, "{steps}: {found:?}");
+        }
+        // The two forms of a sine agree where one takes over from the other.
+        let (below, above) = (around_zero(SHORT), around_zero(SHORT * (1.0 + 1e-15)));
+        assert!(below.iter().zip(above).all(|(a, b)| (a / b - 1.0).abs() < 1e-13), "{below:?} {above:?}");
+    }
+
+    #[test]
     fn small_angles_of_a_volume_scattering_function_follow_power_laws() {
         let law = |angle: f64| 3.0 * libm::pow(angle, -1.3);
         let angles = vec![0.1, 1.0, 10.0];
         let values = angles.iter().map(|&a| law(a)).collect();
-        let curve = Curve::new(angles, values, Between::PowerLaws);
+        let curve = Curve::over_angles(angles, values, true);
         for angle in [0.1, 0.3, 5.0, 9.9] {
             assert!((curve.at(angle) / law(angle) - 1.0).abs() < 1e-12, "{angle}");
         }

@@ -1,7 +1,7 @@
 //! Phase functions as bare lists: values over even steps of the cosine on one line, Legendre moments one a line.
 
 use super::NAME;
-use super::function::{Between, Curve};
+use super::function::Curve;
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::formats::Interpretation;
 use crate::formats::acquisition::{NoteKind, ParseReport};
@@ -65,11 +65,10 @@ pub(super) fn read(
     report: &mut ParseReport,
 ) -> Result<Option<(Curve, String)>, FormatError> {
     let text = source.text();
-    let rows = contents(text).take(2).count();
-    let line = contents(text).next().unwrap_or_default();
-    let single = contents(text).all(|line| number(line).is_some());
-    let is_list = rows == 1 && Tokens::new(line, 0).nth(FEWEST - 1).is_some();
-    if !is_list && !single {
+    let mut lines = contents(text);
+    let (line, more) = (lines.next().unwrap_or_default(), lines.next().is_some());
+    let is_list = !more && Tokens::new(line, 0).nth(FEWEST - 1).is_some();
+    if !is_list && !contents(text).all(|line| number(line).is_some()) {
         return Ok(None);
     }
     if how.column.is_some() {
@@ -117,8 +116,8 @@ fn list(values: &[f64], report: &mut ParseReport) -> Result<Curve, FormatError> 
     }
     report.note(NoteKind::Assumed, "one line of values: at cosines of the scattering angle in even steps from -1 to 1");
     let cosine = |i: usize| 2.0 * i as f64 / (n - 1) as f64 - 1.0;
-    let angles = (0..n).rev().map(|i| libm::acos(cosine(i).clamp(-1.0, 1.0)).to_degrees()).collect();
-    Ok(Curve::new(angles, values.iter().rev().copied().collect(), Between::Cosines))
+    let cosines = (0..n).rev().map(|i| cosine(i).clamp(-1.0, 1.0)).collect();
+    Ok(Curve::over_cosines(cosines, values.iter().rev().copied().collect()))
 }
 
 /// The sum of Legendre polynomials, as a table fine enough for the last of them.
@@ -144,7 +143,7 @@ fn expanded(mut moments: Vec<f64>, report: &mut ParseReport) -> Result<Curve, Fo
     report.note(NoteKind::Filled, format!("the moments became a table of {} angles", count + 1));
     let angles: Vec<f64> = (0..=count).map(|i| 180.0 * i as f64 / count as f64).collect();
     let values = angles.iter().map(|angle| series(&moments, libm::cos(angle.to_radians())) / (4.0 * PI)).collect();
-    Ok(Curve::new(angles, values, Between::Angles))
+    Ok(Curve::over_angles(angles, values, false))
 }
 
 /// `Σ c_m P_m(x)` (Bonnet's recurrence).

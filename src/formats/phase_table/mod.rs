@@ -17,12 +17,12 @@ mod tests;
 
 use super::acquisition::{Acquisition, Angles, AzimuthExtent, Azimuths, Modelled, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
-use super::spectral_table::rows::{self, Table};
+use super::spectral_table::rows;
 use super::text::{Brief, Source, snippet};
 use super::{Format, Interpretation, Reader, Sample};
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Axis, Quantity, Unit};
-use function::{Between, Curve, Curves};
+use function::{Curve, Curves};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -206,14 +206,14 @@ pub(super) fn tabulated(
         let message = format!("{} values of a phase function, expected at most {MAX_VALUES}", values.len());
         return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));
     }
-    let between = if said == Some(Normalization::Vsf) { Between::PowerLaws } else { Between::Angles };
+    let is_volume = said == Some(Normalization::Vsf);
     let mut curves = Vec::with_capacity(width);
     for band in 0..width {
         let values = values.iter().skip(band).step_by(width).map(|&value| f64::from(value)).collect();
         // The notes on the first wavelength stand for all.
         let mut others = ParseReport::default();
         let report = if band == 0 { &mut *report } else { &mut others };
-        let mut curve = held(Curve::new(angles.to_vec(), values, between), report);
+        let mut curve = held(Curve::over_angles(angles.to_vec(), values, is_volume), report);
         normalise(&mut curve, said, report)?;
         curves.push(curve);
     }
@@ -274,8 +274,8 @@ fn table(
             ));
         }
     }
-    let (angles, values, form) = curve_of(&table, cosines, falling);
-    if angles.len() < 2 || values.iter().all(|v| v.is_nan()) {
+    let form = format!("{} {}, {}", table.values.len(), if cosines { "cosines" } else { "angles" }, table.dialect);
+    if table.values.len() < 2 || table.values.iter().all(|v| v.is_nan()) {
         return Err(source.malformed(0, "fewer than two values, expected a table over the scattering angle"));
     }
     report.note(
@@ -286,25 +286,19 @@ fn table(
             "the first column is the scattering angle in degrees, 0 = forward".to_owned()
         },
     );
-    let between = match (cosines, vsf || how.normalization == Some(Normalization::Vsf)) {
-        (true, _) => Between::Cosines,
-        (false, true) => Between::PowerLaws,
-        (false, false) => Between::Angles,
-    };
-    Ok((held(Curve::new(angles, values, between), report), form, vsf))
-}
-
-/// Angles in increasing order, whatever the file counts in.
-fn curve_of(table: &Table, cosines: bool, falling: bool) -> (Vec<f64>, Vec<f64>, String) {
-    let angle = |x: f64| if cosines { libm::acos(x).to_degrees() } else { x };
-    let mut pairs: Vec<(f64, f64)> =
-        table.wavelengths.iter().zip(&table.values).map(|(&(x, _), &value)| (angle(x), f64::from(value))).collect();
+    let (mut places, mut values): (Vec<f64>, Vec<f64>) =
+        table.wavelengths.iter().zip(&table.values).map(|(&(x, _), &value)| (x, f64::from(value))).unzip();
+    // Angles increase and cosines decrease, whatever the file counts in.
     if cosines != falling {
-        pairs.reverse();
+        places.reverse();
+        values.reverse();
     }
-    let form = format!("{} {}, {}", pairs.len(), if cosines { "cosines" } else { "angles" }, table.dialect);
-    let (angles, values) = pairs.into_iter().unzip();
-    (angles, values, form)
+    let curve = if cosines {
+        Curve::over_cosines(places, values)
+    } else {
+        Curve::over_angles(places, values, vsf || how.normalization == Some(Normalization::Vsf))
+    };
+    Ok((held(curve, report), form, vsf))
 }
 
 /// The values at the ends hold to 0 and 180 degrees where that is not far.

@@ -3,8 +3,10 @@
 
 use super::NAME;
 use super::columns::Columns;
+use super::directions::{Directions, Lattice, ranked};
 use super::header::Header;
-use super::rows::{Numbered, Rows};
+use super::places::{Places, placed, placed_sigma};
+use super::rows::Rows;
 use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use crate::domain::{Axis, Quantity, Sampling, Tensor, WavelengthGrid};
 use crate::formats::acquisition::{
@@ -14,7 +16,6 @@ use crate::formats::azimuth::extended;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::phase_table;
 use crate::formats::text::Brief;
-use std::collections::HashMap;
 
 /// Directions of the long form: it should repeat each of them for all its wavelengths before the next.
 const MAX_DIRECTIONS: usize = 1 << 26;
@@ -66,12 +67,15 @@ pub(super) fn samples(
         return scattering_angles(&mut rows, spectral, header, report).map(Samples::Function);
     }
     let directions = Directions::of(&mut rows, columns, header);
-    match directions.shape(spectral.as_ref().map_or(1, Axis::len), rows.values.len()) {
-        Some(shape) => {
+    let width = spectral.as_ref().map_or(1, Axis::len);
+    // In the long form a direction may come once for each wavelength: it counts once.
+    let measured = rows.values.len().div_ceil(width);
+    match directions.lattice(measured.saturating_mul(SPARSEST).min(MAX_SAMPLES / width)) {
+        Some(lattice) => {
             skips_sigma(report);
-            grid(&mut rows, &directions, shape, spectral, header, report).map(Samples::Grid)
+            grid(&mut rows, lattice, directions.isotropic, spectral, header, report).map(Samples::Grid)
         }
-        None => scattered(&mut rows, &directions, spectral, header, report).map(Samples::Scattered),
+        None => scattered(&mut rows, directions, spectral, header, report).map(Samples::Scattered),
     }
 }
 
@@ -109,16 +113,6 @@ fn spectral(rows: &mut Rows, columns: &Columns, header: &Header) -> Result<Optio
     };
     let grid = WavelengthGrid::listed(wavelengths).map_err(|e| over_limit(e.to_string()))?;
     Ok(Some(Axis::Wavelength(grid)))
-}
-
-/// Distinct values in increasing order, and the rank of each value given.
-fn ranked(values: impl Iterator<Item = f64>) -> (Vec<f64>, Vec<u32>) {
-    let values: Vec<f64> = values.collect();
-    let mut sorted = values.clone();
-    sorted.sort_by(f64::total_cmp);
-    sorted.dedup();
-    let ranks = values.iter().map(|v| sorted.partition_point(|s| s < v) as u32).collect();
-    (sorted, ranks)
 }
 
 /// A spectrum, or one in each row of the wide form.
@@ -165,193 +159,33 @@ fn scattering_angles(
     function.map_err(|error| FormatError { format: NAME, ..error })
 }
 
-/// The directions of the rows, each angle as its rank among the distinct ones.
-struct Directions {
-    /// Increasing; empty where there is no such column.
-    angles: [Vec<f64>; 4],
-    /// `[theta_i, phi_i, theta_o, phi_o]` of each direction of the rows.
-    ranks: Vec<[u32; 4]>,
-    isotropic: bool,
-}
-
-impl Directions {
-    /// Takes the directions out of `rows`.
-    fn of(rows: &mut Rows, columns: &Columns, header: &Header) -> Self {
-        let mut present = columns.angles.map(|angle| angle.is_some());
-        let mut written = std::mem::take(&mut rows.directions);
-        let isotropic = header.isotropic || header.quantity.directions() == 2 && !present[1];
-        if isotropic && present[1] {
-            for direction in &mut written {
-                // Without a column of phi_o there is nothing that it would be relative to.
-                if present[3] {
-                    // The difference of two decimals, without the last bits of the subtraction.
-                    let relative = ((direction[3] - direction[1]) * 1e9).round() / 1e9;
-                    direction[3] = relative.rem_euclid(360.0) + 0.0;
-                }
-                direction[1] = 0.0;
-            }
-            present[1] = false;
-        }
-        let mut numbered: [Numbered; 4] = Default::default();
-        let mut ranks: Vec<[u32; 4]> = Vec::with_capacity(written.len());
-        for direction in &written {
-            let mut numbers = [0; 4];
-            for ((number, numbered), &angle) in numbers.iter_mut().zip(&mut numbered).zip(direction) {
-                *number = numbered.number(angle);
-            }
-            ranks.push(numbers);
-        }
-        drop(written);
-        let ordered = numbered.map(|numbered| ranked(numbered.values.into_iter()));
-        for rank in &mut ranks {
-            for (k, number) in rank.iter_mut().enumerate() {
-                *number = ordered[k].1[*number as usize];
-            }
-        }
-        let mut angles = ordered.map(|(values, _)| values);
-        for (values, present) in angles.iter_mut().zip(present) {
-            if !present {
-                values.clear();
-            }
-        }
-        Self { angles, ranks, isotropic }
-    }
-
-    /// The lengths of the grid that the directions of so many `values` make, or nearly so; `None` where they are scattered.
-    fn shape(&self, width: usize, values: usize) -> Option<[usize; 4]> {
-        let shape = [0, 1, 2, 3].map(|k| self.angles[k].len().max(1));
-        let places = shape.iter().try_fold(1_usize, |product, &n| product.checked_mul(n))?;
-        let whole = places.checked_mul(width)?;
-        // In the long form a direction may come once for each wavelength: it counts once.
-        let measured = values.div_ceil(width);
-        (places <= measured.saturating_mul(SPARSEST) && whole <= MAX_SAMPLES).then_some(shape)
-    }
-
-    /// `[theta, phi]` of one side at the direction of `ranks`.
-    fn at(&self, ranks: [u32; 4], theta: usize) -> [f64; 2] {
-        let angle = |k: usize| self.angles[k].get(ranks[k] as usize).copied().unwrap_or(0.0);
-        [angle(theta), angle(theta + 1)]
-    }
-}
-
-/// Values at their places; one that comes twice is averaged.
-struct Places {
-    values: Vec<f32>,
-    /// Sum and count where there are several.
-    repeated: HashMap<usize, (f64, u32)>,
-}
-
-impl Places {
-    fn new(count: usize) -> Self {
-        Self { values: vec![f32::NAN; count], repeated: HashMap::new() }
-    }
-
-    fn put(&mut self, place: usize, value: f32) {
-        if value.is_nan() {
-            return;
-        }
-        let found = self.values[place];
-        if found.is_nan() {
-            self.values[place] = value;
-        } else {
-            let (sum, count) = self.repeated.entry(place).or_insert((f64::from(found), 1));
-            *sum += f64::from(value);
-            *count += 1;
-        }
-    }
-
-    fn finish(mut self, report: &mut ParseReport) -> Vec<f32> {
-        for (&place, &(sum, count)) in &self.repeated {
-            self.values[place] = (sum / f64::from(count)) as f32;
-        }
-        if !self.repeated.is_empty() {
-            let message = format!("{} samples were measured more than once: averaged", self.repeated.len());
-            report.note(NoteKind::Warning, message);
-        }
-        self.values
-    }
-}
-
-/// Takes every value to its place; `place` is the number of a direction's row among rows of `width` values.
-fn placed(rows: &mut Rows, places: &[usize], count: usize, width: usize, report: &mut ParseReport) -> Vec<f32> {
-    let values = std::mem::take(&mut rows.values);
-    match ordered(rows, values, places, count, width) {
-        Ok(placed) => placed,
-        Err(values) => put(rows, &values, places, count, width).finish(report),
-    }
-}
-
-/// The values at their places, if they come in that order, each place at most once: most files are so. Else as given.
-fn ordered(
-    rows: &Rows,
-    mut values: Vec<f32>,
-    places: &[usize],
-    count: usize,
-    width: usize,
-) -> Result<Vec<f32>, Vec<f32>> {
-    let in_order = |lambdas: &[u32]| lambdas.iter().enumerate().all(|(i, &lambda)| i == lambda as usize);
-    let whole_rows = rows.lengths.is_empty()
-        || rows.lengths.iter().all(|&length| length as usize == width)
-            && (width == 1 || rows.lambdas.chunks(width).all(in_order));
-    if !whole_rows || !places.is_sorted_by(|a, b| a < b) {
-        return Err(values);
-    }
-    if places.last().is_some_and(|&last| last + 1 == places.len()) {
-        values.resize(count * width, f32::NAN);
-        return Ok(values);
-    }
-    let mut placed = vec![f32::NAN; count * width];
-    for (row, &place) in values.chunks_exact(width).zip(places) {
-        placed[place * width..(place + 1) * width].copy_from_slice(row);
-    }
-    Ok(placed)
-}
-
-/// `values`, one for each of `rows`, at their places.
-fn put(rows: &Rows, values: &[f32], places: &[usize], count: usize, width: usize) -> Places {
-    let mut target = Places::new(count * width);
-    if rows.lengths.is_empty() {
-        for (row, &place) in values.chunks_exact(width).zip(places) {
-            row.iter().enumerate().for_each(|(lambda, &value)| target.put(place * width + lambda, value));
-        }
-    } else {
-        let mut at = 0;
-        for (&length, &place) in rows.lengths.iter().zip(places) {
-            for (i, &value) in values.iter().enumerate().skip(at).take(length as usize) {
-                let lambda = rows.lambdas.get(i).map_or(0, |&lambda| lambda as usize);
-                target.put(place * width + lambda, value);
-            }
-            at += length as usize;
-        }
-    }
-    target
-}
-
 fn count_missing(values: &[f32], what: &str, report: &mut ParseReport) {
-    let missing = values.iter().filter(|v| v.is_nan()).count();
+    // 32 bits, so that several values are looked at together: there are at most 2^28.
+    let (mut missing, mut negative) = (0_u32, 0_u32);
+    for value in values {
+        missing += u32::from(value.is_nan());
+        negative += u32::from(*value < 0.0);
+    }
     if missing > 0 {
         report.note(NoteKind::Warning, format!("{missing} of {} {what} have no sample: masked", values.len()));
     }
-    let negative = values.iter().filter(|v| **v < 0.0).count();
     if negative > 0 {
-        let lowest = values.iter().copied().filter(|v| *v < 0.0).fold(0.0, f32::min);
+        let lowest = values.iter().copied().fold(0.0, f32::min);
         report.note(NoteKind::Warning, format!("{negative} values are negative, down to {lowest}; kept as they are"));
     }
 }
 
 fn grid(
     rows: &mut Rows,
-    directions: &Directions,
-    shape: [usize; 4],
+    lattice: Lattice,
+    isotropic: bool,
     spectral: Option<Axis>,
     header: &Header,
     report: &mut ParseReport,
 ) -> Result<AngleGrid, FormatError> {
     let width = spectral.as_ref().map_or(1, Axis::len);
-    let place = |r: &[u32; 4]| r.iter().zip(shape).fold(0, |place, (&rank, n)| place * n + rank as usize);
-    let places: Vec<usize> = directions.ranks.iter().map(place).collect();
-    let mut values = placed(rows, &places, shape.iter().product(), width, report);
-    let filled = fill_poles(&mut values, directions, shape, width);
+    let mut values = placed(rows, &lattice.places, lattice.shape.iter().product(), width, report);
+    let filled = fill_poles(&mut values, &lattice, width);
     if filled > 0 {
         report.note(
             NoteKind::Filled,
@@ -359,14 +193,14 @@ fn grid(
         );
     }
     count_missing(&values, "places of the grid", report);
-    let [theta_i, phi_i, theta_o, phi_o] = directions.angles.clone();
-    let [_, _, n_theta_o, n_phi_o] = shape;
+    let [theta_i, phi_i, theta_o, phi_o] = lattice.angles;
+    let [_, _, n_theta_o, n_phi_o] = lattice.shape;
     // The inner azimuths first: closing them changes the stride of the outer ones.
     let mut azimuths = |k: usize, phi: Vec<f64>, inner: usize| -> Result<Option<Azimuths>, FormatError> {
         if phi.is_empty() {
             return Ok(None);
         }
-        let mirror = k == 1 && directions.isotropic;
+        let mirror = k == 1 && isotropic;
         let what = ["phi_i", "phi_o"][k];
         extended(what, phi, header.extents[k], mirror, (&mut values, inner), report).map(Some).map_err(malformed)
     };
@@ -400,15 +234,15 @@ fn grid(
 
 /// At theta 0 and 180 all azimuths are one direction, of which instruments take one sample: the others are the mean of
 /// those there are.
-fn fill_poles(values: &mut [f32], directions: &Directions, shape: [usize; 4], width: usize) -> usize {
-    let mut filled = 0;
+fn fill_poles(values: &mut [f32], lattice: &Lattice, width: usize) -> usize {
+    let (mut filled, shape) = (0, lattice.shape);
     for (theta, phi) in [(0, 1), (2, 3)] {
-        if directions.angles[phi].len() < 2 {
+        if shape[phi] < 2 {
             continue;
         }
         let inner: usize = shape[phi + 1..].iter().product::<usize>() * width;
         let (n_theta, n_phi) = (shape[theta], shape[phi]);
-        for (row, &angle) in directions.angles[theta].iter().enumerate() {
+        for (row, &angle) in lattice.angles[theta].iter().enumerate() {
             if angle != 0.0 && angle != 180.0 {
                 continue;
             }
@@ -445,43 +279,27 @@ fn fill_row(pole: &mut [f32], inner: usize) -> usize {
 
 fn scattered(
     rows: &mut Rows,
-    directions: &Directions,
+    directions: Directions,
     spectral: Option<Axis>,
     header: &Header,
     report: &mut ParseReport,
 ) -> Result<Scattered, FormatError> {
     let width = spectral.as_ref().map_or(1, Axis::len);
-    let mut known: HashMap<[u32; 4], usize> = HashMap::new();
-    let mut distinct: Vec<[u32; 4]> = Vec::new();
-    let places: Vec<usize> = directions
-        .ranks
-        .iter()
-        .map(|&ranks| {
-            *known.entry(ranks).or_insert_with(|| {
-                distinct.push(ranks);
-                distinct.len() - 1
-            })
-        })
-        .collect();
-    drop(known);
+    let (present, isotropic) = (directions.present, directions.isotropic);
+    let (distinct, places) = directions.distinct();
     let count = distinct.len();
     check_density(rows, count, "directions", width)?;
     let values = placed(rows, &places, count, width, report);
     count_missing(&values, "pairs of direction and wavelength", report);
-    // The uncertainty of an average is at most the average uncertainty.
-    let sigma = std::mem::take(&mut rows.sigma);
-    let sigma = (!sigma.is_empty()).then(|| {
-        let put = |sigma: Vec<f32>| put(rows, &sigma, &places, count, width).finish(&mut ParseReport::default());
-        ordered(rows, sigma, &places, count, width).unwrap_or_else(put)
-    });
+    let sigma = placed_sigma(rows, &places, count, width);
     let side = |theta: usize| -> Vec<[f64; 2]> {
-        if directions.angles[theta].is_empty() {
+        if !present[theta] {
             return Vec::new();
         }
-        distinct.iter().map(|&ranks| directions.at(ranks, theta)).collect()
+        distinct.iter().map(|direction| [direction[theta], direction[theta + 1]]).collect()
     };
     if header.extents.iter().any(Option::is_some) || header.covers.iter().any(Option::is_some) {
         report.note(NoteKind::Skipped, "extents and covers of angles: the directions make no grid");
     }
-    Ok(Scattered { incoming: side(0), outgoing: side(2), isotropic: directions.isotropic, spectral, values, sigma })
+    Ok(Scattered { incoming: side(0), outgoing: side(2), isotropic, spectral, values, sigma })
 }

@@ -11,8 +11,10 @@
 pub(super) mod arrow;
 mod assemble;
 mod columns;
+mod directions;
 mod header;
 pub(super) mod number;
+mod places;
 mod problems;
 mod rows;
 #[cfg(test)]

@@ -146,13 +146,12 @@ impl<'a> Field<'a> {
 
     /// The numbers of a checked f32 array, in order.
     pub(super) fn floats(&self) -> impl ExactSizeIterator<Item = f32> + Clone {
-        self.data.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes))
+        self.words().iter().map(|bytes| f32::from_le_bytes(*bytes))
     }
 
-    /// The same in pieces of `length`.
-    pub(super) fn pieces(&self, length: usize) -> impl Iterator<Item = impl ExactSizeIterator<Item = f32>> {
-        let (words, _) = self.data.as_chunks::<4>();
-        words.chunks_exact(length).map(|piece| piece.iter().map(|bytes| f32::from_le_bytes(*bytes)))
+    /// Their bytes.
+    pub(super) fn words(&self) -> &'a [[u8; 4]] {
+        self.data.as_chunks().0
     }
 }
 

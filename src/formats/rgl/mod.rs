@@ -159,6 +159,7 @@ fn model(fields: &Fields<'_>, report: &mut ParseReport) -> Result<(Model, Axis),
 
     let (normals, area) = (map(fields.require("ndf")?)?, map(fields.require("sigma")?)?);
     let microfacets = jacobian(fields.require("jacobian")?)?.then_some((normals, area));
+    let (values, missing) = channels_last(values, side * side, spectral.len(), report)?;
     let model = Model {
         microfacets,
         visible: visible_warp,
@@ -166,7 +167,8 @@ fn model(fields: &Fields<'_>, report: &mut ParseReport) -> Result<(Model, Axis),
         reduction,
         side,
         channels: spectral.len(),
-        values: channels_last(values, side * side, spectral.len(), report)?,
+        values,
+        missing,
         phi,
         theta,
     };
@@ -267,41 +269,43 @@ fn jacobian(field: &Field<'_>) -> Result<bool, FormatError> {
     }
 }
 
-/// `[slice, channel, node]` to `[slice, node, channel]`: one query needs all channels of a few nodes.
+/// `[slice, channel, node]` to `[slice, node, channel]`: one query needs all channels of a few nodes. And how many are
+/// missing.
 fn channels_last(
     field: &Field<'_>,
     nodes: usize,
     channels: usize,
     report: &mut ParseReport,
-) -> Result<Vec<f32>, FormatError> {
-    let (mut missing, mut negative, mut lowest) = (0_usize, 0_usize, 0.0_f32);
-    let mut values = vec![0.0_f32; field.floats().len()];
-    let mut slice = Vec::with_capacity(nodes * channels);
-    let pieces = field.pieces(nodes * channels).zip(values.chunks_exact_mut(nodes * channels));
-    for (n, (piece, target)) in pieces.enumerate() {
-        slice.clear();
-        slice.extend(piece);
-        let mut over = false;
-        // Sums of 32 bits, so that several numbers are looked at together; a piece has fewer than 2^28.
-        let (mut missing_here, mut negative_here) = (0_u32, 0_u32);
-        for &value in &slice {
-            missing_here += u32::from(value.is_nan());
-            negative_here += u32::from(value < 0.0);
-            lowest = if value < lowest { value } else { lowest };
-            over |= value.abs() > LARGEST;
-        }
-        missing += missing_here as usize;
-        negative += negative_here as usize;
-        if over {
-            let i = slice.iter().take_while(|value| value.is_nan() || value.abs() <= LARGEST).count();
-            let (value, i) = (slice[i], n * nodes * channels + i);
-            let message = format!(
-                "`{}`: number {i} is {value:e}, expected at most {LARGEST:e}, or NaN where nothing was measured",
-                field.name
-            );
-            return Err(malformed(field.at + 4 * i, message));
-        }
-        turn((&slice, nodes), (target, channels), nodes, channels);
+) -> Result<(Vec<f32>, usize), FormatError> {
+    let (mut missing, mut negative, mut lowest, mut over) = (0_usize, 0_usize, 0.0_f32, false);
+    let words = field.words();
+    let mut values = vec![0.0_f32; words.len()];
+    let slice = nodes * channels;
+    for (words, target) in words.chunks_exact(slice).zip(values.chunks_exact_mut(slice)) {
+        turn((target, channels), nodes, channels, |channel, node, piece| {
+            // Sums of 32 bits, so that several numbers are looked at together; a piece has fewer than 2^28.
+            let (mut missing_here, mut negative_here, mut over_here) = (0_u32, 0_u32, 0_u32);
+            for (to, &word) in piece.iter_mut().zip(&words[channel * nodes + node..]) {
+                let value = f32::from_le_bytes(word);
+                missing_here += u32::from(value.is_nan());
+                negative_here += u32::from(value < 0.0);
+                over_here += u32::from(value.abs() > LARGEST);
+                *to = value;
+            }
+            missing += missing_here as usize;
+            negative += negative_here as usize;
+            over |= over_here > 0;
+            if negative_here > 0 {
+                lowest = piece.iter().copied().fold(lowest, f32::min);
+            }
+        });
+    }
+    if over && let Some((i, value)) = field.floats().enumerate().find(|(_, value)| value.abs() > LARGEST) {
+        let message = format!(
+            "`{}`: number {i} is {value:e}, expected at most {LARGEST:e}, or NaN where nothing was measured",
+            field.name
+        );
+        return Err(malformed(field.at + 4 * i, message));
     }
     let all = values.len();
     if missing > 0 {
@@ -313,7 +317,7 @@ fn channels_last(
         let message = format!("{negative} of {all} numbers are negative, down to {lowest:e}; kept as they are");
         report.note(NoteKind::Warning, message);
     }
-    Ok(values)
+    Ok((values, missing))
 }
 
 fn modelled(model: Model, spectral: Axis, report: &mut ParseReport) -> Modelled {
@@ -334,7 +338,7 @@ fn modelled(model: Model, spectral: Axis, report: &mut ParseReport) -> Modelled 
         outgoing_spacing: spacing,
         spectral: Some(spectral),
         numbers: model.values.len(),
-        missing: model.values.iter().filter(|v| v.is_nan()).count(),
+        missing: model.missing,
         function: Arc::new(model),
     }
 }

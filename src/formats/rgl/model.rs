@@ -37,6 +37,8 @@ pub(super) struct Model {
     pub(super) channels: usize,
     /// `[phi, theta, row, column, channel]`; NaN = missing.
     pub(super) values: Vec<f32>,
+    /// How many are missing.
+    pub(super) missing: usize,
 }
 
 /// The slices around an incident direction with their weights; those of weight 0 left out.

@@ -12,6 +12,8 @@ use crate::formats::text::{Brief, snippet};
 const FLOAT32_DEGREES: f64 = 1e-4;
 /// The same in radians.
 const FLOAT32_RADIANS: f64 = 1e-6;
+/// Infinite numbers of a batch that are looked at: more than a report lists.
+const MOST_INFINITE: usize = 100;
 
 /// Why a batch is not taken.
 pub(super) enum Refusal {
@@ -51,11 +53,13 @@ struct Numbers<'a> {
 }
 
 impl Numbers<'_> {
+    #[inline]
     fn is_valid(&self, i: usize) -> bool {
         self.valid.is_none_or(|bits| bits.get(i / 8).is_some_and(|byte| byte >> (i % 8) & 1 == 1))
     }
 
     /// Number `i`; `None` where it is missing.
+    #[inline]
     fn get(&self, i: usize) -> Option<f64> {
         let size = self.element.size();
         let bytes = self.bytes.get(i * size..(i + 1) * size)?;
@@ -154,7 +158,7 @@ impl<'a> Batches<'a> {
         let Some(whole) = whole.filter(|&n| n <= MAX_SAMPLES) else {
             return Err(Refusal::OverLimit(format!("more than {MAX_SAMPLES} values")));
         };
-        let mut written: Vec<[f64; 4]> = Vec::new();
+        let first_row = self.rows.directions.len();
         let mut lambdas = Vec::new();
         let (columns, firsts, read) = (self.columns, self.cells, self.read);
         for (column, &first) in columns.iter().zip(firsts) {
@@ -167,20 +171,24 @@ impl<'a> Batches<'a> {
                 }
             };
             let numbers = parts.numbers(element, count, each)?;
-            // No number has been taken for granted: there are as many bytes as the rows need.
-            self.resize(whole);
+            // From here on there are as many bytes as the rows need.
+            self.rows.directions.resize(first_row + count, [0.0; 4]);
             let cells = &read.cells[first..first + each.unwrap_or(1)];
             match cells {
-                [Cell::Angle(k)] => {
-                    written.resize(count, [0.0; 4]);
-                    self.angles(*k, &column.name, numbers, &mut written);
-                }
+                [Cell::Angle(k)] => self.angles(*k, &column.name, numbers, first_row),
                 [Cell::Wavelength] => lambdas = self.wavelengths(&column.name, numbers, count),
-                _ => self.values(&column.name, cells, numbers, base, width),
+                _ if is_whole_row(cells, numbers, width) => {
+                    self.rows.values.truncate(base);
+                    self.whole_rows(&column.name, numbers, whole - base);
+                }
+                _ => {
+                    self.resize(whole);
+                    self.values(&column.name, cells, numbers, base);
+                }
             }
         }
         self.resize(whole);
-        self.file(base, count, &written, &lambdas);
+        self.file(base, first_row, &lambdas);
         self.count += count;
         Ok(())
     }
@@ -238,10 +246,11 @@ impl<'a> Batches<'a> {
         self.problems.add(0, 0, || format!("row {row}, column {}: found {found}, expected {expected}", snippet(name)));
     }
 
-    fn angles(&mut self, k: usize, name: &str, numbers: Numbers<'_>, written: &mut [[f64; 4]]) {
+    /// Reads angle `k` of the directions from `first_row` on.
+    fn angles(&mut self, k: usize, name: &str, numbers: Numbers<'_>, first_row: usize) {
         let Some(angle) = self.read.angles[k] else { return };
         let unit = if angle.radians { FLOAT32_RADIANS } else { FLOAT32_DEGREES };
-        for (row, direction) in written.iter_mut().enumerate() {
+        for row in 0..self.rows.directions.len() - first_row {
             let mut found = numbers.get(row);
             if numbers.element == Element::F32
                 && let Some(stored) = found
@@ -253,7 +262,7 @@ impl<'a> Batches<'a> {
                 found = Some(rounded);
             }
             if let Some(degrees) = found.and_then(|found| angle.degrees(found)) {
-                direction[k] = degrees;
+                self.rows.directions[first_row + row][k] = degrees;
             } else {
                 let (low, high) = angle.range;
                 self.problem(row, name, found, &format!("an angle from {low} to {high} degrees"));
@@ -272,27 +281,28 @@ impl<'a> Batches<'a> {
         lambdas
     }
 
-    /// Puts the numbers of a column into the cells of every row, from `base` on.
-    fn values(&mut self, name: &str, cells: &[Cell], numbers: Numbers<'_>, base: usize, width: usize) {
-        let in_order = cells.len() == width && cells.iter().enumerate().all(|(i, cell)| *cell == Cell::Value(i));
-        if in_order && numbers.element == Element::F32 && numbers.valid.is_none() {
-            let (stored, _) = numbers.bytes.as_chunks::<4>();
-            let rows = &mut self.rows.values[base..];
-            let mut infinite = false;
-            for (value, bytes) in rows.iter_mut().zip(stored) {
-                let stored = f32::from_le_bytes(*bytes);
-                infinite |= stored.is_infinite();
-                *value = if stored.is_nan() { f32::NAN } else { stored };
+    /// Appends lists of float32 that are rows as they are, `count` numbers in all.
+    fn whole_rows(&mut self, name: &str, numbers: Numbers<'_>, count: usize) {
+        let (stored, _) = numbers.bytes.as_chunks::<4>();
+        let mut infinite = false;
+        self.rows.values.extend(stored.iter().take(count).map(|&bytes| {
+            let value = f32::from_le_bytes(bytes);
+            infinite |= value.is_infinite();
+            if value.is_nan() { f32::NAN } else { value }
+        }));
+        if infinite {
+            let base = self.rows.values.len() - count;
+            let found = self.rows.values[base..].iter().enumerate().filter(|(_, value)| value.is_infinite());
+            let found: Vec<(usize, f64)> = found.map(|(i, &value)| (i, value.into())).take(MOST_INFINITE).collect();
+            for (i, value) in found {
+                self.problem(i / self.read.width(), name, Some(value), FINITE);
             }
-            if infinite {
-                let at: Vec<usize> =
-                    rows.iter().enumerate().filter(|(_, v)| v.is_infinite()).map(|(i, _)| i).take(100).collect();
-                for i in at {
-                    self.problem(i / width, name, Some(f64::INFINITY), FINITE);
-                }
-            }
-            return;
         }
+    }
+
+    /// Puts the numbers of a column into the cells of every row, from `base` on.
+    fn values(&mut self, name: &str, cells: &[Cell], numbers: Numbers<'_>, base: usize) {
+        let width = self.read.width();
         for row in 0..(self.rows.values.len() - base) / width {
             for (lane, cell) in cells.iter().enumerate() {
                 let (Cell::Value(rank) | Cell::Sigma(rank)) = *cell else { continue };
@@ -311,13 +321,15 @@ impl<'a> Batches<'a> {
         }
     }
 
-    /// Files the values from `base` on under their directions and wavelengths.
-    fn file(&mut self, base: usize, count: usize, written: &[[f64; 4]], lambdas: &[u32]) {
+    /// Files the values from `base` on under their wavelengths and their directions, those from `first_row` on.
+    fn file(&mut self, base: usize, first_row: usize, lambdas: &[u32]) {
         let width = self.read.width();
         let rows = &mut self.rows;
         if self.cosine {
+            let cosine = |direction: &[f64; 4]| libm::cos(direction[2].to_radians()).abs();
+            let written = &rows.directions[first_row..];
             for (direction, values) in written.iter().zip(rows.values[base..].chunks_exact_mut(width)) {
-                let cosine = libm::cos(direction[2].to_radians()).abs();
+                let cosine = cosine(direction);
                 for value in values.iter_mut().filter(|value| !value.is_nan()) {
                     let quotient = (f64::from(*value) / cosine) as f32;
                     if cosine > 1e-9 && quotient.is_finite() {
@@ -330,7 +342,7 @@ impl<'a> Batches<'a> {
             }
             let uncertain = rows.sigma.get_mut(base..).unwrap_or_default();
             for (direction, sigmas) in written.iter().zip(uncertain.chunks_exact_mut(width)) {
-                let cosine = libm::cos(direction[2].to_radians()).abs();
+                let cosine = cosine(direction);
                 for sigma in sigmas {
                     let quotient = (f64::from(*sigma) / cosine) as f32;
                     *sigma = if quotient.is_finite() { quotient } else { f32::NAN };
@@ -339,24 +351,29 @@ impl<'a> Batches<'a> {
         }
         rows.lambdas.extend_from_slice(lambdas);
         if self.read.is_wide() {
-            if written.is_empty() {
-                rows.directions.resize(rows.directions.len() + count, [0.0; 4]);
-            } else {
-                rows.directions.extend_from_slice(written);
-            }
             return;
         }
-        for row in 0..count {
-            let direction = written.get(row).copied().unwrap_or_default();
+        // One direction for each run of rows.
+        let mut kept = first_row;
+        for row in first_row..rows.directions.len() {
+            let direction = rows.directions[row];
             match rows.lengths.last_mut() {
-                Some(length) if rows.directions.last() == Some(&direction) => *length += 1,
+                Some(length) if rows.directions[kept - 1] == direction => *length += 1,
                 _ => {
-                    rows.directions.push(direction);
+                    rows.directions[kept] = direction;
+                    kept += 1;
                     rows.lengths.push(1);
                 }
             }
         }
+        rows.directions.truncate(kept);
     }
+}
+
+/// Whether the numbers of a column are all the values of every row, in order, as they are kept.
+fn is_whole_row(cells: &[Cell], numbers: Numbers<'_>, width: usize) -> bool {
+    let in_order = cells.len() == width && cells.iter().enumerate().all(|(i, cell)| *cell == Cell::Value(i));
+    in_order && numbers.element == Element::F32 && numbers.valid.is_none()
 }
 
 const FINITE: &str = "a number within the range of float32, or NaN where it is missing";

@@ -24,7 +24,11 @@ impl Element {
     }
 
     /// The number that starts `bytes`, which has its size.
+    #[inline]
     pub(super) fn value(self, bytes: &[u8]) -> f64 {
+        if let (Self::F64, Some(bytes)) = (self, bytes.first_chunk()) {
+            return f64::from_le_bytes(*bytes);
+        }
         let mut little = [0; 8];
         little[..bytes.len()].copy_from_slice(bytes);
         let bits = u64::from_le_bytes(little);

@@ -1,0 +1,124 @@
+//! The directions of rows: the lattice that they make, or nearly so, or else the distinct ones among them.
+
+use super::columns::Columns;
+use super::header::Header;
+use super::rows::{Numbered, Rows};
+use std::collections::HashMap;
+
+/// `[theta_i, phi_i, theta_o, phi_o]` of each direction of the rows, in degrees, and which of them there are.
+pub(super) struct Directions {
+    pub(super) written: Vec<[f64; 4]>,
+    pub(super) present: [bool; 4],
+    pub(super) isotropic: bool,
+}
+
+/// Directions of all pairings of some angles.
+pub(super) struct Lattice {
+    /// Increasing `[theta_i, phi_i, theta_o, phi_o]`; empty where there is no such column.
+    pub(super) angles: [Vec<f64>; 4],
+    /// How many there are of each, at least one.
+    pub(super) shape: [usize; 4],
+    /// Where each direction of the rows is in a table of that shape.
+    pub(super) places: Vec<usize>,
+}
+
+impl Directions {
+    /// Takes the directions out of `rows`.
+    pub(super) fn of(rows: &mut Rows, columns: &Columns, header: &Header) -> Self {
+        let mut present = columns.angles.map(|angle| angle.is_some());
+        let mut written = std::mem::take(&mut rows.directions);
+        let isotropic = header.isotropic || header.quantity.directions() == 2 && !present[1];
+        if isotropic && present[1] {
+            for direction in &mut written {
+                // Without a column of phi_o there is nothing that it would be relative to.
+                if present[3] {
+                    // The difference of two decimals, without the last bits of the subtraction.
+                    let relative = ((direction[3] - direction[1]) * 1e9).round() / 1e9;
+                    direction[3] = relative.rem_euclid(360.0);
+                }
+                direction[1] = 0.0;
+            }
+            present[1] = false;
+        }
+        // Zeros of either sign are one angle.
+        written.as_flattened_mut().iter_mut().for_each(|angle| *angle += 0.0);
+        Self { written, present, isotropic }
+    }
+
+    /// The lattice that the directions make, or nearly so, if it has at most `most` places; `None` where they are scattered.
+    pub(super) fn lattice(&self, most: usize) -> Option<Lattice> {
+        let mut numbered: [Numbered; 4] = Default::default();
+        let mut numbers: Vec<[u32; 4]> = Vec::with_capacity(self.written.len());
+        let mut known = 0;
+        for direction in &self.written {
+            let mut row = [0; 4];
+            for ((number, numbered), &angle) in row.iter_mut().zip(&mut numbered).zip(direction) {
+                *number = numbered.number(angle);
+            }
+            numbers.push(row);
+            let count: usize = numbered.iter().map(|numbered| numbered.values.len()).sum();
+            if count > known {
+                known = count;
+                numbered
+                    .iter()
+                    .try_fold(1_usize, |n, angles| n.checked_mul(angles.values.len()))
+                    .filter(|&n| n <= most)?;
+            }
+        }
+        let ordered = numbered.map(|numbered| ranked(numbered.values.into_iter()));
+        let shape = [0, 1, 2, 3].map(|k| ordered[k].0.len().max(1));
+        let place = |row: [u32; 4]| {
+            let ranks = row.iter().zip(&ordered).map(|(&number, (_, ranks))| ranks[number as usize] as usize);
+            ranks.zip(shape).fold(0, |place, (rank, length)| place * length + rank)
+        };
+        let places = numbers.into_iter().map(place).collect();
+        let mut angles = ordered.map(|(values, _)| values);
+        for (values, present) in angles.iter_mut().zip(self.present) {
+            if !present {
+                values.clear();
+            }
+        }
+        Some(Lattice { angles, shape, places })
+    }
+
+    /// The distinct directions in the order they come in, and the number of that of each row.
+    pub(super) fn distinct(self) -> (Vec<[f64; 4]>, Vec<usize>) {
+        if self.are_distinct() {
+            let places = (0..self.written.len()).collect();
+            return (self.written, places);
+        }
+        let mut known: HashMap<[u64; 4], usize> = HashMap::new();
+        let mut distinct = Vec::new();
+        let number = |direction: &[f64; 4]| {
+            *known.entry(direction.map(f64::to_bits)).or_insert_with(|| {
+                distinct.push(*direction);
+                distinct.len() - 1
+            })
+        };
+        let places = self.written.iter().map(number).collect();
+        (distinct, places)
+    }
+
+    /// Whether no direction comes twice; seldom it says no where it should say yes. Sums are sorted in less time than
+    /// directions are looked up.
+    fn are_distinct(&self) -> bool {
+        const ODD: u64 = 0x9E37_79B9_7F4A_7C15;
+        let folded = |sum: u64, angle: &f64| {
+            let product = u128::from(sum ^ angle.to_bits()) * u128::from(ODD);
+            (product >> 64) as u64 ^ product as u64
+        };
+        let mut sums: Vec<u64> = self.written.iter().map(|direction| direction.iter().fold(ODD, folded)).collect();
+        sums.sort_unstable();
+        sums.array_windows().all(|[a, b]| a != b)
+    }
+}
+
+/// Distinct values in increasing order, and the rank of each value given.
+pub(super) fn ranked(values: impl Iterator<Item = f64>) -> (Vec<f64>, Vec<u32>) {
+    let values: Vec<f64> = values.collect();
+    let mut sorted = values.clone();
+    sorted.sort_by(f64::total_cmp);
+    sorted.dedup();
+    let ranks = values.iter().map(|v| sorted.partition_point(|s| s < v) as u32).collect();
+    (sorted, ranks)
+}
