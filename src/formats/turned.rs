@@ -22,7 +22,7 @@ pub(super) fn turn(
     columns: usize,
     mut read: impl FnMut(usize, usize, &mut [f32]),
 ) {
-    let wide = columns.min(PANEL / SIDE).max(1);
+    let wide = columns.clamp(1, PANEL / SIDE);
     let tall = (PANEL / wide).min(rows.next_multiple_of(SIDE)).max(SIDE) / SIDE * SIDE;
     // Columns a line more apart than they are long: powers of two would share few places of the cache.
     let apart = tall + SIDE;

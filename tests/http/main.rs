@@ -16,4 +16,5 @@ mod jobs;
 mod queries;
 mod streams;
 mod uploads;
+mod views;
 mod whole;

@@ -1,7 +1,5 @@
 //! Scans without a grid as a user projects, compresses and inspects them: what was filled is marked all the way.
 
-#![allow(clippy::unwrap_used, reason = "a test's helper fails by panicking, like the test")]
-
 use serde_json::Value;
 use std::fmt::Write;
 use std::path::Path;

@@ -1,44 +1,9 @@
-//! `wavelume color` and `wavelume preview` as a user runs them: answers, files, exit codes, one-line refusals.
+//! `wavelume color` and `wavelume preview`: answers, pictures, one-line refusals.
 
-#![allow(clippy::unwrap_used, reason = "a test's helper fails by panicking, like the test")]
-
+use super::{at, data, done, json, refused};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::path::Path;
 use tempfile::TempDir;
-
-fn data(name: &str) -> String {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("data").join(name).display().to_string()
-}
-
-fn wavelume(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_wavelume")).args(args).stdin(Stdio::null()).output().unwrap()
-}
-
-fn done(args: &[&str]) -> String {
-    let output = wavelume(args);
-    assert_eq!(output.status.code(), Some(0), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-fn json(args: &[&str]) -> Value {
-    let text = done(args);
-    assert_eq!(text.lines().count(), 1, "{args:?}: JSON is one line");
-    serde_json::from_str(&text).unwrap()
-}
-
-/// The line on stderr of a run that must be refused with `code`.
-fn refused(code: i32, args: &[&str]) -> String {
-    let output = wavelume(args);
-    let stderr = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(code), "{args:?}: {stderr}");
-    assert!(output.stdout.is_empty() && stderr.lines().count() == 1, "{args:?}: {stderr}");
-    stderr
-}
-
-fn at(dir: &TempDir, name: &str) -> String {
-    dir.path().join(name).display().to_string()
-}
 
 /// The chart of patches, without loss.
 fn checker(dir: &TempDir) -> String {
@@ -51,7 +16,7 @@ fn checker(dir: &TempDir) -> String {
 fn colours_are_told_under_names_and_files() {
     let dir = tempfile::tempdir().unwrap();
     let checker = checker(&dir);
-    let golden: Value = serde_json::from_str(include_str!("golden/colour_science.json")).unwrap();
+    let golden: Value = serde_json::from_str(include_str!("../golden/colour_science.json")).unwrap();
     let lab = |answer: &Value| -> Vec<f64> {
         answer["colours"][0]["lab"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect()
     };

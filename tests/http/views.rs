@@ -1,15 +1,12 @@
 //! What a material looks like, over HTTP: colours under named and stored lights, pictures with their conditions.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
-mod service;
-
+use crate::service::{CHECKER, D65, LAMP, LAMP_SPECTRUM, Service, config, problem};
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
-use service::{CHECKER, D65, LAMP, LAMP_SPECTRUM, Service, config, problem};
 use wavelume::store::Digest;
 
-const FUNCTIONS: &[u8] = include_bytes!("../data/cmfs_CIE_1964_10_Degree_Standard_Observer.csv");
-const VELVET: &[u8] = include_bytes!("../data/virtual/velvet.json");
+const FUNCTIONS: &[u8] = include_bytes!("../../data/cmfs_CIE_1964_10_Degree_Standard_Observer.csv");
+const VELVET: &[u8] = include_bytes!("../../data/virtual/velvet.json");
 
 /// The material of a measurement, without loss.
 async fn stored(service: &Service, query: &str, bytes: &'static [u8]) -> String {
@@ -36,7 +33,7 @@ async fn colours_are_told_under_named_and_stored_lights() {
     let colours = all["colours"].as_array().unwrap();
     assert_eq!((colours.len(), colours[14]["label"].as_str()), (24, Some("red")));
     // colour-science: `patches` of tests/golden.
-    let golden: Value = serde_json::from_str(include_str!("golden/colour_science.json")).unwrap();
+    let golden: Value = serde_json::from_str(include_str!("../golden/colour_science.json")).unwrap();
     for (name, observer, wanted) in [
         ("D65", "1931", &golden["patches"]["D65"][14]["xyz"]),
         ("A", "1931", &golden["patches"]["A"][14]["xyz"]),
