@@ -14,10 +14,11 @@ const NONE: u32 = u32::MAX;
 /// The height above the horizon below which carried directions lose their worth, and what they keep of it.
 const LOW: f32 = 0.1;
 const WORTHLESS: f32 = 1e-3;
-/// The square of a half vector below which it has no direction, and the cosine of a turn that has no axis.
+/// The square of a half vector below which it has no direction.
 const NO_HALF_VECTOR: f32 = 1e-12;
 /// The square of the sine below which a direction has the azimuth 0.
 const NO_AZIMUTH: f32 = 1e-18;
+/// The cosine of a turn that hardly has an axis: opposite directions are turned to instead, and then mirrored.
 const NEARLY_BACK: f32 = -0.999;
 
 /// How the function around one incoming direction is carried to another before two are mixed.
@@ -404,9 +405,10 @@ pub(super) fn carried_to<T: Number>(
             |a: [T; 3], b: [T; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
         let once = cross(axis, wo);
         let twice = cross(axis, once);
-        let share = one / (one + cos);
-        let moved = [x + once[0] + share * twice[0], y + once[1] + share * twice[1], z + once[2] + share * twice[2]];
-        (moved, T::of(NEARLY_BACK).at_most(cos))
+        let sign = T::choose(T::of(NEARLY_BACK).at_most(cos), one, T::of(-1.0));
+        let share = one / (sign + cos);
+        let moved = |k: usize| sign * wo[k] + once[k] + share * twice[k];
+        ([moved(0), moved(1), moved(2)], zero.at_most(one))
     } else {
         let [mut hx, mut hy, hz] = [wx + x, wy + y, wz + z];
         let square = hx * hx + hy * hy + hz * hz;
@@ -473,12 +475,11 @@ impl Carrier {
     #[inline(always)]
     pub(super) fn carries(&self, wo: Vector) -> bool {
         match self.alignment {
-            Alignment::None => true,
             Alignment::HalfVector | Alignment::TurnedHalfVector => {
                 let (_, square, there) = self.half_vector(wo);
                 (square > f64::from(NO_HALF_VECTOR)) & (there > 0.0)
             }
-            Alignment::Rotation => dot(self.wi, self.to) >= f64::from(NEARLY_BACK),
+            Alignment::None | Alignment::Rotation => true,
         }
     }
 
@@ -512,12 +513,12 @@ impl Carrier {
             Alignment::Rotation => {
                 let axis = cross(self.wi, self.to);
                 let cos = dot(self.wi, self.to);
-                if cos < f64::from(NEARLY_BACK) {
-                    return None;
-                }
+                // Turned to the opposite of `to` where that is near, and mirrored: what depends on the angle between both
+                // directions stays the same.
+                let sign = if cos < f64::from(NEARLY_BACK) { -1.0 } else { 1.0 };
                 let once = cross(axis, wo);
                 let twice = cross(axis, once);
-                Some((add(add(wo, once), scale(twice, 1.0 / (1.0 + cos))), 1.0))
+                Some((add(add(scale(wo, sign), once), scale(twice, 1.0 / (sign + cos))), 1.0))
             }
         }
     }

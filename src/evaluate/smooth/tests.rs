@@ -207,11 +207,19 @@ fn phase_functions_have_no_horizon() {
     assert_eq!(material.report().alignment, Alignment::Rotation);
 
     let mut value = [0.0];
-    for k in 0..200 {
-        let [wi, wo] = [k, 3 * k + 1].map(|k| {
-            let z = 1.0 - 2.0 * ((f64::from(k) + 0.5) * 0.618_034).fract();
-            Direction::from_degrees(z.acos().to_degrees(), 137.5 * f64::from(k))
-        });
+    let spread = |k: u32| {
+        let z = 1.0 - 2.0 * ((f64::from(k) + 0.5) * 0.618_034).fract();
+        Direction::from_degrees(z.acos().to_degrees(), 137.5 * f64::from(k))
+    };
+    // Somewhere, and opposite to a cell, where no turn has an axis.
+    let mut pairs: Vec<[Direction; 2]> = (0..200).map(|k| [spread(k), spread(3 * k + 1)]).collect();
+    let cells = TriangleMesh::new(Domain::Sphere, 2).unwrap();
+    for k in 0..cells.len() {
+        let [x, y, z] = cells.centroid(k).xyz();
+        let opposite = [Direction::new(-x, -y, -z), Direction::new(-x, 0.01 - y, 0.02 - z)];
+        pairs.extend(opposite.into_iter().flatten().map(|wi| [wi, spread(k as u32)]));
+    }
+    for [wi, wo] in pairs {
         let mut at = |wi: Vector, wo: Vector| {
             let [wi, wo] = [wi, wo].map(|[x, y, z]| Direction::new(x, y, z));
             material.spectrum(Place { index: &[], wi, wo }, Interpolation::Smooth, &mut value).unwrap();
