@@ -56,12 +56,12 @@ pub(super) fn check_area(what: &str, angles: &Angles) -> Result<(), ProjectionEr
     let sector = angles.phi.as_ref().filter(|azimuths| azimuths.extent == AzimuthExtent::Sector);
     if low == high {
         return Err(ProjectionError::Unfit(format!(
-            "{what} angles: one theta ({low} degrees) that stands for itself alone covers no area"
+            "{what} angles: one theta ({low} degrees) that stands for itself alone covers no area, expected two or more"
         )));
     }
     match sector.map(|azimuths| azimuths.phi.as_slice()) {
         Some([alone]) => Err(ProjectionError::Unfit(format!(
-            "{what} angles: a sector of one azimuth ({alone} degrees) covers no area"
+            "{what} angles: a sector of one azimuth ({alone} degrees) covers no area, expected two or more, or none for all"
         ))),
         _ => Ok(()),
     }

@@ -7,6 +7,7 @@ mod grid;
 mod levels;
 mod modelled;
 mod on_axes;
+mod planes;
 mod resampling;
 mod samples;
 mod scattered;
@@ -33,6 +34,15 @@ pub struct AxesRequest {
     /// The relative error that is promised later: levels for scattered directions represent what was measured to half of it
     /// (1 % if none is named).
     pub target: Option<f64>,
+}
+
+/// The relative error of which levels take half, if none is named.
+const TARGET: f64 = 0.01;
+
+impl AxesRequest {
+    fn target(&self) -> f64 {
+        self.target.unwrap_or(TARGET)
+    }
 }
 
 /// A projected measurement.
@@ -94,7 +104,24 @@ pub enum ProjectionError {
 /// over triangles, by |cos θ| of the outgoing direction; samples at scattered directions become averages of local fits
 /// (isotropic elevations stay, holes are filled by rules that the notes declare, and marked); wavelengths asked for become averages over their bands. The result is `[index…, incoming, outgoing, spectral]`, NaN where nothing was measured.
 pub fn project(acquisition: &Acquisition, request: &AxesRequest) -> Result<Projected, ProjectionError> {
-    match &acquisition.samples {
+    if let Samples::Grid(grid) = &acquisition.samples
+        && let Some((samples, note)) = planes::instead(acquisition.quantity, grid)
+    {
+        let mut projected = project_samples(acquisition, &samples, request)?;
+        projected.coverage.notes.insert(0, note.to_owned());
+        return Ok(projected);
+    }
+    let mut projected = project_samples(acquisition, &acquisition.samples, request)?;
+    projected.coverage.notes.extend(samples::coarseness(acquisition, &projected.measurement, request));
+    Ok(projected)
+}
+
+fn project_samples(
+    acquisition: &Acquisition,
+    samples: &Samples,
+    request: &AxesRequest,
+) -> Result<Projected, ProjectionError> {
+    match samples {
         Samples::OnAxes { tensor, sampling } => on_axes::project(acquisition, tensor, *sampling, request),
         Samples::Grid(grid) => grid::project(acquisition, grid, request),
         Samples::Scattered(scattered) => scattered::project(acquisition, scattered, request),

@@ -2,6 +2,7 @@
 
 use super::angles::sample_directions;
 use super::spectral::same;
+use super::{AxesRequest, planes};
 use crate::domain::{Axis, Direction, ErrorAccumulator, ErrorReport, Layout, Measurement};
 use crate::formats::{Acquisition, Angles, Samples, SpectralFactor};
 use rayon::prelude::*;
@@ -53,10 +54,15 @@ struct Pairing<'a> {
 /// A sample on the rim of what was measured is looked up a millionth of a degree inside; one without azimuth stands for
 /// its ring and is compared at 16 azimuths; one at a direction of its own in its cell (elevations: the nearest); samples outside the tensor's directions or wavelengths are left out.
 pub fn error_at_samples(acquisition: &Acquisition, measurement: &Measurement) -> Option<ErrorReport> {
-    if let Samples::Scattered(scattered) = &acquisition.samples {
+    let instead = match &acquisition.samples {
+        Samples::Grid(grid) => planes::instead(acquisition.quantity, grid).map(|(samples, _)| samples),
+        _ => None,
+    };
+    let samples = instead.as_ref().unwrap_or(&acquisition.samples);
+    if let Samples::Scattered(scattered) = samples {
         return super::scattered::errors(acquisition, scattered, measurement);
     }
-    let pairing = pair(acquisition, measurement)?;
+    let pairing = pair(acquisition, samples, measurement)?;
     let tensor = measurement.tensor.samples();
     let layout = measurement.layout().ok()?;
     let length = |axis: Option<usize>| axis.map_or(1, |i| measurement.tensor.axes()[i].len());
@@ -89,13 +95,34 @@ pub fn error_at_samples(acquisition: &Acquisition, measurement: &Measurement) ->
     Some(errors.finish())
 }
 
-fn pair<'a>(acquisition: &'a Acquisition, measurement: &Measurement) -> Option<Pairing<'a>> {
+/// What is said of a grid whose levels, chosen by its spacing, represent its samples to more than half of the target.
+pub(super) fn coarseness(
+    acquisition: &Acquisition,
+    measurement: &Measurement,
+    request: &AxesRequest,
+) -> Option<String> {
+    let chosen = request.incoming_level.is_none() && request.outgoing_level.is_none();
+    if !chosen || !matches!(acquisition.samples, Samples::Grid(_)) {
+        return None;
+    }
+    let (target, found) = (request.target(), error_at_samples(acquisition, measurement)?.er_l2);
+    (found > 0.5 * target).then(|| {
+        format!(
+            "cells by the spacing of the samples represent them to er(L2) {:.3} %, more than half of the {} % asked for: \
+             finer levels, by name, come closer",
+            100.0 * found,
+            100.0 * target
+        )
+    })
+}
+
+fn pair<'a>(acquisition: &Acquisition, samples: &'a Samples, measurement: &Measurement) -> Option<Pairing<'a>> {
     let layout = measurement.layout().ok()?;
     let axes = measurement.tensor.axes();
     let role = |axis: Option<usize>| axis.map(|i| &axes[i]);
     let factor = acquisition.spectral_factor.as_ref();
     let outer: usize = axes[..layout.indices].iter().map(Axis::len).product();
-    match &acquisition.samples {
+    match samples {
         Samples::Grid(grid) => {
             let same_indices = grid.index.iter().map(Axis::len).eq(axes[..layout.indices].iter().map(Axis::len));
             let incoming = angle_pairs(grid.incoming.as_ref(), role(layout.incoming))?;

@@ -255,6 +255,66 @@ fn isotropic_elevations_stay_and_transmission_goes_down() {
     assert_eq!((errors.samples, errors.max_absolute_error), (210, 0.0));
 }
 
+/// A lobe around the mirror direction, as a scan of these azimuths.
+fn scan(phi_i: f64, phi_o: Vec<f64>, extent: AzimuthExtent) -> Acquisition {
+    let incoming = angles(steps(0.0, 15.0, 5), (0.0, 60.0), Some((vec![phi_i], AzimuthExtent::Sector)));
+    let outgoing = angles(steps(0.0, 5.0, 18), (0.0, 90.0), Some((phi_o, extent)));
+    let mut values = Vec::new();
+    for &theta_i in &incoming.theta {
+        let mirror = Direction::from_degrees(theta_i, phi_i + 180.0).xyz();
+        for &theta in &outgoing.theta {
+            for &phi in &outgoing.phi.as_ref().unwrap().phi {
+                let [x, y, z] = Direction::from_degrees(theta, phi).xyz();
+                let cosine = mirror[0] * x + mirror[1] * y + mirror[2] * z;
+                values.push((0.1 + (10.0 * (cosine - 1.0)).exp()) as f32);
+            }
+        }
+    }
+    let (incoming, outgoing) = (Some(incoming), Some(outgoing));
+    let grid = AngleGrid { index: vec![], incoming, outgoing, spectral: None, outside: Outside::Masked, values };
+    acquisition(Quantity::Brdf, Samples::Grid(grid))
+}
+
+#[test]
+fn one_incident_azimuth_is_isotropic() {
+    let turned = project(&scan(30.0, steps(30.0, 20.0, 18), AzimuthExtent::Circle), &levels(None, Some(3))).unwrap();
+    let plain = project(&scan(0.0, steps(0.0, 20.0, 18), AzimuthExtent::Circle), &levels(None, Some(3))).unwrap();
+    assert!(matches!(plain.measurement.tensor.axes()[0], Axis::Elevation(_)));
+    assert!(plain.coverage.notes[0].contains("taken as isotropic"), "{:?}", plain.coverage.notes);
+    let pairs = turned.measurement.tensor.samples().iter().zip(plain.measurement.tensor.samples());
+    assert!(pairs.clone().all(|(a, b)| a.is_nan() == b.is_nan() && !((a - b).abs() > 1e-5)));
+    let errors = error_at_samples(&scan(30.0, steps(30.0, 20.0, 18), AzimuthExtent::Circle), &turned.measurement);
+    assert!(errors.unwrap().er_l2 < 0.4);
+}
+
+#[test]
+fn nothing_is_known_between_the_planes_of_a_scan() {
+    let acquired = scan(0.0, vec![0.0, 180.0], AzimuthExtent::Circle);
+    let projected = project(&acquired, &levels(None, Some(4))).unwrap();
+    assert!(projected.coverage.notes[0].contains("more than 90 degrees apart"), "{:?}", projected.coverage.notes);
+    let [_, Axis::Triangles(mesh)] = projected.measurement.tensor.axes() else { panic!("elevations and triangles") };
+    let samples = projected.measurement.tensor.samples();
+    for (cell, &sample) in samples.iter().enumerate() {
+        let [_, y, _] = mesh.centroid(cell % mesh.len()).xyz();
+        let marked = sample.is_nan() || projected.filled.get(cell) == Some(&true);
+        assert!(y.abs() < 0.3 || marked, "cell {cell} beside the plane: {sample}");
+    }
+    assert!(samples.iter().any(|s| !s.is_nan()));
+    assert!(error_at_samples(&acquired, &projected.measurement).unwrap().er_l2 < 0.3);
+}
+
+#[test]
+fn cells_coarser_than_the_promise_are_told() {
+    let told = |samples: &Acquisition, request: &AxesRequest| {
+        let notes = project(samples, request).unwrap().coverage.notes;
+        notes.iter().any(|note| note.contains("more than half of the 1 % asked for"))
+    };
+    let steep = brdf(|_, wo, _| (4.0 * wo.xyz()[0]).exp() as f32);
+    let flat = brdf(|_, _, c| 0.3 + c as f32);
+    assert!(told(&steep, &AxesRequest::default()) && !told(&flat, &AxesRequest::default()));
+    assert!(!told(&steep, &levels(Some(1), Some(3))));
+}
+
 #[test]
 fn missing_samples_are_counted_and_holes_masked() {
     let mut acquired = brdf(|_, wo, _| if wo.xyz()[1] < -0.2 { f32::NAN } else { 1.0 });

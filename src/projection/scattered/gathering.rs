@@ -94,7 +94,7 @@ impl Fitter {
             certainty.fill(1.0);
         } else {
             for (certainty, &row) in certainty.iter_mut().zip(&self.gathered) {
-                *certainty = rows.certainty[row as usize][scale];
+                *certainty = rows.certainty[row as usize][usize::from(self.logarithms)];
             }
             self.count_certainty();
         }

@@ -14,8 +14,6 @@ use crate::projection::levels::{self, Choice, rounded};
 use crate::projection::{AxesRequest, ProjectionError, on_axes};
 use rayon::prelude::*;
 
-/// The target where none is named: a relative error.
-const TARGET: f64 = 0.01;
 /// The finest level that is chosen to represent what was measured.
 const FINEST: u8 = 6;
 /// Bands that choices are made on, at most.
@@ -190,7 +188,7 @@ impl Plan {
         plan.own_noise = trials::own_noise(&plan.clouds, plan.fitted(&plan.thin, 0));
         plan.neighbours = trials::neighbours(&plan.clouds, plan.fitted(&plan.thin, 0), domain);
         plan.lower_to_fit(channels);
-        plan.represent(request.target.unwrap_or(TARGET), channels);
+        plan.represent(request.target(), channels);
         plan.entries = plan.entries();
         let reach = (plan.neighbours as f64 / std::f64::consts::PI).sqrt() * spacing;
         let parts = libm::log2(OCTANT_DEGREES / (PART * reach)).ceil().clamp(0.0, 8.0) as u32;

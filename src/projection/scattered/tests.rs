@@ -273,6 +273,17 @@ fn stated_uncertainties_weigh() {
 }
 
 #[test]
+fn the_same_relative_uncertainty_everywhere_says_nothing() {
+    let mut acquired = isotropic(&[25.0], &uniform(3000, 90.0), gloss);
+    let plain = project(&acquired, &level(4)).unwrap().measurement.tensor;
+    let sigma = scattered(&mut acquired).values.iter().map(|value| 0.25 * value).collect();
+    scattered(&mut acquired).sigma = Some(sigma);
+    let weighed = project(&acquired, &level(4)).unwrap().measurement.tensor;
+    let apart = plain.samples().iter().zip(weighed.samples()).map(|(a, b)| (a - b).abs() / a).fold(0.0, f32::max);
+    assert!(apart < 1e-4, "{apart}");
+}
+
+#[test]
 fn missing_bands_are_left_out_and_negative_values_kept() {
     let outgoing = uniform(2000, 90.0);
     let mut acquired = isotropic(&[20.0], &outgoing, gloss);

@@ -1,0 +1,75 @@
+//! Grids of scattered light that leave too much open: one incoming azimuth is isotropic, planes of a scan are directions.
+
+use crate::domain::{Axis, Quantity};
+use crate::formats::{AngleGrid, Angles, AzimuthExtent, Samples, Scattered};
+
+/// Degrees between azimuths beyond which they are planes of a scan rather than steps of a grid: light between them does not
+/// follow from them.
+const PLANES: f64 = 90.0;
+
+/// What the samples of `grid` are taken as instead, and what is said of it; `None` where they are a grid.
+pub(super) fn instead(quantity: Quantity, grid: &AngleGrid) -> Option<(Samples, &'static str)> {
+    let (true, [], Some(incoming), Some(outgoing)) =
+        (quantity.has_cosine(), &grid.index[..], &grid.incoming, &grid.outgoing)
+    else {
+        return None;
+    };
+    let covers_no_area = |angles: &Angles| angles.covers.0 == angles.covers.1 || single_azimuth(angles).is_some();
+    let lone_incidence = incoming.phi.is_some() && incoming.covers.0 == incoming.covers.1;
+    if lone_incidence || covers_no_area(outgoing) || widest_gap(outgoing) > PLANES {
+        let note = "angles with nothing between them (one of them, or azimuths more than 90 degrees apart): taken as \
+                    directions without a grid";
+        return Some((Samples::Scattered(scattered(grid, incoming, outgoing)), note));
+    }
+    let azimuth = single_azimuth(incoming)?;
+    let mut grid = grid.clone();
+    grid.incoming = Some(Angles { phi: None, ..incoming.clone() });
+    if let Some(azimuths) = grid.outgoing.as_mut().and_then(|angles| angles.phi.as_mut()) {
+        azimuths.phi.iter_mut().for_each(|phi| *phi -= azimuth);
+    }
+    Some((Samples::Grid(grid), "incoming directions of one azimuth only: taken as isotropic"))
+}
+
+/// The azimuth of a sector that is one plane.
+fn single_azimuth(angles: &Angles) -> Option<f64> {
+    let azimuths = angles.phi.as_ref().filter(|azimuths| azimuths.extent == AzimuthExtent::Sector)?;
+    if let [alone] = azimuths.phi[..] { Some(alone) } else { None }
+}
+
+/// The largest difference of neighbouring azimuths, in degrees.
+fn widest_gap(angles: &Angles) -> f64 {
+    let Some(azimuths) = &angles.phi else { return 0.0 };
+    let within = azimuths.phi.array_windows().map(|[a, b]| b - a).fold(0.0, f64::max);
+    match (azimuths.extent, azimuths.phi.first(), azimuths.phi.last()) {
+        (AzimuthExtent::Circle, Some(first), Some(last)) if last > first => within.max(first + 360.0 - last),
+        _ => within,
+    }
+}
+
+/// Each pair of directions with its spectrum, those that are missing left out.
+fn scattered(grid: &AngleGrid, incoming: &Angles, outgoing: &Angles) -> Scattered {
+    let [into, out] = [incoming, outgoing].map(directions);
+    let width = grid.spectral.as_ref().map_or(1, Axis::len);
+    let pairs = into.iter().flat_map(|wi| out.iter().map(move |wo| (*wi, *wo)));
+    let measured = pairs.zip(grid.values.chunks_exact(width)).filter(|(_, row)| row.iter().any(|v| !v.is_nan()));
+    let mut found = Scattered {
+        incoming: Vec::new(),
+        outgoing: Vec::new(),
+        isotropic: incoming.phi.is_none(),
+        spectral: grid.spectral.clone(),
+        values: Vec::new(),
+        sigma: None,
+    };
+    for ((wi, wo), row) in measured {
+        found.incoming.push(wi);
+        found.outgoing.push(wo);
+        found.values.extend_from_slice(row);
+    }
+    found
+}
+
+/// `[theta, phi]` of every sample of one side.
+fn directions(angles: &Angles) -> Vec<[f64; 2]> {
+    let phi = angles.phi.as_ref().map_or(&[0.0][..], |azimuths| &azimuths.phi);
+    angles.theta.iter().flat_map(|&theta| phi.iter().map(move |&phi| [theta, phi])).collect()
+}
