@@ -19,6 +19,9 @@ use crate::formats::text::Brief;
 
 /// Directions of the long form: it should repeat each of them for all its wavelengths before the next.
 const MAX_DIRECTIONS: usize = 1 << 26;
+/// Largest theta in degrees, and longest wavelength in nm, that were likely stated in another unit.
+const LIKELY_RADIANS: f64 = 1.6;
+const LIKELY_MICROMETRES: f64 = 30.0;
 /// A grid has at most this many places for each direction measured, else the directions are scattered.
 const SPARSEST: usize = 4;
 
@@ -52,6 +55,7 @@ pub(super) fn samples(
         return Err(malformed("every value is missing, expected numbers"));
     }
     let spectral = spectral(&mut rows, columns, header)?;
+    doubt_units(&rows, columns, spectral.as_ref(), report);
     let skips_sigma = |report: &mut ParseReport| {
         if columns.has_sigma {
             let message = "the columns of sigma: uncertainties are used at scattered directions only";
@@ -113,6 +117,25 @@ fn spectral(rows: &mut Rows, columns: &Columns, header: &Header) -> Result<Optio
     };
     let grid = WavelengthGrid::listed(wavelengths).map_err(|e| over_limit(e.to_string()))?;
     Ok(Some(Axis::Wavelength(grid)))
+}
+
+/// Warns of numbers that another unit would explain.
+fn doubt_units(rows: &Rows, columns: &Columns, spectral: Option<&Axis>, report: &mut ParseReport) {
+    let largest = |k: usize| rows.directions.iter().map(|direction| direction[k]).fold(0.0, f64::max);
+    let is_degrees = |k: usize| columns.angles[k].is_some_and(|angle| !angle.radians);
+    let theta = [0, 2].into_iter().filter(|&k| is_degrees(k)).map(largest).fold(0.0, f64::max);
+    if theta > 0.0 && theta <= LIKELY_RADIANS {
+        let message = format!("theta up to {} degrees only: radians are said by `angle_unit: rad`", Brief(theta));
+        report.note(NoteKind::Warning, message);
+    }
+    if let Some(Axis::Wavelength(grid)) = spectral {
+        let last = grid.at(grid.len() - 1);
+        if last <= LIKELY_MICROMETRES {
+            let message =
+                format!("wavelengths up to {} nm only: micrometres are said by `wavelength_unit: um`", Brief(last));
+            report.note(NoteKind::Warning, message);
+        }
+    }
 }
 
 /// A spectrum, or one in each row of the wide form.

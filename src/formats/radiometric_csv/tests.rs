@@ -184,6 +184,16 @@ fn poles_are_one_direction_and_holes_are_masked() {
 }
 
 #[test]
+fn units_that_are_hardly_meant_are_doubted() {
+    let said = |theta: f64, lambda: f64, words: &str| {
+        let text = format!("{BRDF}{LONG}0,0,{theta},0,{lambda},1\n0,0,{theta},180,{lambda},2\n");
+        says(&good(&text), NoteKind::Warning, words)
+    };
+    assert!(said(1.5, 550.0, "theta up to 1.5 degrees only") && !said(15.0, 550.0, "degrees only"));
+    assert!(said(15.0, 0.55, "wavelengths up to 0.55 nm only") && !said(15.0, 100.0, "nm only"));
+}
+
+#[test]
 fn directions_without_a_grid_stay_scattered() {
     let mut wide = format!("{BRDF}theta_i,phi_i,theta_o,phi_o,v400,v500\n");
     let mut long = format!("{BRDF}{LONG}");

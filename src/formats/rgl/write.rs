@@ -74,14 +74,15 @@ pub fn write_rgl(grid: &RglGrid, function: &dyn DirectionalFunction) -> Result<W
     };
     let (densities, luminances, values) = (next(), next(), next());
     let sampler = Sampler { grid, function, channels };
-    let filled = densities
+    let counts = densities
         .par_chunks_mut(4 * d * d)
         .zip(luminances.par_chunks_mut(4 * n * n))
         .zip(values.par_chunks_mut(4 * channels * n * n))
         .zip(incident)
         .map(|(((density, luminance), values), wi)| sampler.slice(wi, &mut Slice { density, luminance, values }))
-        .collect::<Result<Vec<usize>, _>>()?;
-    Ok(Written { bytes, filled: filled.into_iter().sum(), clipped: 0 })
+        .collect::<Result<Vec<_>, _>>()?;
+    let (filled, clipped) = counts.into_iter().fold((0, 0), |sum, counts| (sum.0 + counts.0, sum.1 + counts.1));
+    Ok(Written { bytes, filled, clipped })
 }
 
 fn refuse(kind: FormatErrorKind, message: String) -> FormatError {
@@ -150,8 +151,8 @@ fn put(room: &mut [u8], at: usize, value: f32) {
 }
 
 impl Sampler<'_> {
-    /// Fills one slice; how many numbers were missing.
-    fn slice(&self, (theta, phi): (f64, f64), slice: &mut Slice<'_>) -> Result<usize, FormatError> {
+    /// Fills one slice; how many numbers were missing, and how many negative.
+    fn slice(&self, (theta, phi): (f64, f64), slice: &mut Slice<'_>) -> Result<(usize, usize), FormatError> {
         // Isotropic functions are stored relative to the incident azimuth, which is 0 then.
         let wi = Direction::from_degrees(theta, phi);
         let mut values = vec![0.0; self.channels];
@@ -161,12 +162,14 @@ impl Sampler<'_> {
             .map_err(|_| refuse(FormatErrorKind::Malformed, format!("no density at theta_i {theta}°, a bug")))?;
         let n = self.grid.side;
         let nodes = n * n;
-        let mut filled = 0;
+        let (mut filled, mut clipped) = (0, 0);
         for node in 0..nodes {
             let at = |i: usize| i as f64 / (n - 1) as f64;
             let (u, density) = warp.warp(&[(0, 1.0)], [at(node % n), at(node / n)]);
             let (wo, weight) = outgoing(wi.vector(), u);
-            filled += self.light(wi, wo, &mut values);
+            let (missing, negative) = self.light(wi, wo, &mut values);
+            filled += missing;
+            clipped += negative;
             for (channel, &value) in values.iter().enumerate() {
                 let value = value as f32;
                 if value.is_nan() || value.abs() > LARGEST {
@@ -179,7 +182,7 @@ impl Sampler<'_> {
             let rest = mean(&values).max(0.0) * weight / density.max(1e-6);
             put(slice.luminance, node, (rest + 1e-6) as f32);
         }
-        Ok(filled)
+        Ok((filled, clipped))
     }
 
     /// The density of outgoing light over the square, one part uniform.
@@ -203,20 +206,18 @@ impl Sampler<'_> {
         light.into_iter().map(|value| density(value) as f32).collect()
     }
 
-    /// f · cos θo for a unit `wo`, continued below the horizon with the slope that it has there; how many were missing.
-    fn light(&self, wi: Direction, wo: Vector, values: &mut [f64]) -> usize {
+    /// f · cos θo for a unit `wo`, continued below the horizon with the slope that it has there, f at least 0: readers take it
+    /// as it is. How many were missing, and how many negative.
+    fn light(&self, wi: Direction, wo: Vector, values: &mut [f64]) -> (usize, usize) {
         self.function.evaluate(wi, lifted(wo), values);
         let cosine = wo[2].max(-BELOW);
-        let mut missing = 0;
+        let (mut missing, mut negative) = (0, 0);
         for value in values.iter_mut() {
-            if value.is_nan() {
-                missing += 1;
-                *value = 0.0;
-            } else {
-                *value *= cosine;
-            }
+            missing += usize::from(value.is_nan());
+            negative += usize::from(*value < 0.0);
+            *value = if *value > 0.0 { *value * cosine } else { 0.0 };
         }
-        missing
+        (missing, negative)
     }
 }
 
@@ -382,7 +383,9 @@ mod tests {
             assert!((values[0] - 0.5).abs() < 0.05, "{theta}: {values:?}");
         }
         let missing = write_rgl(&iso, &Nothing(f64::NAN)).unwrap();
-        assert_eq!(missing.filled, 5 * 64 * 3);
+        assert_eq!((missing.filled, missing.clipped), (5 * 64 * 3, 0));
+        let negative = write_rgl(&iso, &Nothing(-0.5)).unwrap();
+        assert_eq!((negative.filled, negative.clipped), (0, 5 * 64 * 3));
     }
 
     #[test]
