@@ -61,7 +61,7 @@ pub(super) fn project(
 }
 
 /// Checks count and finiteness; how many samples are missing.
-fn check_values(grid: &AngleGrid) -> Result<usize, ProjectionError> {
+pub(super) fn check_values(grid: &AngleGrid) -> Result<usize, ProjectionError> {
     check_axes(&grid.index)?;
     let mut shape: Vec<usize> = grid.index.iter().map(Axis::len).collect();
     for (what, side) in [("incoming", &grid.incoming), ("outgoing", &grid.outgoing)] {

@@ -107,6 +107,7 @@ pub fn project(acquisition: &Acquisition, request: &AxesRequest) -> Result<Proje
     if let Samples::Grid(grid) = &acquisition.samples
         && let Some((samples, note)) = planes::instead(acquisition.quantity, grid)
     {
+        grid::check_values(grid)?;
         let mut projected = project_samples(acquisition, &samples, request)?;
         projected.coverage.notes.insert(0, note.to_owned());
         return Ok(projected);

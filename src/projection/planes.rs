@@ -6,6 +6,8 @@ use crate::formats::{AngleGrid, Angles, AzimuthExtent, Samples, Scattered};
 /// Degrees between azimuths beyond which they are planes of a scan rather than steps of a grid: light between them does not
 /// follow from them.
 const PLANES: f64 = 90.0;
+/// Directions that are fitted without a grid, at most: scans in planes have fewer.
+const MOST: usize = 1 << 22;
 
 /// What the samples of `grid` are taken as instead, and what is said of it; `None` where they are a grid.
 pub(super) fn instead(quantity: Quantity, grid: &AngleGrid) -> Option<(Samples, &'static str)> {
@@ -14,17 +16,23 @@ pub(super) fn instead(quantity: Quantity, grid: &AngleGrid) -> Option<(Samples, 
     else {
         return None;
     };
-    let covers_no_area = |angles: &Angles| angles.covers.0 == angles.covers.1 || single_azimuth(angles).is_some();
-    let lone_incidence = incoming.phi.is_some() && incoming.covers.0 == incoming.covers.1;
-    if lone_incidence || covers_no_area(outgoing) || widest_gap(outgoing) > PLANES {
+    let is_ring = |angles: &Angles| angles.phi.is_some() && angles.covers.0 == angles.covers.1;
+    let is_plane = single_azimuth(outgoing).is_some() || widest_gap(outgoing) > PLANES;
+    let is_open = is_ring(incoming) || is_ring(outgoing) || is_plane;
+    let width = grid.spectral.as_ref().map_or(1, Axis::len);
+    if is_open && grid.values.len() / width <= MOST {
         let note = "angles with nothing between them (one of them, or azimuths more than 90 degrees apart): taken as \
                     directions without a grid";
-        return Some((Samples::Scattered(scattered(grid, incoming, outgoing)), note));
+        return Some((Samples::Scattered(scattered(grid, incoming, outgoing, width)), note));
     }
     let azimuth = single_azimuth(incoming)?;
     let mut grid = grid.clone();
     grid.incoming = Some(Angles { phi: None, ..incoming.clone() });
     if let Some(azimuths) = grid.outgoing.as_mut().and_then(|angles| angles.phi.as_mut()) {
+        // Half a circle is mirrored at azimuth 0 alone.
+        if azimuths.extent == AzimuthExtent::Mirrored && azimuth != 0.0 {
+            return None;
+        }
         azimuths.phi.iter_mut().for_each(|phi| *phi -= azimuth);
     }
     Some((Samples::Grid(grid), "incoming directions of one azimuth only: taken as isotropic"))
@@ -47,9 +55,8 @@ fn widest_gap(angles: &Angles) -> f64 {
 }
 
 /// Each pair of directions with its spectrum, those that are missing left out.
-fn scattered(grid: &AngleGrid, incoming: &Angles, outgoing: &Angles) -> Scattered {
+fn scattered(grid: &AngleGrid, incoming: &Angles, outgoing: &Angles, width: usize) -> Scattered {
     let [into, out] = [incoming, outgoing].map(directions);
-    let width = grid.spectral.as_ref().map_or(1, Axis::len);
     let pairs = into.iter().flat_map(|wi| out.iter().map(move |wo| (*wi, *wo)));
     let measured = pairs.zip(grid.values.chunks_exact(width)).filter(|(_, row)| row.iter().any(|v| !v.is_nan()));
     let mut found = Scattered {
