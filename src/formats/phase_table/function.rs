@@ -31,6 +31,16 @@ pub(super) struct Curve {
     cosines: Vec<f64>,
 }
 
+/// Where an angle is in a table.
+#[derive(Clone, Copy)]
+enum Place {
+    Outside,
+    /// Where the value of this entry holds.
+    At(usize),
+    /// Between this entry and the next.
+    Behind(usize),
+}
+
 impl Curve {
     /// A table that holds nothing beyond its ends.
     pub(super) fn over_angles(angles: Vec<f64>, values: Vec<f64>, is_volume: bool) -> Self {
@@ -44,17 +54,36 @@ impl Curve {
         Self { angles, values, between: Between::Cosines, held: 0.0, cosines }
     }
 
-    /// The value at a scattering angle in degrees; NaN outside the table and beside missing entries.
-    pub(super) fn at(&self, angle: f64) -> f64 {
-        let (first, last) = (self.angles[0], self.angles[self.angles.len() - 1]);
-        if angle < first - self.held || angle > last + self.held {
-            return f64::NAN;
+    /// Where a scattering angle in degrees is in the table.
+    fn place(&self, angle: f64) -> Place {
+        let last = self.angles.len() - 1;
+        let (low, high) = (self.angles[0], self.angles[last]);
+        if angle < low - self.held || angle > high + self.held {
+            return Place::Outside;
         }
-        let next = self.angles.partition_point(|&known| known <= angle);
-        if next == 0 || next == self.angles.len() {
-            return if next == 0 { self.values[0] } else { self.values[next - 1] };
+        if angle < low {
+            return Place::At(0);
         }
-        self.inside(next - 1, angle)
+        if angle >= high {
+            return Place::At(last);
+        }
+        // Most tables have even steps.
+        let guess = ((angle - low) / (high - low) * last as f64) as usize;
+        let is_there = guess < last && self.angles[guess] <= angle && angle < self.angles[guess + 1];
+        Place::Behind(if is_there {
+            guess
+        } else {
+            self.angles.partition_point(|&known| known <= angle).saturating_sub(1)
+        })
+    }
+
+    /// The value at an angle; NaN outside the table and beside missing entries.
+    fn at(&self, place: Place, angle: f64) -> f64 {
+        match place {
+            Place::Outside => f64::NAN,
+            Place::At(entry) => self.values[entry],
+            Place::Behind(entry) => self.inside(entry, angle),
+        }
     }
 
     /// The value between entries `i` and `i + 1`.
@@ -182,7 +211,7 @@ impl Integrals {
     }
 }
 
-/// One table for each wavelength.
+/// One table for each wavelength, all over the same angles.
 #[derive(Clone, Debug)]
 pub(super) struct Curves(pub(super) Vec<Curve>);
 
@@ -191,7 +220,8 @@ impl DirectionalFunction for Curves {
         // wi points back to where the light comes from: it goes on straight where wo = -wi.
         let cosine = (-wi.dot(wo)).clamp(-1.0, 1.0);
         let angle = libm::acos(cosine).to_degrees();
-        values.iter_mut().zip(&self.0).for_each(|(value, curve)| *value = curve.at(angle));
+        let place = self.0.first().map_or(Place::Outside, |curve| curve.place(angle));
+        values.iter_mut().zip(&self.0).for_each(|(value, curve)| *value = curve.at(place, angle));
     }
 }
 
@@ -242,9 +272,9 @@ mod tests {
         let values = angles.iter().map(|&a| law(a)).collect();
         let curve = Curve::over_angles(angles, values, true);
         for angle in [0.1, 0.3, 5.0, 9.9] {
-            assert!((curve.at(angle) / law(angle) - 1.0).abs() < 1e-12, "{angle}");
+            assert!((curve.at(curve.place(angle), angle) / law(angle) - 1.0).abs() < 1e-12, "{angle}");
         }
-        assert!(curve.at(0.05).is_nan() && curve.at(11.0).is_nan());
+        assert!([0.05, 11.0].iter().all(|&angle| curve.at(curve.place(angle), angle).is_nan()));
     }
 
     #[test]
