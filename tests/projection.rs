@@ -5,7 +5,9 @@
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 use wavelume::domain::{Axis, Direction, Domain, Quantity, TriangleMesh};
-use wavelume::formats::{Acquisition, Angles, AzimuthExtent, Interpretation, Outside, Samples, attach_spectrum, read};
+use wavelume::formats::{
+    Acquisition, Angles, AzimuthExtent, Interpretation, Outside, Samples, TEMPLATES, attach_spectrum, read, write_npy,
+};
 use wavelume::projection::{AxesRequest, Projected, error_at_samples, project};
 
 fn acquire(path: &Path) -> Acquisition {
@@ -176,5 +178,23 @@ fn measured_materials_become_averages_of_their_own_function_and_compress() {
         assert!(tensor.range().unwrap().0 > 0.0);
         let report = pipeline::compress(&source, &request, &Silent).unwrap().report;
         assert!(report.errors.er_l2 <= 0.01 && report.format == "rgl", "{name}");
+    }
+}
+
+#[test]
+fn every_template_that_is_data_projects() {
+    let python = |name: &str| name.ends_with("python");
+    for template in TEMPLATES.iter().filter(|template| !python(template.name)) {
+        let mut how = Interpretation::default();
+        let array = write_npy(&[3, 5, 5, 31], &[0.5; 3 * 5 * 5 * 31]);
+        let mut bytes = template.text.as_bytes();
+        if template.name == "npy-manifest" {
+            how.axes = Some(serde_json::from_str(template.text).unwrap());
+            bytes = &array;
+        }
+        let acquisition = read(bytes, &how).unwrap();
+        let projected = project(&acquisition, &AxesRequest::default());
+        let projected = projected.unwrap_or_else(|error| panic!("{}: {error}", template.name));
+        assert!(projected.measurement.tensor.range().is_some(), "{}", template.name);
     }
 }

@@ -78,6 +78,8 @@ mod tests {
         }
         let phase = read(template("phase-table").unwrap().text.as_bytes(), &Interpretation::default()).unwrap();
         assert!(matches!(phase.samples, Samples::Function(_)), "{:?}", phase.dialect);
+        let volume = phase.report.notes.iter().find(|note| note.message.contains("volume scattering"));
+        assert!(volume.is_none(), "{volume:?}");
         let axes = serde_json::from_str(template("npy").unwrap().text).unwrap();
         let how = Interpretation { axes: Some(axes), ..Interpretation::default() };
         let array = write_npy(&[3, 5, 5, 31], &[0.5; 3 * 5 * 5 * 31]);

@@ -81,7 +81,6 @@ impl std::str::FromStr for Normalization {
 /// Words of a header that only phase functions have.
 const WORDS: [&str; 7] =
     ["phase function", "phasefunction", "scattering angle", "scattering_angle", "legendre", "tabphase", "cos_theta"];
-const VSF_WORDS: [&str; 2] = ["vsf", "volume scattering"];
 /// Numbers of tables over angles and wavelengths at most.
 const MAX_VALUES: usize = 1 << 22;
 /// How far the integral may be from 1 or 4π to be taken for it.
@@ -93,6 +92,12 @@ const OUTGOING_SPACING: f64 = 4.5;
 const INCOMING_SPACING: f64 = 9.0;
 /// Shares of the light within the first step of a table above which it is no peak that the table resolves.
 const UNRESOLVED: f64 = 0.2;
+
+/// Whether lower-case text calls the values a volume scattering function; to name the option of that name does not.
+fn says_volume(prose: &str) -> bool {
+    let words = |text: &str| text.split(|c: char| !c.is_alphanumeric()).any(|word| word == "vsf");
+    prose.contains("volume scattering") || prose.lines().any(|line| !line.contains("normalization") && words(line))
+}
 
 fn probe(sample: &Sample<'_>) -> u8 {
     if sample.head.contains('\0') {
@@ -111,7 +116,7 @@ fn probe(sample: &Sample<'_>) -> u8 {
         prose.push_str(&line.to_lowercase());
         prose.push('\n');
     }
-    let said = WORDS.iter().chain(&VSF_WORDS).any(|word| prose.contains(word));
+    let said = WORDS.iter().any(|word| prose.contains(word)) || says_volume(&prose);
     if (said && table > 0) || (table >= 30 && lists::is_angular(&sample.head)) {
         return 40;
     }
@@ -251,7 +256,7 @@ fn table(
         }
         None => {}
     }
-    let vsf = VSF_WORDS.iter().any(|word| table.says(&[word]));
+    let vsf = table.says(says_volume);
     if table.wavelengths.len() > MAX_WAVELENGTHS {
         let message = format!("{} angles, expected at most {MAX_WAVELENGTHS}", table.wavelengths.len());
         return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));

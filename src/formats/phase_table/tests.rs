@@ -105,6 +105,12 @@ fn what_the_values_integrate_to_is_inferred_or_asked_for() {
     // The header of a volume scattering function says so.
     let vsf = with(&format!("# volume scattering function beta [1/m/sr]\n{}", angles(0.37)), None).unwrap();
     is_henyey_greenstein(&vsf, 1e-3);
+    // To name the option, or a word that holds these letters, is not to say so.
+    for remark in ["normalization=vsf or relative otherwise", "phase function, from avsfile"] {
+        let phase = with(&format!("# {remark}\n# angle p\n{}", angles(1.0)), None).unwrap();
+        let found = phase.report.notes.iter().any(|note| note.message.contains("volume scattering"));
+        assert!(!found, "{remark}: {:?}", phase.report.notes);
+    }
 }
 
 #[test]

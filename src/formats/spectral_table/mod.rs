@@ -62,6 +62,8 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     Ok(Acquisition { format: NAME, dialect, quantity, unit, samples, spectral_factor: None, report })
 }
 
+const REFLECTANCE_WORDS: [&str; 4] = ["reflectance", "reflectivity", "transmittance", "transmissivity"];
+
 fn quantity(table: &Table, how: &Interpretation, report: &mut ParseReport) -> Result<Quantity, FormatError> {
     match how.quantity {
         Some(quantity @ (Quantity::Spectrum | Quantity::Reflectance)) => Ok(quantity),
@@ -70,7 +72,7 @@ fn quantity(table: &Table, how: &Interpretation, report: &mut ParseReport) -> Re
             NAME,
             format!("quantity {other} was asked for, a spectral table holds a spectrum or a reflectance"),
         )),
-        None if table.says(&["reflectance", "reflectivity", "transmittance", "transmissivity"]) => {
+        None if table.says(|prose| REFLECTANCE_WORDS.iter().any(|word| prose.contains(word))) => {
             Ok(Quantity::Reflectance)
         }
         None => {
@@ -168,9 +170,9 @@ fn remarks(table: &Table, source: &Source, report: &mut ParseReport) -> Result<(
 }
 
 impl Table {
-    /// Whether the header or the comments contain one of `words`.
-    pub(in crate::formats) fn says(&self, words: &[&str]) -> bool {
-        words.iter().any(|word| self.prose.contains(word))
+    /// Whether the header and the comments, in lower case, are as `said` looks for.
+    pub(in crate::formats) fn says(&self, said: impl Fn(&str) -> bool) -> bool {
+        said(&self.prose)
     }
 
     fn reverse(&mut self) {
