@@ -84,9 +84,9 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Labels, 
     let mut revision = None;
     let mut keywords: Vec<(String, String)> = Vec::new();
     let mut skipped = 0_usize;
-    let mut lines = source.lines().enumerate();
+    let (mut lines, mut first) = (source.lines(), true);
     let (tilt_value, numbers_at) = loop {
-        let Some((i, line)) = lines.next() else {
+        let Some(line) = lines.next() else {
             return Err(source.malformed(
                 source.text().len(),
                 "the file ends, expected a line TILT=NONE, TILT=INCLUDE or one that names a file",
@@ -95,20 +95,17 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Labels, 
         if let Some(value) = tilt(line.text) {
             break (value, line.offset + line.text.len());
         }
-        if i == 0
-            && let Some((tagged, known)) = Revision::of_tag(line.text)
+        let text = line.text.trim();
+        if text.is_empty() {
+            continue;
+        }
+        if std::mem::take(&mut first)
+            && let Some((tagged, known)) = Revision::of_tag(text)
         {
             revision = Some(tagged);
             if !known {
-                report.note(
-                    NoteKind::Warning,
-                    format!("unknown revision {}, read as LM-63-2002", snippet(line.text.trim())),
-                );
+                report.note(NoteKind::Warning, format!("unknown revision {}, read as LM-63-2002", snippet(text)));
             }
-            continue;
-        }
-        let text = line.text.trim();
-        if text.is_empty() {
             continue;
         }
         if keywords.len() >= MAX_KEYWORDS || text.len() > MAX_TEXT {
@@ -261,6 +258,17 @@ mod tests {
         }
         assert_eq!(Revision::of_tag("IESNA:LM-63-2030"), Some((Revision::Lm63_2002, false)));
         assert_eq!(Revision::of_tag("[TEST] 1"), None);
+    }
+
+    #[test]
+    fn the_tag_is_on_the_first_line_that_is_not_blank() {
+        let revision = |text: &str| {
+            let mut report = ParseReport::default();
+            let labels = read(&Source::decode(text.as_bytes(), "t"), &mut report).unwrap();
+            (labels.revision, report.notes.len())
+        };
+        assert_eq!(revision("\r\n \nIESNA:LM-63-1995\n[TEST] 1\nTILT=NONE\n"), (Revision::Lm63_1995, 0));
+        assert_eq!(revision("[TEST] 1\nIESNA:LM-63-1995\nTILT=NONE\n"), (Revision::Lm63_1986, 1));
     }
 
     #[test]

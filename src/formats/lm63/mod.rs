@@ -36,7 +36,8 @@ pub(super) const READER: Reader = Reader {
 };
 
 fn probe(sample: &Sample<'_>) -> u8 {
-    if Revision::of_tag(sample.head.lines().next().unwrap_or_default()).is_some() {
+    let first = sample.head.split(['\n', '\r']).find(|line| !line.trim().is_empty());
+    if first.is_some_and(|line| Revision::of_tag(line).is_some()) {
         return 100;
     }
     if sample.head.split(['\n', '\r']).any(|line| labels::tilt(line).is_some()) { 90 } else { 0 }
