@@ -39,19 +39,19 @@ pub(super) const READER: Reader = Reader {
 /// Lines before those of the lamp sets.
 const HEAD_LINES: usize = 26;
 
-/// Line 2 a type 0..3, line 3 a symmetry 0..4, lines 4 and 6 the numbers of planes and angles, each alone on its line.
+/// Line 2 a type 0..3, line 3 a symmetry 0..4, lines 4 and 6 the numbers of planes and angles, each alone on its line;
+/// or any whole numbers there, if lines 13 to 26 are numbers too.
 fn probe(sample: &Sample<'_>) -> u8 {
     let text = sample.head.replace("\r\n", "\n");
     let lines: Vec<&str> = text.split(['\n', '\r']).take(HEAD_LINES).map(str::trim).collect();
-    let whole = |line: usize, low: u32, high: u32| {
+    let whole = |line: usize, low: i32, high: i32| {
         let value = lines.get(line - 1).and_then(|text| decimal(text));
         value.is_some_and(|v| v.fract() == 0.0 && (f64::from(low)..=f64::from(high)).contains(&v))
     };
+    let number = |text: &&str| text.is_empty() || decimal(text).is_some();
     let found = lines.len() == HEAD_LINES
-        && whole(2, 0, 3)
-        && whole(3, 0, 4)
-        && whole(4, 1, 721)
-        && whole(6, 1, 721)
+        && (whole(2, 0, 3) && whole(3, 0, 4) && whole(4, 1, 721) && whole(6, 1, 721)
+            || [2, 3, 4, 6, 26].iter().all(|&line| whole(line, i32::MIN, i32::MAX)) && lines[12..25].iter().all(number))
         // A column of bare numbers is something else.
         && lines[7..12].iter().any(|text| decimal(text).is_none());
     if found && !sample.head.contains('\0') { 80 } else { 0 }

@@ -1,10 +1,10 @@
 //! The angles and intensities of an EULUMDAT file: which C planes are stored, by symmetry and by how many values there are.
 
 use super::Header;
-use super::lines::Lines;
+use super::lines::{Lines, decimal};
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::FormatError;
-use crate::formats::text::{Brief, snippet};
+use crate::formats::text::{self, Brief, snippet};
 use crate::formats::type_c::{Planes, Stated};
 
 /// The symmetries `Isym` in words.
@@ -26,8 +26,8 @@ pub(super) fn read(
     let (mc, ng) = (header.planes, header.angles);
     let listed = lines.numbers(mc, "a C angle")?;
     let vertical = lines.numbers(ng, "a gamma angle")?;
-    let values = intensities(lines, scale, report)?;
-    let symmetry = stored(header, values.len(), lines, report)?;
+    let (values, rest) = intensities(lines, scale, report)?;
+    let symmetry = stored(header, values.len(), rest, lines, report)?;
     let planes = values.len() / ng;
     let wrong = |found: f64, offset: usize, expected: f64| {
         let message = format!(
@@ -67,8 +67,26 @@ pub(super) fn read(
 }
 
 /// The symmetry that holds for `found` values: the one stated if they are as many as it stores; else none or the axial
-/// one, if they are exactly all planes or exactly one.
-fn stored(header: &Header, found: usize, lines: &Lines<'_>, report: &mut ParseReport) -> Result<usize, FormatError> {
+/// one, if they are exactly all planes or exactly one. `rest` are the lines after them.
+fn stored(
+    header: &Header,
+    found: usize,
+    rest: text::Lines<'_>,
+    lines: &Lines<'_>,
+    report: &mut ParseReport,
+) -> Result<usize, FormatError> {
+    let mut others = rest.filter(|line| !line.text.trim().is_empty());
+    let first = others.next();
+    if let Some(first) = first {
+        let further = 1 + others.clone().count();
+        report.note(
+            NoteKind::Warning,
+            format!(
+                "{further} lines after the last intensity were not read, the first is {}",
+                snippet(first.text.trim())
+            ),
+        );
+    }
     let Header { symmetry, planes: mc, angles: ng, .. } = *header;
     let expected = match symmetry {
         0 => Some(mc),
@@ -82,7 +100,9 @@ fn stored(header: &Header, found: usize, lines: &Lines<'_>, report: &mut ParseRe
     if expected.is_some_and(is) {
         return Ok(symmetry);
     }
-    let other = if is(mc) { Some(0) } else { is(1).then_some(1) };
+    // Numbers that go on after a line that is none are intensities all the same.
+    let broken = others.any(|line| decimal(line.text.trim()).is_some());
+    let other = if is(mc) { Some(0) } else { is(1).then_some(1) }.filter(|_| !broken);
     let said = SYMMETRIES[symmetry];
     let Some(other) = other else {
         let planes = expected.map_or_else(
@@ -90,7 +110,13 @@ fn stored(header: &Header, found: usize, lines: &Lines<'_>, report: &mut ParseRe
             |planes| format!("{planes} planes of {ng}"),
         );
         let message = format!("{found} intensities, expected {planes} ({mc} C planes, {said})");
-        return Err(lines.refused(lines.at(), message));
+        return Err(match first {
+            Some(line) => {
+                let line_found = snippet(line.text.trim());
+                lines.refused(line.offset, format!("found {line_found}, expected an intensity: {message}"))
+            }
+            None => lines.refused(lines.at(), message),
+        });
     };
     report.note(
         NoteKind::Warning,
@@ -102,8 +128,12 @@ fn stored(header: &Header, found: usize, lines: &Lines<'_>, report: &mut ParseRe
     Ok(other)
 }
 
-/// All numbers that follow, one a line, times `scale`. What follows after them is no part of the format.
-fn intensities(lines: &Lines<'_>, scale: f64, report: &mut ParseReport) -> Result<Vec<f32>, FormatError> {
+/// All numbers that follow, one a line, times `scale`; and the lines after them, which are no part of the format.
+fn intensities<'a>(
+    lines: &Lines<'a>,
+    scale: f64,
+    report: &mut ParseReport,
+) -> Result<(Vec<f32>, text::Lines<'a>), FormatError> {
     let mut values = Vec::new();
     let (mut negative, mut lowest) = (0_usize, 0.0_f32);
     let rest = lines.take_numbers(|value, offset| {
@@ -123,13 +153,5 @@ fn intensities(lines: &Lines<'_>, scale: f64, report: &mut ParseReport) -> Resul
         let message = format!("{negative} intensities are negative, down to {lowest}; kept as they are");
         report.note(NoteKind::Warning, message);
     }
-    let mut others = rest.map(|line| line.text.trim()).filter(|line| !line.is_empty());
-    if let Some(first) = others.next() {
-        let further = 1 + others.count();
-        report.note(
-            NoteKind::Warning,
-            format!("{further} lines after the last intensity were not read, the first is {}", snippet(first)),
-        );
-    }
-    Ok(values)
+    Ok((values, rest))
 }

@@ -238,6 +238,12 @@ fn planes_are_as_many_as_there_are_values() {
 fn refusals_say_where_and_what() {
     let text = Sheet::of(0).text();
     let lines: Vec<&str> = text.lines().collect();
+    let last = lines.len();
+    let line = |number: usize, found: &str| {
+        let mut lines = lines.clone();
+        lines[number - 1] = found;
+        lines.join("\n")
+    };
     let without = |from: usize, to: usize| [&lines[..from], &lines[to..]].concat().join("\n");
     let odd = Sheet { planes: (0..11).map(|i| 30.0 * f64::from(i)).collect(), ..Sheet::of(4) };
     let turned = Sheet { planes: (0..12).map(|i| 15.0 + 30.0 * f64::from(i)).collect(), ..Sheet::of(2) };
@@ -256,6 +262,12 @@ fn refusals_say_where_and_what() {
         (Sheet { gammas: vec![0.0, 30.0, 60.0, 90.0, 190.0], ..Sheet::of(0) }.text(), "expected 0° to 180°"),
         (text.replace("\nLED\n2000\n", "\nLED\nmany\n"), "found `many`, expected the lumens"),
         (text.replace("\n1200\n", "\n1.200,5\n"), "expected a dimension"),
+        (line(2, "9"), "found `9`, expected the type of luminaire, a whole number from 0 to 3 (line 2"),
+        (line(3, "5"), "found `5`, expected the symmetry, a whole number from 0 to 4 (line 3"),
+        (line(4, "-8"), "found `-8`, expected the number of C planes"),
+        (line(last - 7, "NaN"), "found `NaN`, expected an intensity: 52 intensities, expected 12 planes of 5"),
+        // The line after exactly one plane.
+        (line(last - 54, "1O0"), "found `1O0`, expected an intensity: 5 intensities, expected 12 planes of 5"),
     ] {
         let error = plain(&text).unwrap_err();
         assert_eq!((error.kind, error.format), (FormatErrorKind::Malformed, NAME), "{error}");
