@@ -6,6 +6,7 @@ use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::formats::Interpretation;
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::spectral_table::{pairs::are_pairs, rows};
 use crate::formats::text::{Brief, Source, Token, Tokens, number};
 use std::f64::consts::PI;
 
@@ -33,6 +34,12 @@ pub(super) fn is_line(head: &str) -> bool {
     // The last word may be cut.
     let whole = &words[..words.len().saturating_sub(1)];
     !more && words.len() >= FEWEST && whole.iter().all(|word| number(word.text).is_some())
+}
+
+/// Whether one line of numbers is a spectrum all the same, by itself or by the lower-case text around it.
+pub(super) fn is_spectral(head: &str, prose: &str) -> bool {
+    let source = Source::decode(head.as_bytes(), NAME);
+    are_pairs(rows::contents(&source)) || ["wavelength", "lambda", "nm"].iter().any(|word| prose.contains(word))
 }
 
 /// Whether the text is one number a line, the first of them 1, none larger than 2m + 1.

@@ -120,7 +120,11 @@ fn probe(sample: &Sample<'_>) -> u8 {
     if (said && table > 0) || (table >= 30 && lists::is_angular(&sample.head)) {
         return 40;
     }
-    if lists::is_moments(&sample.head) || (said && lists::is_line(&sample.head)) { 20 } else { 0 }
+    // A single row is no spectrum, unless it is a row of pairs or its remarks speak of wavelengths.
+    if lists::is_line(&sample.head) && (said || !lists::is_spectral(&sample.head, &prose)) {
+        return 35;
+    }
+    if lists::is_moments(&sample.head) { 20 } else { 0 }
 }
 
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {

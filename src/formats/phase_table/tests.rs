@@ -183,8 +183,28 @@ fn refusals_name_the_place_and_what_was_expected() {
 }
 
 #[test]
+fn one_line_of_values_needs_no_word_that_says_what_it_is() {
+    let values: Vec<f64> = (0..=2000).map(|i| henyey_greenstein(f64::from(i) / 1000.0 - 1.0)).collect();
+    let written = String::from_utf8(crate::formats::write_tabphase(&values).unwrap()).unwrap();
+    for text in [written.replace(',', ""), written] {
+        let acquisition = with(&text, None).unwrap();
+        assert_eq!((acquisition.format, acquisition.dialect.as_str()), (NAME, "2001 values over the cosine"));
+        is_henyey_greenstein(&acquisition, 1e-3);
+    }
+    // A row is no spectrum at 1000 nm.
+    let error = with("1, 2, 3, 4\n", None).unwrap_err();
+    assert_eq!((error.kind, error.format), (FormatErrorKind::NeedsOption, NAME), "{error}");
+}
+
+#[test]
 fn spectra_stay_spectra() {
-    for text in ["400 1\n500 2\n600 3\n", "nm,v\n0.4,1\n0.5,2\n0.6,3\n", "# lamp\n380\t0.1\n385\t0.2\n"] {
+    for text in [
+        "400 1 500 2 600 3\n",
+        "# wavelength a b\n550 1 2\n",
+        "400 1\n500 2\n600 3\n",
+        "nm,v\n0.4,1\n0.5,2\n0.6,3\n",
+        "# lamp\n380\t0.1\n385\t0.2\n",
+    ] {
         assert_eq!(with(text, None).unwrap().format, "spectral-table", "{text}");
     }
 }

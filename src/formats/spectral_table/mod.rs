@@ -2,6 +2,7 @@
 //!
 //! Gives `[lambda]`, or `[index, lambda]` for several columns; a blank cell is masked, a negative one is kept.
 
+pub(super) mod pairs;
 pub(super) mod rows;
 pub(super) mod wavelength_unit;
 mod write;
@@ -38,7 +39,10 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     if let Some(encoding) = source.odd_encoding() {
         report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
     }
-    let mut table = rows::read(&source, &mut report)?;
+    let mut table = match pairs::read(&source, &mut report) {
+        Some(table) => table,
+        None => rows::read(&source, &mut report)?,
+    };
     let quantity = quantity(&table, how, &mut report)?;
     let unit = how.unit.unwrap_or(if quantity == Quantity::Reflectance { Unit::One } else { Unit::Relative });
     let grid = wavelengths(&mut table, how, &source, &mut report)?;

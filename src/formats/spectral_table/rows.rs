@@ -1,6 +1,7 @@
 //! Lines of text → the rows of a table: delimiter, decimal mark, header and comments found from the content.
 
 use super::NAME;
+use super::pairs::are_pairs;
 use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
@@ -94,7 +95,7 @@ const LOOKED_AT: usize = 20;
 const MAX_PREAMBLE: usize = 1000;
 
 /// The part of a line before a `#` comment, and the comment. In a header `#` may be part of a name.
-fn split_comment(line: Token<'_>) -> (Token<'_>, Option<&str>) {
+pub(super) fn split_comment(line: Token<'_>) -> (Token<'_>, Option<&str>) {
     let header =
         line.text.trim_start().starts_with(|c: char| !c.is_ascii_digit() && !matches!(c, '#' | '+' | '-' | '.'));
     match line.text.split_once('#').filter(|_| !header) {
@@ -112,7 +113,7 @@ pub(in crate::formats) fn probe(head: &str) -> u8 {
         // The last line may be cut.
         lines.pop();
     }
-    if delimiter(&lines).is_some() {
+    if delimiter(&lines).is_some() || are_pairs(lines.iter().copied()) {
         return 30;
     }
     let single = lines.iter().filter(|line| Delimiter::Blank.numeric_cells(**line) == Some(1)).count();
@@ -120,7 +121,7 @@ pub(in crate::formats) fn probe(head: &str) -> u8 {
 }
 
 /// Lines with content besides comments.
-fn contents(source: &Source) -> impl Iterator<Item = Token<'_>> {
+pub(in crate::formats) fn contents(source: &Source) -> impl Iterator<Item = Token<'_>> {
     source.lines().map(|line| split_comment(line).0).filter(|line| !line.text.trim().is_empty())
 }
 

@@ -1,0 +1,82 @@
+//! Spectra with several pairs of wavelength and value on a line, as renderers read them (`.spd` of pbrt).
+
+use super::rows::{Table, contents, split_comment};
+use crate::formats::acquisition::ParseReport;
+use crate::formats::text::{Source, Token, Tokens, number};
+
+/// Wavelengths of such spectra, in nm.
+const PLAUSIBLE: std::ops::RangeInclusive<f64> = 150.0..=3000.0;
+
+/// A wavelength with its place, and the value there.
+type Pair = ((f64, usize), f32);
+
+/// The pairs on lines of an even number of numbers, at least four on the first: no table has wavelengths that increase
+/// along a line and on to the next one.
+fn pairs<'a>(lines: impl Iterator<Item = Token<'a>>) -> Option<Vec<Pair>> {
+    let mut pairs: Vec<Pair> = Vec::new();
+    for line in lines {
+        let before = pairs.len();
+        let mut words = Tokens::new(line.text, 0);
+        while let Some(word) = words.next() {
+            let (wavelength, value) = (number(word.text)?, number(words.next()?.text)? as f32);
+            let grows = pairs.last().is_none_or(|&((last, _), _)| last < wavelength);
+            (PLAUSIBLE.contains(&wavelength) && grows && value.is_finite()).then_some(())?;
+            pairs.push(((wavelength, line.offset + word.offset), value));
+        }
+        (pairs.len() >= before + if before == 0 { 2 } else { 1 }).then_some(())?;
+    }
+    (!pairs.is_empty()).then_some(pairs)
+}
+
+/// Whether lines are pairs.
+pub(in crate::formats) fn are_pairs<'a>(lines: impl Iterator<Item = Token<'a>>) -> bool {
+    pairs(lines).is_some()
+}
+
+/// The table of a text of pairs; `None` where it is another.
+pub(super) fn read(source: &Source, report: &mut ParseReport) -> Option<Table> {
+    let (wavelengths, values) = pairs(contents(source))?.into_iter().unzip();
+    let mut prose = String::new();
+    for comment in source.lines().filter_map(|line| split_comment(line).1) {
+        prose.push_str(&comment.to_lowercase());
+        prose.push('\n');
+        if !comment.trim().is_empty() {
+            report.metadata.push(("comment".to_owned(), comment.trim().chars().take(4096).collect()));
+        }
+    }
+    let (names, dialect) = (vec!["1".to_owned()], "several pairs a line");
+    Some(Table { wavelengths, values, names, wavelength_name: None, prose, dialect })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::formats::{Interpretation, Samples, read};
+
+    fn spectrum(text: &str) -> Option<(Vec<f64>, Vec<f32>)> {
+        let acquisition = read(text.as_bytes(), &Interpretation::default()).ok()?;
+        let Samples::OnAxes { tensor, .. } = acquisition.samples else { return None };
+        let [crate::domain::Axis::Wavelength(grid)] = tensor.axes() else { return None };
+        Some((grid.values(), tensor.samples().to_vec()))
+    }
+
+    #[test]
+    fn several_pairs_a_line_are_one_spectrum() {
+        let one = spectrum("# lamp\n400 1\n500 2\n600 3\n700 450\n");
+        assert!(one.is_some());
+        for text in
+            ["# lamp\n400 1 500 2\n600 3 700 450\n", "400 1 500 2 600 3\n700 450\n", "400 1\t500 2 600 3 700 450"]
+        {
+            assert_eq!(spectrum(text), one, "{text}");
+        }
+    }
+
+    #[test]
+    fn columns_stay_columns() {
+        for (text, columns) in
+            [("400 1 2 3\n500 2 3 4\n", 3), ("400 1 600 3\n410 2 590 4\n", 3), ("400 1 2\n500 2 3\n", 2)]
+        {
+            let acquisition = read(text.as_bytes(), &Interpretation::default()).unwrap();
+            assert!(acquisition.dialect.ends_with(&format!("{columns} column(s)")), "{}", acquisition.dialect);
+        }
+    }
+}
