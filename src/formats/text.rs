@@ -311,6 +311,11 @@ fn decode(bytes: &[u8]) -> (Cow<'_, str>, &'static str) {
         let name = if encoding == encoding_rs::UTF_8 { "UTF-8" } else { encoding.name() };
         return (text, name);
     }
+    unmarked(bytes)
+}
+
+/// Text without a byte order mark, and its encoding: UTF-8 if valid, else Windows-1252.
+pub(super) fn unmarked(bytes: &[u8]) -> (Cow<'_, str>, &'static str) {
     match std::str::from_utf8(bytes) {
         Ok(text) => (Cow::Borrowed(text), "UTF-8"),
         Err(_) => (encoding_rs::WINDOWS_1252.decode_without_bom_handling(bytes).0, "Windows-1252"),

@@ -5,6 +5,7 @@ use super::number::decimal;
 use super::problems::Problems;
 use crate::domain::Quantity;
 use crate::domain::limits::MAX_WAVELENGTHS;
+use crate::formats::Normalization;
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::text::{Brief, snippet};
 
@@ -96,6 +97,7 @@ pub(super) fn read(
     report: &mut ParseReport,
     problems: &mut Problems,
 ) -> Option<Columns> {
+    check_separator(row, problems)?;
     let mut columns = Columns {
         cells: Vec::new(),
         names: Vec::new(),
@@ -196,11 +198,21 @@ pub(super) fn read(
     good.then_some(columns)
 }
 
+/// Names of a text that something else than `,` separates are a problem, one instead of one for each column they lack.
+fn check_separator(row: &Row<'_>, problems: &mut Problems) -> Option<()> {
+    let names = row.text.trim_end_matches(',').trim();
+    let known = [(';', "`;`"), ('\t', "tabs"), (' ', "blanks")];
+    let other = known.into_iter().find(|(c, _)| row.line > 0 && !names.contains(',') && names.contains(*c));
+    let Some((_, found)) = other else { return Some(()) };
+    problems.add(row.line, 1, || format!("cells are separated by {found}, expected `,` (and `.` in numbers)"));
+    None
+}
+
 /// The columns of uncertainties: each belongs to one of values.
 fn sigma_cells(columns: &mut Columns, wide: &[(f64, usize)], alone: Option<usize>, refuse: &mut impl FnMut(String)) {
     if let Some(i) = alone {
         if columns.is_wide() {
-            refuse("a column `sigma` beside columns such as `v550`, expected `s550`".to_owned());
+            refuse("a column `sigma` beside columns such as `v550`, expected one `s550` for each".to_owned());
         } else {
             columns.cells[i] = Cell::Sigma(0);
             columns.has_sigma = true;
@@ -308,6 +320,12 @@ fn check_directions(columns: &Columns, header: &Header, refuse: &mut impl FnMut(
             _ => "theta and phi, or gamma and c",
         };
         refuse(format!("the columns of angles of a {quantity}: expected {names}"));
+    }
+    if quantity == Quantity::Phase && theta_i && header.normalization == Some(Normalization::Vsf) {
+        refuse(
+            "a volume scattering function (1/m/sr) over two directions, expected it over theta, the scattering angle, alone"
+                .to_owned(),
+        );
     }
     let has_no_place = columns.angles.iter().all(Option::is_none) && !columns.has_wavelength && !columns.is_wide();
     if has_no_place {

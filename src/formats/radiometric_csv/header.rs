@@ -151,6 +151,8 @@ pub(super) fn read(
     };
     let extents = ["phi_i_extent", "phi_o_extent"].map(|key| header.value(key, "circle, mirrored or sector", extent));
     let covers = ["theta_i_covers", "theta_o_covers"].map(|key| header.value(key, "two angles in degrees", range));
+    let is_volume = quantity == Quantity::Phase
+        && fields.iter().any(|field| field.key == "value_unit" && field.value.eq_ignore_ascii_case(VOLUME));
     let other = fields.iter().filter(|field| !KNOWN.contains(&field.key.as_str()));
     report.metadata.extend(other.map(|field| (field.key.clone(), field.value.clone())));
     Ok(unit.map(|unit| Header {
@@ -164,7 +166,11 @@ pub(super) fn read(
         luminaire,
         extents,
         covers,
-        normalization: how.normalization.or((unit == Unit::Relative).then_some(Normalization::Relative)),
+        normalization: how.normalization.or(match unit {
+            _ if is_volume => Some(Normalization::Vsf),
+            Unit::Relative => Some(Normalization::Relative),
+            _ => None,
+        }),
     }))
 }
 
@@ -185,6 +191,9 @@ fn range(text: &str) -> Option<(f64, f64)> {
     }
 }
 
+/// The unit of a volume scattering function, which becomes a phase function in 1/sr.
+const VOLUME: &str = "1/m/sr";
+
 fn unit(
     header: &mut Fields<'_>,
     quantity: Quantity,
@@ -193,8 +202,16 @@ fn unit(
 ) -> Result<Option<Unit>, FormatError> {
     let fitting: Vec<Unit> = Unit::ALL.iter().copied().filter(|&unit| fits(quantity, unit)).collect();
     let names = fitting.iter().map(|unit| unit.name()).collect::<Vec<_>>().join(", ");
-    let stated = header.value("value_unit", &format!("a unit of a {quantity}: {names}"), |value| {
-        fitting.iter().copied().find(|unit| unit.name().eq_ignore_ascii_case(value))
+    let expected = match quantity {
+        Quantity::Phase => format!("a unit of a {quantity}: {names}, {VOLUME}"),
+        Quantity::Edf => format!("a unit of an emission, by solid angle (a radiance times area and cosine): {names}"),
+        _ => format!("a unit of a {quantity}: {names}"),
+    };
+    let stated = header.value("value_unit", &expected, |value| {
+        let is_volume = quantity == Quantity::Phase && value == VOLUME;
+        is_volume
+            .then_some(Unit::PerSteradian)
+            .or_else(|| fitting.iter().copied().find(|unit| unit.name().eq_ignore_ascii_case(value)))
     });
     if let (Some(asked), Some(stated)) = (how.unit, stated)
         && asked != stated

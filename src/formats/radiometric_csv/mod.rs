@@ -22,7 +22,7 @@ mod tests;
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport};
 use super::error::{FormatError, FormatErrorKind};
-use super::text::Source;
+use super::text::{Source, unmarked};
 use super::{Format, Interpretation, Reader, Sample};
 use columns::{Columns, Row};
 use header::Field;
@@ -149,6 +149,14 @@ impl Head {
     fn read(text: &[u8], report: &mut ParseReport) -> Result<Self, FormatError> {
         let mut fields: Vec<Field> = Vec::new();
         let (mut at, mut lines) = (0, 0);
+        let mut odd = None;
+        let mut decoded = |bytes: &[u8], report: &mut ParseReport| {
+            let (text, encoding) = unmarked(bytes);
+            if encoding != "UTF-8" && odd.replace(encoding).is_none() {
+                report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
+            }
+            text.into_owned()
+        };
         while at < text.len() {
             lines += 1;
             let end = text[at..].iter().position(|&b| b == b'\n').map_or(text.len(), |i| at + i);
@@ -158,7 +166,7 @@ impl Head {
                 if line.is_empty() && lines < MAX_HEADER_LINES {
                     continue;
                 }
-                return Ok(Self { fields, names: String::from_utf8_lossy(line).into_owned(), lines, end: at });
+                return Ok(Self { fields, names: decoded(line, report), lines, end: at });
             };
             if lines > MAX_HEADER_LINES || line.len() > MAX_HEADER_LINE {
                 let message = format!(
@@ -169,11 +177,12 @@ impl Head {
             if comment.starts_with(b"#") {
                 continue;
             }
-            let comment = String::from_utf8_lossy(comment.trim_ascii_start()).into_owned();
+            let comment = decoded(comment.trim_ascii_start(), report);
             match comment.split_once(':') {
                 // More than one word before the colon is prose.
                 Some((key, value)) if !key.trim().is_empty() && !key.trim().contains(char::is_whitespace) => {
-                    let value = value.trim().chars().take(4096).collect();
+                    // Spreadsheets end every line with as many separators as the longest has.
+                    let value = value.trim().trim_end_matches([',', ';']).trim_end().chars().take(4096).collect();
                     fields.push(Field { key: key.trim().to_lowercase(), value, line: lines });
                 }
                 _ if comment.is_empty() => {}

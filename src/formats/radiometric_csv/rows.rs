@@ -167,6 +167,12 @@ fn ends_number(next: Option<&u8>) -> bool {
     matches!(next, None | Some(b',' | b'\n' | b'\r' | b' ' | b'\t'))
 }
 
+fn too_many(columns: usize) -> String {
+    format!(
+        "more cells than the {columns} columns, expected one for each (a decimal comma separates cells, expected `.`)"
+    )
+}
+
 impl Parser<'_> {
     /// The first place from `at` on that is no blank.
     #[inline]
@@ -283,7 +289,7 @@ impl Parser<'_> {
                 Some(b',') if column < last => at += 1,
                 Some(b',') => {
                     good = false;
-                    self.problem(at, || format!("more cells than the {} columns, expected one for each", last + 1));
+                    self.problem(at, || too_many(last + 1));
                     break;
                 }
                 None | Some(b'\n' | b'\r') if column == last => {}

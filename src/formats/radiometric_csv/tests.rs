@@ -237,7 +237,7 @@ fn uncertainties_follow_their_values() {
     for (text, word) in [
         (wide.replace("s400", "s410"), "an uncertainty at 410 nm"),
         (wide.replace("s400", "s500"), "two columns of the uncertainty at 500 nm"),
-        (wide.replace("s400", "sigma"), "expected `s550`"),
+        (wide.replace("s400", "sigma"), "expected one `s550` for each"),
         (long.replace("value,sigma", "sigma,sigma"), "a second column `sigma`"),
         (long.replace(",0.7\n", ",-0.7\n"), "found `-0.7`, expected an uncertainty"),
     ] {
@@ -325,6 +325,23 @@ fn a_phase_function_may_have_the_scattering_angle_alone() {
 }
 
 #[test]
+fn a_volume_scattering_function_is_named_by_its_unit() {
+    let mut text =
+        "# radiometric-csv: 1\n# quantity: phase\n# value_unit: 1/m/sr\n# angle_unit: deg\ntheta,value\n".to_owned();
+    for i in 0..=180 {
+        let _ = writeln!(text, "{i},{}", 0.37 * haze(0.3, f64::from(i)));
+    }
+    let read = good(&text);
+    assert_eq!(read.unit, Unit::PerSteradian);
+    let b = &read.report.metadata.iter().find(|(key, _)| key == "scattering_coefficient").unwrap().1;
+    assert!((b.parse::<f64>().unwrap() - 0.37).abs() < 1e-3, "{b}");
+    let directions = text.replace("theta,value", "theta_i,theta_o,phi_o,value");
+    assert!(plain(&directions).unwrap_err().message.contains("expected it over theta"));
+    let emission = text.replace("phase", "emission").replace("1/m/sr", "W/m2/sr/nm");
+    assert!(plain(&emission).unwrap_err().message.contains("a radiance times area and cosine"));
+}
+
+#[test]
 fn phase_functions_that_are_none_are_refused() {
     for (rows, kind, words) in [
         ("theta,value\n0,1\n", FormatErrorKind::Malformed, "one scattering angle, expected"),
@@ -373,6 +390,17 @@ fn the_users_word_goes_before_the_files() {
 }
 
 #[test]
+fn headers_of_spreadsheets_and_of_old_computers_are_read() {
+    let body = "theta_i,theta_o,phi_o,value\n10,20,0,1\n10,30,0,2\n";
+    let padded = BRDF.replace('\n', ",,,\n") + body;
+    assert_eq!(grid(&good(&padded)).values, grid(&good(&format!("{BRDF}{body}"))).values);
+    let latin = [BRDF.as_bytes(), b"# sample: Stra\xdfe 5 \xb5m\n", body.as_bytes()].concat();
+    let read = read_any(&latin, &Interpretation::default()).unwrap();
+    assert!(read.report.metadata.contains(&("sample".to_owned(), "Straße 5 µm".to_owned())));
+    assert!(says(&read, NoteKind::Assumed, "Windows-1252"));
+}
+
+#[test]
 fn metadata_and_skipped_columns_are_told() {
     let text = format!(
         "# made by hand\n{BRDF}# sample: velvet-03\n# uncertainty: k=1\ntheta_i,theta_o,phi_o,value,sigma,note\n"
@@ -393,7 +421,7 @@ fn the_first_twenty_problems_are_listed_and_all_are_counted() {
     for part in [
         "radiometric-csv: line 9, column 4: found `x`, expected an angle from 0 to 90 degrees (theta_o)",
         "line 10, column 8: 3 cells, expected 4",
-        "line 11, column 10: more cells than the 4 columns",
+        "line 11, column 10: more cells than the 4 columns, expected one for each (a decimal comma",
         "line 12, column 4: found `95`, expected an angle from 0 to 90 degrees (theta_o)",
         "line 12, column 7: found `1000`, expected an angle from -360 to 720 degrees (phi_o)",
         "line 12, column 12: found `1e39`, expected a number within the range of float32 (value)",
@@ -420,6 +448,9 @@ fn headers_and_columns_are_checked() {
         (format!("{BRDF}# angle_unit: rad\n{body}"), "`angle_unit` twice"),
         (format!("{BRDF}# isotropic: perhaps\n{body}"), "isotropic `perhaps`"),
         (format!("{BRDF}theta_i,theta_o,phi_o\n10,20,0\n"), "no column `value`"),
+        (format!("{BRDF}theta_i;theta_o;phi_o;value\n10;20;0;0,5\n"), "separated by `;`, expected `,`"),
+        (format!("{BRDF}theta_i\ttheta_o\tphi_o\tvalue\n"), "separated by tabs, expected `,`"),
+        (format!("{BRDF}theta_i theta_o phi_o value\n"), "separated by blanks, expected `,`"),
         (format!("{BRDF}theta_i,theta_o,phi_o,value,value\n"), "a second column `value`"),
         (format!("{BRDF}theta_i,theta_o,phi_o,value,v400\n"), "both `value` and columns"),
         (format!("{BRDF}theta_i,theta_o,phi_o,wavelength,v400\n"), "beside columns such as"),
