@@ -123,6 +123,11 @@ fn empty(document: &Document, how: &Interpretation) -> Result<Acquisition, Forma
             say("value_unit", json!(unit));
         }
         say("sampling", json!(document.sampling.unwrap_or_default()));
+        say("cosine_included", json!(false));
+        if fields["cosine_included"] != json!(false) {
+            let message = "axes: cosine_included, expected false: the values of a model do not hold |cos theta_o|";
+            return Err(refuse(FormatErrorKind::NeedsOption, message));
+        }
     }
     let shape = manifest::shape(&described, how).map_err(ours)?;
     let samples = shape.iter().try_fold(1_usize, |product, &n| product.checked_mul(n));

@@ -238,6 +238,15 @@ fn refusals_say_where_and_what() {
 }
 
 #[test]
+fn values_of_a_model_hold_no_cosine() {
+    let json = document("brdf", "{\"lambert\":{\"reflectance\":0.5}}", "[]", "");
+    let axes = json!({"cosine_included": true, "axes": ["hemi:0", "hemi:1", "lambda:400:100:4"]});
+    let how = Interpretation { axes: Some(axes), ..Interpretation::default() };
+    let error = formats::read(json.as_bytes(), &how).map(|_| ()).unwrap_err();
+    assert!(error.kind == FormatErrorKind::NeedsOption && error.message.contains("expected false"), "{error}");
+}
+
+#[test]
 fn every_document_of_the_examples_reads() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/data/virtual");
     let mut found = 0;
@@ -255,6 +264,7 @@ fn every_document_of_the_examples_reads() {
         let read = formats::read(&bytes, &how).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         assert!(read.report.notes.iter().all(|n| n.kind != NoteKind::Warning), "{path:?}: {:?}", read.report.notes);
         assert_eq!(read.report.metadata[0].0, "name");
+        assert!(read.report.notes.iter().all(|n| !n.message.contains("cosine")), "{:?}", read.report.notes);
         found += 1;
     }
     assert!(found >= 10);

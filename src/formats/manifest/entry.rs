@@ -175,12 +175,12 @@ impl Object<'_> {
 
     fn number(&self, key: &str) -> Result<f64, FormatError> {
         let value = self.fields.get(key).and_then(Value::as_f64);
-        value.ok_or_else(|| self.unfit(format!("no number `{key}`")))
+        value.ok_or_else(|| self.unfit(format!("no number `{key}`, expected one")))
     }
 
     fn whole(&self, key: &str) -> Result<u64, FormatError> {
         let value = self.fields.get(key).and_then(Value::as_u64);
-        value.ok_or_else(|| self.unfit(format!("no whole number `{key}`")))
+        value.ok_or_else(|| self.unfit(format!("no whole number `{key}`, expected one from 0")))
     }
 
     fn numbers(&self, key: &str) -> Result<Vec<f64>, FormatError> {
@@ -254,7 +254,10 @@ fn full_form(
                 Some(Value::Array(labels)) => labels
                     .iter()
                     .map(|label| {
-                        label.as_str().map(str::to_owned).ok_or_else(|| object.unfit("a label that is no text"))
+                        label
+                            .as_str()
+                            .map(str::to_owned)
+                            .ok_or_else(|| object.unfit("a label that is no text, expected text"))
                     })
                     .collect::<Result<_, _>>()?,
                 Some(_) => return Err(object.unfit("`labels`, expected a list of text")),
@@ -271,7 +274,7 @@ fn angle(object: &Object<'_>, role: Role) -> Result<Angle, FormatError> {
     object.unit(DEGREES)?;
     let values = object.numbers("values")?;
     if values.is_empty() {
-        return Err(object.unfit("no angles"));
+        return Err(object.unfit("no angles, expected at least one"));
     }
     if let Some(&[a, b]) = values.array_windows().find(|[a, b]| b <= a) {
         return Err(object.unfit(format!(

@@ -3,7 +3,7 @@
 use super::entry::{Angle, Entry, Role};
 use super::unfit;
 use crate::domain::{Axis, Quantity};
-use crate::formats::acquisition::{AngleGrid, Angles, Azimuths, Outside, ParseReport};
+use crate::formats::acquisition::{AngleGrid, Angles, Azimuths, NoteKind, Outside, ParseReport};
 use crate::formats::azimuth::extended;
 use crate::formats::error::FormatError;
 use crate::formats::text::Brief;
@@ -71,6 +71,27 @@ pub(super) fn assemble(
     let incoming = theta_i.map(|theta| polar(theta, phi_i, theta_range(false))).transpose()?;
     let outgoing = theta_o.map(|theta| polar(theta, phi_o, theta_range(true))).transpose()?;
     Ok(AngleGrid { index, incoming, outgoing, spectral, outside: Outside::Masked, values })
+}
+
+/// Divides the values at each outgoing angle by its cosine; at 90 degrees they are masked.
+pub(super) fn divide_by_cosine(grid: &mut AngleGrid, report: &mut ParseReport) {
+    report.note(NoteKind::Assumed, "values hold the cosine, as the manifest says: divided by |cos theta_o|");
+    let Some(outgoing) = &grid.outgoing else { return };
+    let inner = outgoing.phi.as_ref().map_or(1, |phi| phi.phi.len()) * grid.spectral.as_ref().map_or(1, Axis::len);
+    let mut grazing = 0;
+    for (values, theta) in grid.values.chunks_exact_mut(inner).zip(outgoing.theta.iter().cycle()) {
+        let cosine = libm::cos(theta.to_radians()).abs();
+        for value in values.iter_mut().filter(|value| !value.is_nan()) {
+            let quotient = (f64::from(*value) / cosine) as f32;
+            let good = cosine > 1e-9 && quotient.is_finite();
+            grazing += usize::from(!good);
+            *value = if good { quotient } else { f32::NAN };
+        }
+    }
+    if grazing > 0 {
+        let message = format!("{grazing} values at theta_o of 90 degrees hold a cosine of 0: masked");
+        report.note(NoteKind::Warning, message);
+    }
 }
 
 fn polar(theta: Angle, phi: Option<Azimuths>, (low, high): (f64, f64)) -> Result<Angles, FormatError> {
