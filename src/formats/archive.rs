@@ -5,7 +5,7 @@
 
 use super::error::{FormatError, FormatErrorKind};
 use super::text::snippet;
-use super::{Acquisition, Format, Interpretation, NoteKind, Reader, Sample};
+use super::{Acquisition, Format, Interpretation, NoteKind, Reader, Sample, foreign};
 use std::collections::HashSet;
 use std::io::{Cursor, Read};
 use zip::{CompressionMethod, ZipArchive, result::ZipError};
@@ -59,7 +59,7 @@ pub struct Archive<'a> {
 
 /// Whether `bytes` begin a zip archive.
 pub fn is_archive(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"PK\x05\x06")
+    (bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"PK\x05\x06")) && !foreign::is_workbook(bytes)
 }
 
 fn refused(kind: FormatErrorKind, message: impl Into<String>) -> FormatError {

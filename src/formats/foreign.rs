@@ -9,12 +9,21 @@ struct Foreign {
     matches: fn(&Sample<'_>) -> bool,
 }
 
-const CONVERT: &str = "convert it to a NumPy array with a manifest of its axes";
+const CONVERT: &str = "write its directions and values as a table (`wavelume formats --template radiometric-csv-wide`), or \
+                       values on a grid as a NumPy array with a manifest of its axes; docs/labs.md has scripts";
 const UNPACK: &str = "decompress it, or send it with the matching Content-Encoding";
+const LUMINAIRE: &str = "send the luminaire as LM-63 (.ies)";
+const UNZIP: &str = "send the files one by one, or in a zip archive";
 
 const TABLE: &[Foreign] = &[
     Foreign { name: "gzip compressed data", advice: UNPACK, matches: |s| s.bytes.starts_with(b"\x1f\x8b") },
     Foreign { name: "zstd compressed data", advice: UNPACK, matches: |s| s.bytes.starts_with(b"\x28\xb5\x2f\xfd") },
+    Foreign {
+        name: "bzip2 compressed data",
+        advice: "decompress it",
+        matches: |s| matches!(s.bytes, [b'B', b'Z', b'h', b'1'..=b'9', rest @ ..] if rest.starts_with(b"1AY&SY")),
+    },
+    Foreign { name: "xz compressed data", advice: "decompress it", matches: |s| s.bytes.starts_with(b"\xfd7zXZ\0") },
     Foreign {
         name: "a material, compressed already",
         advice: "inspect, decode, evaluate or sample it",
@@ -36,21 +45,10 @@ const TABLE: &[Foreign] = &[
         advice: "save it as CSV",
         matches: |s| s.bytes.starts_with(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"),
     },
-    Foreign {
-        name: "a tar archive",
-        advice: "send the files one by one, or in a zip archive",
-        matches: |s| s.bytes.get(257..262) == Some(b"ustar"),
-    },
-    Foreign {
-        name: "a 7-Zip archive",
-        advice: "send the files one by one, or in a zip archive",
-        matches: |s| s.bytes.starts_with(b"7z\xbc\xaf\x27\x1c"),
-    },
-    Foreign {
-        name: "a RAR archive",
-        advice: "send the files one by one, or in a zip archive",
-        matches: |s| s.bytes.starts_with(b"Rar!\x1a\x07"),
-    },
+    Foreign { name: "a spreadsheet (.xlsx)", advice: "save it as CSV", matches: |s| is_workbook(s.bytes) },
+    Foreign { name: "a tar archive", advice: UNZIP, matches: |s| s.bytes.get(257..262) == Some(b"ustar") },
+    Foreign { name: "a 7-Zip archive", advice: UNZIP, matches: |s| s.bytes.starts_with(b"7z\xbc\xaf\x27\x1c") },
+    Foreign { name: "a RAR archive", advice: UNZIP, matches: |s| s.bytes.starts_with(b"Rar!\x1a\x07") },
     Foreign { name: "NetCDF-3", advice: CONVERT, matches: |s| matches!(s.bytes, [b'C', b'D', b'F', 1 | 2 | 5, ..]) },
     Foreign { name: "Parquet", advice: CONVERT, matches: |s| s.bytes.starts_with(b"PAR1") },
     Foreign {
@@ -71,11 +69,7 @@ const TABLE: &[Foreign] = &[
         advice: CONVERT,
         matches: |s| s.bytes.len() == 3 * 288 * 288 * 8 && s.head.contains('\0'),
     },
-    Foreign {
-        name: "ASTM E1392 scatter data",
-        advice: CONVERT,
-        matches: |s| s.head.lines().take(100).any(|line| line.trim_start().starts_with("VARS theta_i")),
-    },
+    Foreign { name: "ASTM E1392 scatter data", advice: CONVERT, matches: |s| says(s, "vars theta_i") },
     Foreign {
         name: "SSDD scatter data",
         advice: CONVERT,
@@ -87,21 +81,46 @@ const TABLE: &[Foreign] = &[
         matches: |s| s.head.contains("Symmetry") && s.head.contains("SpectralContent"),
     },
     Foreign {
+        name: "an Integra BSDF (.ddr, .ddt)",
+        advice: CONVERT,
+        matches: |s| says(s, "typesym") && says(s, "typecolormodel"),
+    },
+    Foreign {
         name: "a gonioscatterometer's table (pab mountain text)",
         advice: CONVERT,
-        matches: |s| s.head.lines().take(100).any(|line| line.starts_with("#format: theta phi")),
+        matches: |s| ["#format: theta phi", "#intheta", "#incident_angle"].into_iter().any(|key| says(s, key)),
     },
+    Foreign { name: "a BRDF of pbrt-v2 (.brdf)", advice: CONVERT, matches: is_pbrt },
     Foreign { name: "a Speos BRDF", advice: CONVERT, matches: |s| s.head.starts_with("OPTIS - ") },
     Foreign {
         name: "CGATS spectral data",
         advice: "export the spectra as CSV",
-        matches: |s| s.head.contains("BEGIN_DATA_FORMAT"),
+        matches: |s| {
+            let first = s.head.lines().next().unwrap_or_default().trim();
+            s.head.contains("BEGIN_DATA_FORMAT") || ["CTI3", "SPECT", "CGATS.17", "ISO28178"].contains(&first)
+        },
     },
     Foreign { name: "JCAMP-DX", advice: "export the spectrum as CSV", matches: |s| s.head.starts_with("##TITLE=") },
     Foreign {
         name: "an ENVI header",
         advice: "export the spectra as CSV",
         matches: |s| s.head.starts_with("ENVI\n") || s.head.starts_with("ENVI\r"),
+    },
+    Foreign {
+        name: "an IES TM-33 luminaire (JSON)",
+        advice: LUMINAIRE,
+        matches: |s| {
+            let marks = ["ATLA_S001", "IESTM33", "\"IntDataSymm\""];
+            s.head.trim_start().starts_with('{') && marks.iter().any(|mark| s.head.contains(mark))
+        },
+    },
+    Foreign {
+        name: "radiometric-csv without the line that says so",
+        advice: "write `# radiometric-csv: 1` as its first line",
+        matches: |s| {
+            let names = s.head.lines().map(str::trim).find(|line| !line.is_empty() && !line.starts_with('#'));
+            says(s, "# quantity:") && names.is_some_and(|names| names.to_lowercase().contains("theta_"))
+        },
     },
     Foreign {
         name: "the manifest of an array",
@@ -127,6 +146,44 @@ fn is_hdf5(sample: &Sample<'_>) -> bool {
 fn contains(bytes: &[u8], needle: &[u8]) -> bool {
     let head = &bytes[..bytes.len().min(super::HEAD_BYTES)];
     head.windows(needle.len()).any(|window| window.eq_ignore_ascii_case(needle))
+}
+
+/// Whether one of the first lines begins with `key`, in whatever case.
+fn says(sample: &Sample<'_>, key: &str) -> bool {
+    let begins = |line: &str| line.get(..key.len()).is_some_and(|start| start.eq_ignore_ascii_case(key));
+    sample.head.lines().take(100).any(|line| begins(line.trim_start()))
+}
+
+/// Whether a zip archive is a workbook of a spreadsheet: its first file is one that only those have.
+pub(super) fn is_workbook(bytes: &[u8]) -> bool {
+    const FIRST: [&[u8]; 4] = [b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/"];
+    let first = bytes.strip_prefix(b"PK\x03\x04").and_then(|rest| rest.get(26..)).unwrap_or_default();
+    let list = &bytes[bytes.len().saturating_sub(super::HEAD_BYTES)..];
+    FIRST.iter().any(|name| first.starts_with(name)) && contains(list, b"xl/workbook.xml")
+}
+
+/// How many wavelengths, these, then rows of four angles in radians and as many values, all between blanks.
+fn is_pbrt(sample: &Sample<'_>) -> bool {
+    let lines = sample.head.lines().map(|line| line.split('#').next().unwrap_or_default());
+    let mut numbers = lines.flat_map(str::split_whitespace).map(super::text::number);
+    let count = match numbers.next() {
+        Some(Some(count)) if count.fract() == 0.0 && (2.0..=1000.0).contains(&count) => count as usize,
+        _ => return false,
+    };
+    let mut last = 150.0;
+    let mut grows = |number: Option<f64>| {
+        number.is_some_and(|lambda| {
+            let grows = lambda > last && lambda <= 3000.0;
+            last = lambda;
+            grows
+        })
+    };
+    let wavelengths: Vec<Option<f64>> = numbers.by_ref().take(count).collect();
+    let angles: Vec<Option<f64>> = numbers.take(4).collect();
+    wavelengths.len() == count
+        && wavelengths.into_iter().all(&mut grows)
+        && angles.len() == 4
+        && angles.into_iter().all(|angle| angle.is_some_and(|angle| angle.abs() <= 7.0))
 }
 
 fn is_asd(sample: &Sample<'_>) -> bool {
@@ -158,7 +215,7 @@ pub(super) fn xml_root(head: &str) -> Option<&str> {
 
 fn xml(root: &str, head: &str) -> String {
     let (name, advice) = match root {
-        "IESTM33-22" | "LuminaireOpticalData" => ("an IES TM-33 luminaire (XML)", "send the luminaire as LM-63 (.ies)"),
+        "IESTM33-22" | "LuminaireOpticalData" => ("an IES TM-33 luminaire (XML)", LUMINAIRE),
         "WindowElement" => ("a WINDOW BSDF (Klems or tensor tree XML)", CONVERT),
         "CxF" => ("CxF3 colour data (XML)", "export the spectra as CSV"),
         "Root" if head.contains("gldf.io") => {
@@ -176,6 +233,14 @@ fn xml(root: &str, head: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::{FormatErrorKind, Interpretation, read};
+
+    fn workbook() -> Vec<u8> {
+        let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+        for name in ["[Content_Types].xml", "_rels/.rels", "xl/workbook.xml"] {
+            zip.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
+        }
+        zip.finish().unwrap().into_inner()
+    }
 
     #[test]
     fn every_known_stranger_is_named() {
@@ -210,6 +275,31 @@ mod tests {
             (b"<IESTM33-22/>".to_vec(), "TM-33"),
             (b"<item></item>".to_vec(), "`item`"),
             (b"{\"quantity\": \"brdf\", \"axes\": []}".to_vec(), "manifest"),
+            (b"BZh91AY&SY\0".to_vec(), "bzip2"),
+            (b"\xfd7zXZ\0\0\x04".to_vec(), "xz"),
+            (workbook(), "spreadsheet (.xlsx), which is not read: save it as CSV"),
+            (b"MATLAB 7.3 MAT-file, Platform: GLNXA64".to_vec(), "MATLAB"),
+            (b"\x76\x2f\x31\x01\x02\0\0\0".to_vec(), "OpenEXR"),
+            (b"KEY x\nVARS theta_i,phi_i,theta_s,phi_s,400nm\n0.1,0,0.2,0,1\n".to_vec(), "ASTM"),
+            (b"VARS THETA_I,PHI_I,THETA_S,PHI_S,400nm\n0.1,0,0.2,0,1\n".to_vec(), "ASTM"),
+            (b"VERSION 0.3\nDATA_TYPE brdf\n".to_vec(), "SSDD"),
+            (
+                b"Source Measured\nSymmetry PlaneSymmetrical\nSpectralContent Monochrome\n".to_vec(),
+                "Zemax or LightTools",
+            ),
+            (b"Source Measured\nTypeSym AxiSymmetrical\nTypeColorModel rgb\nsigma 2\n0 30\n".to_vec(), "Integra"),
+            (b"#sample_name \"x\"\n#intheta 30\n10 20 0.1\n20 20 0.1\n".to_vec(), "mountain"),
+            (b"#incident_angle 30 0\n10 20 0.1\n20 20 0.1\n".to_vec(), "mountain"),
+            (b"# felt\n2 400 500\n0.1 0 0.2 3.1 0.5 0.6\n0.1 0 0.4 3.1 0.5 0.6\n".to_vec(), "pbrt-v2"),
+            (b"CTI3   \n\nDESCRIPTOR \"x\"\n1 2\n3 4\n".to_vec(), "CGATS"),
+            (b"<Root xmlns:x=\"https://gldf.io/xsd\">".to_vec(), "GLDF"),
+            (b"{\"FileType\": \"ATLA_S001_A\", \"h\": [0]}".to_vec(), "TM-33 luminaire (JSON)"),
+            (
+                b"# radiometic-csv: 1\n# quantity: brdf\ntheta_i,theta_o,value\n1,2,3\n".to_vec(),
+                "write `# radiometric-csv: 1`",
+            ),
+            (b"# quantity: brdf\ntheta_i,theta_o,v400\n1,2,3\n".to_vec(), "write `# radiometric-csv: 1`"),
+            (b"PAR1\x15\x04".to_vec(), "docs/labs.md"),
         ] {
             let error = read(&bytes, &Interpretation::default()).unwrap_err();
             assert_eq!(error.kind, FormatErrorKind::Unsupported, "{word}: {error}");
