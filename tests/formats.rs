@@ -648,8 +648,12 @@ fn unfit_spectra_are_refused() {
     assert!(refusal(candela, b"nm,v\n200,1\n300,2\n").contains("V(lambda)"));
     assert!(refusal("data/aerolamp.ies", b"nm,v\n200,-1\n300,-2\n").contains("integrates to -150"));
     assert!(refusal(candela, b"nm,v\n400,1\n").contains("at least two"));
-    assert!(refusal(candela, b"nm,reflectance\n400,1\n500,1\n").contains("reflectance is no spectrum"));
-    assert!(refusal("data/carpaint_blue.mbsdf", b"nm,v\n400,1\n500,1\n").contains("this is a brdf"));
+    assert!(
+        refusal(candela, b"nm,reflectance\n400,1\n500,1\n").contains("quantity reflectance, expected the spectrum")
+    );
+    assert!(
+        refusal("data/carpaint_blue.mbsdf", b"nm,v\n400,1\n500,1\n").contains("quantity brdf, expected an emission")
+    );
     let mut lamp = fixture(candela);
     lamp.unit = Unit::CandelaPerKilolumen;
     assert!(attach_spectrum(&mut lamp, &fixture("data/illuminant_D65.csv")).is_err());

@@ -85,6 +85,7 @@ impl Axis {
     pub fn describe(&self) -> String {
         match self {
             Self::Triangles(mesh) => format!("{}:{} ({} triangles)", mesh.domain(), mesh.level(), mesh.len()),
+            Self::Elevation(values) if values.len() == 1 => "1 elevation".to_owned(),
             Self::Elevation(values) => format!("{} elevations", values.len()),
             Self::Wavelength(grid) => {
                 let (first, last) = grid.range();

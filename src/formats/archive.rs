@@ -166,7 +166,9 @@ impl<'a> Archive<'a> {
         let name = format!("{stem}{MANIFEST}");
         let Some(beside) = self.members.iter().find(|member| member.name == name).cloned() else { return Ok(None) };
         let manifest = serde_json::from_slice(&self.unpack(&beside)?);
-        manifest.map(Some).map_err(|error| refused(FormatErrorKind::Malformed, format!("{}: {error}", snippet(&name))))
+        manifest.map(Some).map_err(|error| {
+            refused(FormatErrorKind::Malformed, format!("{}: {error}, expected a manifest in JSON", snippet(&name)))
+        })
     }
 
     /// Whether a file is the manifest of an array beside it.

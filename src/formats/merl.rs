@@ -73,10 +73,10 @@ fn probe(sample: &Sample<'_>) -> u8 {
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
     let needs = |message: String| Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
     if how.unit.is_some_and(|unit| unit != Unit::PerSteradian) {
-        return needs("a unit was asked for that this format does not have, its values are in 1/sr".to_owned());
+        return needs("a unit was asked for that this format does not have, expected 1/sr".to_owned());
     }
     if let Some(quantity) = how.quantity.filter(|&quantity| quantity != Quantity::Brdf) {
-        return needs(format!("quantity {quantity} was asked for, the file holds a brdf"));
+        return needs(format!("quantity {quantity} was asked for, expected brdf, which the file holds"));
     }
     let mut report = ParseReport::default();
     let table = Table::read(bytes, &mut report)?;
@@ -411,6 +411,9 @@ mod tests {
         let asked = Interpretation { quantity: Some(Quantity::Btdf), ..Interpretation::default() };
         let asked = super::super::read(&file(180, false, |_| 1.0), &asked).unwrap_err();
         assert_eq!(asked.kind, NeedsOption);
+        let asked = Interpretation { unit: Some(crate::domain::Unit::Candela), ..Interpretation::default() };
+        let asked = super::super::read(&file(180, false, |_| 1.0), &asked).unwrap_err();
+        assert!(asked.kind == NeedsOption && asked.message.contains("expected 1/sr"), "{asked}");
         assert_eq!(write_merl(&Huge).unwrap_err().kind, Malformed);
     }
 }

@@ -87,7 +87,7 @@ fn read_array(bytes: &[u8], report: &mut ParseReport) -> Result<Array, FormatErr
         return Err(FormatError::new(
             FormatErrorKind::OverLimit,
             NAME,
-            format!("{} axes are more than the limit of {MAX_AXES}", shape.len()),
+            format!("{} axes, expected at most {MAX_AXES}", shape.len()),
         ));
     }
     let count = shape.iter().try_fold(1_usize, |n, &length| n.checked_mul(length)).filter(|&n| n <= MAX_SAMPLES);
@@ -95,7 +95,7 @@ fn read_array(bytes: &[u8], report: &mut ParseReport) -> Result<Array, FormatErr
         return Err(FormatError::new(
             FormatErrorKind::OverLimit,
             NAME,
-            format!("an array of shape {shape:?} has more than the limit of {MAX_SAMPLES} samples"),
+            format!("an array of shape {shape:?}, expected at most {MAX_SAMPLES} samples"),
         ));
     };
     if count == 0 {

@@ -107,9 +107,9 @@ fn check_luminaire(acquisition: &Acquisition) -> Result<(), FormatError> {
             Samples::Function(modelled) => modelled.spectral.is_some(),
         };
     let reason = if acquisition.quantity != Quantity::Edf {
-        format!("a spectrum joins an emission distribution (edf), this is a {}", acquisition.quantity)
+        format!("quantity {}, expected an emission distribution (edf), which a spectrum joins", acquisition.quantity)
     } else if spectral {
-        "the distribution has a spectrum already".to_owned()
+        "the distribution has a spectrum already, expected one without".to_owned()
     } else {
         return Ok(());
     };
@@ -119,7 +119,7 @@ fn check_luminaire(acquisition: &Acquisition) -> Result<(), FormatError> {
 /// The wavelengths and values of a file with one spectrum.
 fn column(spectrum: &Acquisition) -> Result<(&WavelengthGrid, &[f32]), FormatError> {
     if spectrum.quantity != Quantity::Spectrum {
-        return Err(refused(spectrum, format!("a {} is no spectrum of a lamp", spectrum.quantity)));
+        return Err(refused(spectrum, format!("quantity {}, expected the spectrum of a lamp", spectrum.quantity)));
     }
     let Samples::OnAxes { tensor, .. } = &spectrum.samples else {
         return Err(refused(spectrum, "samples by direction, expected one column of wavelengths and values"));

@@ -102,7 +102,7 @@ fn meaning(
         Some(other) => Err(FormatError::new(
             FormatErrorKind::NeedsOption,
             NAME,
-            format!("quantity {other} was asked for, the file holds one spectrum"),
+            format!("quantity {other} was asked for, expected spectrum or reflectance: the file holds one spectrum"),
         )),
     }
 }
@@ -200,7 +200,8 @@ impl<'a> Document<'a> {
                         .map(String::from)
                         .or_else(|| quick_xml::escape::resolve_predefined_entity(&reference).map(str::to_owned));
                     let Some(known) = known else {
-                        let message = format!("entity {}, which is not known here", snippet(&reference));
+                        let message =
+                            format!("entity {}, expected amp, lt, gt, quot, apos or a number", snippet(&reference));
                         return Err(self.malformed(offset, message));
                     };
                     self.text(&known, offset)?;
@@ -235,7 +236,8 @@ impl<'a> Document<'a> {
             self.rooted = true;
         }
         if self.stack.len() >= MAX_DEPTH {
-            let message = format!("more than {MAX_DEPTH} elements inside each other");
+            let message =
+                format!("an element inside {MAX_DEPTH} others, expected at most {MAX_DEPTH} inside each other");
             return Err(self.source.error(FormatErrorKind::OverLimit, offset, message));
         }
         let mut wavelength = None;

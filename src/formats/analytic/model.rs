@@ -53,7 +53,7 @@ impl Maker<'_> {
         let fits = fits(model);
         if !fits.contains(&self.quantity) {
             let names: Vec<&str> = fits.iter().map(|quantity| quantity.name()).collect();
-            return Err(format!("{path} makes a {}, the quantity is {}", names.join(" or "), self.quantity));
+            return Err(format!("{path} makes {}, expected {}, the quantity", names.join(" or "), self.quantity));
         }
         let mut weight = weight.to_vec();
         if let Some((field, shape, range)) = own_weight(model, self.quantity) {

@@ -156,7 +156,11 @@ fn refusals_say_where_and_what() {
             "model.lambert.reflectance is 1.5 at 500 nm, expected 0 to 1",
         ),
         (Malformed, document("brdf", lambert, axes, ",\"colour\":1"), "unknown field `colour`"),
-        (Malformed, document("brdf", "\"rayleigh\"", axes, ""), "model.rayleigh makes a phase, the quantity is brdf"),
+        (
+            Malformed,
+            document("brdf", "\"rayleigh\"", axes, ""),
+            "model.rayleigh makes phase, expected brdf, the quantity",
+        ),
         (
             Malformed,
             document("brdf", "{\"ggx\":{\"alpha\":{\"isotropic\":0},\"fresnel\":\"mirror\"}}", axes, ""),

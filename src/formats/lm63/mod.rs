@@ -112,7 +112,7 @@ fn check_quantity(how: &Interpretation) -> Result<(), FormatError> {
         Some(other) => Err(FormatError::new(
             FormatErrorKind::NeedsOption,
             NAME,
-            format!("quantity {other} was asked for, a luminaire is an emission distribution (edf)"),
+            format!("quantity {other} was asked for, expected edf: a luminaire is an emission distribution"),
         )),
     }
 }

@@ -56,7 +56,7 @@ pub(super) fn assemble(
             _ => "theta_o alone",
         };
         return Err(unfit(format!(
-            "a {quantity} on a grid of angles, expected {names} (with phi where it was measured)"
+            "quantity {quantity} on a grid of angles, expected {names} (with phi where it was measured)"
         )));
     }
     let isotropic = expected == (true, true) && phi_i.is_none();

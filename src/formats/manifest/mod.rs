@@ -195,7 +195,7 @@ fn cosine_included(
         Some(other) => {
             let expected = if quantity.has_cosine() { "true or false" } else { "false" };
             let found = snippet(&other.to_string());
-            Err(unfit(format!("cosine_included of a {quantity}: found {found}, expected {expected}")))
+            Err(unfit(format!("cosine_included of quantity {quantity}: found {found}, expected {expected}")))
         }
     }
 }

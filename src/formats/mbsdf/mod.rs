@@ -75,7 +75,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     }
     let needs = |message: &str| FormatError::new(FormatErrorKind::NeedsOption, NAME, message);
     if how.unit.is_some_and(|unit| unit != Unit::PerSteradian) {
-        return Err(needs("a unit was asked for that this format does not have, its values are in 1/sr"));
+        return Err(needs("a unit was asked for that this format does not have, expected 1/sr"));
     }
     let sides = match (&reflection, &transmission) {
         (Some(_), Some(_)) => "reflection and transmission",
@@ -87,10 +87,12 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         (None | Some(Quantity::Brdf), Some(block), _) => (Quantity::Brdf, Part::One(block)),
         (None | Some(Quantity::Btdf), _, Some(block)) => (Quantity::Btdf, Part::One(block)),
         (Some(quantity), ..) => {
-            return Err(needs(&format!("quantity {quantity} was asked for, the file holds {sides}")));
+            return Err(needs(&format!("quantity {quantity} was asked for, expected what the file holds: {sides}")));
         }
         // Without a quantity one of the first three arms holds: a block exists.
-        (None, None, None) => return Err(needs("the file holds no measurement data")),
+        (None, None, None) => {
+            return Err(needs("the file holds no measurement data, expected reflection or transmission"));
+        }
     };
     report.note(NoteKind::Assumed, "polar angles at i · 90°/n from the normal, held from the last one to 90°");
     let (sizes, grid) = match part {
@@ -294,6 +296,9 @@ mod tests {
         for quantity in [Quantity::Btdf, Quantity::Bsdf, Quantity::Edf] {
             assert_eq!(grid_as(&up, Some(quantity)).unwrap_err().kind, FormatErrorKind::NeedsOption);
         }
+        let asked = Interpretation { unit: Some(crate::domain::Unit::Candela), ..Interpretation::default() };
+        let error = super::super::read(&up, &asked).unwrap_err();
+        assert!(error.kind == FormatErrorKind::NeedsOption && error.message.contains("expected 1/sr"), "{error}");
     }
 
     #[test]

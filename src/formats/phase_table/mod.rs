@@ -129,11 +129,11 @@ fn probe(sample: &Sample<'_>) -> u8 {
 
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
     if let Some(other) = how.quantity.filter(|quantity| *quantity != Quantity::Phase) {
-        return Err(needs(format!("quantity {other} was asked for, the file holds a phase function")));
+        return Err(needs(format!("quantity {other} was asked for, expected phase, which the file holds")));
     }
     if let Some(other) = how.unit.filter(|unit| *unit != Unit::PerSteradian) {
         return Err(needs(format!(
-            "unit {other} was asked for, a phase function is brought to 1/sr (say what it integrates to: normalization)"
+            "unit {other} was asked for, expected 1/sr, to which a phase function is brought (say what it integrates to: normalization)"
         )));
     }
     let source = Source::decode(bytes, NAME);

@@ -319,7 +319,7 @@ fn check_directions(columns: &Columns, header: &Header, refuse: &mut impl FnMut(
             (_, (true, true)) => "theta_i, theta_o and phi_o, and phi_i unless it is isotropic",
             _ => "theta and phi, or gamma and c",
         };
-        refuse(format!("the columns of angles of a {quantity}: expected {names}"));
+        refuse(format!("the columns of angles of quantity {quantity}: expected {names}"));
     }
     if quantity == Quantity::Phase && theta_i && header.normalization == Some(Normalization::Vsf) {
         refuse(

@@ -72,10 +72,10 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     }
     let needs = |message: String| Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
     if how.unit.is_some_and(|unit| unit != Unit::PerSteradian) {
-        return needs("a unit was asked for that this format does not have, its values are in 1/sr".to_owned());
+        return needs("a unit was asked for that this format does not have, expected 1/sr".to_owned());
     }
     if let Some(quantity) = how.quantity.filter(|&quantity| quantity != Quantity::Brdf) {
-        return needs(format!("quantity {quantity} was asked for, the file holds a brdf"));
+        return needs(format!("quantity {quantity} was asked for, expected brdf, which the file holds"));
     }
     let mut report = ParseReport::default();
     describe(&fields, &mut report)?;
@@ -347,6 +347,7 @@ fn dialect(fields: &Fields<'_>, modelled: &Modelled) -> String {
     let shape = |name: &str| fields.get(name).map_or(&[][..], |field| &field.shape);
     let side = shape("luminance").last().copied().unwrap_or_default();
     let incident = match &modelled.incoming.phi {
+        None if modelled.incoming.theta.len() == 1 => "isotropic, 1 elevation".to_owned(),
         None => format!("isotropic, {} elevations", modelled.incoming.theta.len()),
         Some(azimuths) => format!("anisotropic, {} × {} incident", azimuths.phi.len(), modelled.incoming.theta.len()),
     };
