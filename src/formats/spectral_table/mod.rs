@@ -5,6 +5,7 @@
 pub(super) mod pairs;
 pub(super) mod rows;
 pub(super) mod wavelength_unit;
+mod wide;
 mod write;
 
 pub use write::{write_spd, write_spectra};
@@ -41,7 +42,10 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     }
     let mut table = match pairs::read(&source, &mut report) {
         Some(table) => table,
-        None => rows::read(&source, &mut report)?,
+        None => match wide::read(&source, &mut report)? {
+            Some(table) => table,
+            None => rows::read(&source, &mut report)?,
+        },
     };
     let quantity = quantity(&table, how, &mut report)?;
     let unit = how.unit.unwrap_or(if quantity == Quantity::Reflectance { Unit::One } else { Unit::Relative });
@@ -74,7 +78,7 @@ fn quantity(table: &Table, how: &Interpretation, report: &mut ParseReport) -> Re
         Some(other) => Err(FormatError::new(
             FormatErrorKind::NeedsOption,
             NAME,
-            format!("quantity {other} was asked for, a spectral table holds a spectrum or a reflectance"),
+            format!("quantity {other} was asked for, expected spectrum or reflectance: the file is a spectral table"),
         )),
         None if table.says(|prose| REFLECTANCE_WORDS.iter().any(|word| prose.contains(word))) => {
             Ok(Quantity::Reflectance)

@@ -2,6 +2,7 @@
 
 use super::NAME;
 use super::pairs::are_pairs;
+use super::wide::is_wide;
 use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
@@ -24,7 +25,7 @@ pub(in crate::formats) struct Table {
 
 /// What separates the cells of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Delimiter {
+pub(super) enum Delimiter {
     Tab,
     Semicolon,
     Comma,
@@ -33,7 +34,7 @@ enum Delimiter {
 
 impl Delimiter {
     /// In the order tried.
-    const ALL: [Self; 4] = [Self::Tab, Self::Semicolon, Self::Comma, Self::Blank];
+    pub(super) const ALL: [Self; 4] = [Self::Tab, Self::Semicolon, Self::Comma, Self::Blank];
 
     fn dialect(self) -> &'static str {
         match self {
@@ -45,7 +46,7 @@ impl Delimiter {
     }
 
     /// The cells of `line`, without the blanks around them.
-    fn cells(self, line: Token<'_>) -> Vec<Token<'_>> {
+    pub(super) fn cells(self, line: Token<'_>) -> Vec<Token<'_>> {
         let separates = |c: char| match self {
             Self::Tab => c == '\t',
             Self::Semicolon => c == ';',
@@ -74,7 +75,7 @@ impl Delimiter {
     }
 
     /// The number in a cell; a comma is the decimal mark wherever it does not separate cells.
-    fn number(self, cell: &str) -> Option<f64> {
+    pub(super) fn number(self, cell: &str) -> Option<f64> {
         number(cell).or_else(|| {
             let decimal_comma = self != Self::Comma && !cell.contains('.') && cell.matches(',').count() == 1;
             if decimal_comma { number(&cell.replace(',', ".")) } else { None }
@@ -113,7 +114,7 @@ pub(in crate::formats) fn probe(head: &str) -> u8 {
         // The last line may be cut.
         lines.pop();
     }
-    if delimiter(&lines).is_some() || are_pairs(lines.iter().copied()) {
+    if delimiter(&lines).is_some() || are_pairs(lines.iter().copied()) || is_wide(lines.iter().copied()) {
         return 30;
     }
     let single = lines.iter().filter(|line| Delimiter::Blank.numeric_cells(**line) == Some(1)).count();
@@ -394,6 +395,6 @@ impl Table {
     }
 }
 
-fn unquoted(cell: &str) -> String {
+pub(super) fn unquoted(cell: &str) -> String {
     cell.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).unwrap_or(cell).trim().chars().take(256).collect()
 }
