@@ -67,7 +67,7 @@ pub(super) fn spacing(clouds: &[Cloud]) -> f64 {
         .filter_map(|trial| {
             let cloud = &clouds[trial.cloud];
             let count = DENSITY.min(cloud.points.len() - 1);
-            cloud.tree.nearest(&cloud.keys[trial.point as usize], count + 1, |_| true, &mut found);
+            cloud.nearest(&cloud.place(trial.point), count + 1, |_| true, &mut found);
             let square = found.first()?.0;
             (count > 0 && square > 0.0).then(|| (std::f64::consts::PI * square / count as f64).sqrt().to_degrees())
         })

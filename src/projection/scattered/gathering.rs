@@ -40,20 +40,17 @@ impl Fitter {
     /// Puts what lies within the first of [`REACHES`] first.
     pub(super) fn order(&mut self, found: &[Found], reach: f64) {
         let inverse = 1.0 / reach;
-        let mut n = 0;
-        self.order.resize(found.len() + 1, (0.0, 0));
-        for near in [true, false] {
-            for &(square, item) in found {
-                let square = square * inverse;
-                self.order[n] = (square, item);
-                n += usize::from((square <= REACHES[0]) == near);
-            }
-            if near {
-                self.counts[0] = n;
-            }
+        self.order.resize(found.len(), (0.0, 0));
+        // The near ones from the front, the others from the back.
+        let (mut front, mut back) = (0, found.len());
+        for &(square, item) in found {
+            let square = square * inverse;
+            let near = square <= REACHES[0];
+            back -= usize::from(!near);
+            self.order[if near { front } else { back }] = (square, item);
+            front += usize::from(near);
         }
-        self.order.truncate(found.len());
-        self.counts[1] = found.len();
+        self.counts = [front, found.len()];
     }
 
     /// Looks up rows, light and certainty.
