@@ -141,7 +141,7 @@ impl Fitted<'_> {
     /// Whether a point may be counted on the side of the horizon where `wo` is.
     fn wanted(&self, wo: Vector) -> impl Fn(u32) -> bool {
         let side = if self.sides_apart { wo[2].signum() } else { 0.0 };
-        move |point| side == 0.0 || self.cloud.points[point as usize].wo[2] * side >= 0.0
+        move |point| side == 0.0 || self.cloud.wo[point as usize][2] * side >= 0.0
     }
 
     fn cell(

@@ -10,25 +10,22 @@ use std::sync::Arc;
 const SAME: f64 = 0.05;
 /// An incoming direction is fitted by itself if it has so many samples on average, else together with its neighbours.
 const ALONE: usize = 24;
+/// One of so many samples is withheld.
+const TENTH: u32 = 10;
 /// The height of a half vector below which its slope says nothing.
 const STEEP: f64 = 1e-3;
 
-/// A sample's directions and coordinates.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Point {
-    /// The row of its values.
-    pub(super) row: u32,
-    pub(super) wi: Vector,
-    pub(super) wo: Vector,
-    /// hx/hz and hy/hz of the half vector; NaN where it has none.
-    pub(super) slope: [f64; 2],
-}
-
-/// Samples that are fitted together.
+/// Samples that are fitted together: a column for each thing that is known of them, numbered as in the tree; then their mirror
+/// images in the plane of incidence, if these count.
 #[derive(Clone, Debug)]
 pub(super) struct Cloud {
-    /// Those of the tree, then their mirror images in the plane of incidence, if these count.
-    pub(super) points: Vec<Point>,
+    /// The rows of their values.
+    pub(super) rows: Vec<u32>,
+    pub(super) wi: Vec<Vector>,
+    pub(super) wo: Vec<Vector>,
+    /// hx/hz and hy/hz of the half vector; NaN where it has none.
+    pub(super) slope: Vec<[f64; 2]>,
+    pub(super) is_withheld: Vec<bool>,
     tree: Arc<Tree<6>>,
     /// How much a difference of incoming directions counts against one of outgoing ones; 0 where they are all one.
     pub(super) stretch: f64,
@@ -53,6 +50,12 @@ pub(super) enum Incoming {
 pub(super) fn slope(wi: Vector, wo: Vector) -> [f64; 2] {
     let h = add(wi, wo);
     if h[2] < STEEP { [f64::NAN; 2] } else { [h[0] / h[2], h[1] / h[2]] }
+}
+
+/// Whether a row is one of the withheld tenth: one of every ten in a row, at no regular distance.
+pub(super) fn is_withheld(row: u32) -> bool {
+    let mixed = (row / TENTH).wrapping_mul(0x9e37_79b9);
+    (mixed ^ (mixed >> 15)) % TENTH == row % TENTH
 }
 
 /// Two unit vectors that span the plane at right angles to `d`, the first away from `+z`.
@@ -156,32 +159,41 @@ impl Cloud {
         stretch: f64,
     ) -> Self {
         let slopes = quantity == Quantity::Brdf;
-        let given: Vec<Point> = rows
-            .map(|row| {
-                let (wi, wo) = directions[row as usize];
-                Point { row, wi, wo, slope: if slopes { slope(wi, wo) } else { [f64::NAN; 2] } }
-            })
-            .collect();
-        let (tree, order) = Tree::new(given.iter().map(|point| key((point.wi, point.wo), slopes, stretch)));
-        let points = order.into_iter().map(|place| given[place as usize]).collect();
-        Self { points, tree: Arc::new(tree), stretch, slopes }
+        let given: Vec<u32> = rows.collect();
+        let of = |row: &u32| directions[*row as usize];
+        let (tree, order) = Tree::new(given.iter().map(|row| key(of(row), slopes, stretch)));
+        let rows: Vec<u32> = order.into_iter().map(|place| given[place as usize]).collect();
+        let (wi, wo): (Vec<Vector>, Vec<Vector>) = rows.iter().map(of).unzip();
+        let slope = |(&wi, &wo)| if slopes { slope(wi, wo) } else { [f64::NAN; 2] };
+        let slope = wi.iter().zip(&wo).map(slope).collect();
+        let is_withheld = rows.iter().map(|&row| is_withheld(row)).collect();
+        Self { rows, wi, wo, slope, is_withheld, tree: Arc::new(tree), stretch, slopes }
     }
 
     /// The same samples with their mirror images in the plane of incidence, in which all incoming directions lie.
     pub(super) fn mirrored(&self) -> Self {
-        let own = self.own();
-        let image = |point: &Point| Point {
-            wo: [point.wo[0], -point.wo[1], point.wo[2]],
-            slope: [point.slope[0], -point.slope[1]],
-            ..*point
-        };
-        let points = own.iter().copied().chain(own.iter().map(image)).collect();
-        Self { points, tree: Arc::clone(&self.tree), ..*self }
+        fn with<T: Copy>(own: &[T], image: impl Fn(T) -> T) -> Vec<T> {
+            own.iter().copied().chain(own.iter().map(|&own| image(own))).collect()
+        }
+        let own = ..self.own();
+        Self {
+            rows: with(&self.rows[own], |row| row),
+            wi: with(&self.wi[own], |wi| wi),
+            wo: with(&self.wo[own], |[x, y, z]| [x, -y, z]),
+            slope: with(&self.slope[own], |[x, y]| [x, -y]),
+            is_withheld: with(&self.is_withheld[own], |is| is),
+            tree: Arc::clone(&self.tree),
+            ..*self
+        }
     }
 
-    /// The samples without mirror images.
-    pub(super) fn own(&self) -> &[Point] {
-        &self.points[..self.tree.len()]
+    /// How many samples there are without mirror images.
+    pub(super) fn own(&self) -> usize {
+        self.tree.len()
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.rows.len()
     }
 
     /// Where a point lies in the tree.
@@ -228,13 +240,13 @@ impl Cloud {
     /// with.
     fn sides(&self, centre: &[f64; 6]) -> impl Iterator<Item = ([f64; 6], u32)> + use<> {
         let own = self.tree.len();
-        let images = (self.points.len() > own).then(|| (mirror(centre), own as u32));
+        let images = (self.len() > own).then(|| (mirror(centre), own as u32));
         [Some((*centre, 0)), images].into_iter().flatten()
     }
 
     /// Whether a point is not its own mirror image.
     fn is_there(&self, item: u32) -> bool {
-        (item as usize) < self.tree.len() || self.points[item as usize].wo[1] != 0.0
+        (item as usize) < self.tree.len() || self.wo[item as usize][1] != 0.0
     }
 
     /// Where directions lie in the tree: chords are as long as those between outgoing directions, and for reflection as those
@@ -281,7 +293,7 @@ mod tests {
         };
         // In the plane of incidence both sides are one.
         let (half, both) = (directions(&[1.0]), directions(&[1.0, -1.0]));
-        let apart = |row: &u32| row % 2 == 0 || both[*row as usize].1[1] != 0.0;
+        let apart = |row: &u32| row.is_multiple_of(2) || both[*row as usize].1[1] != 0.0;
         let mirrored = Cloud::new(0..400, &half, Quantity::Brdf, 0.0).mirrored();
         let whole = Cloud::new((0..800).filter(apart), &both, Quantity::Brdf, 0.0);
         let (mut found, mut expected) = (Vec::new(), Vec::new());
@@ -298,9 +310,9 @@ mod tests {
             whole.within(&key, 0.1, |_| true, &mut expected);
             assert_eq!(squares(&mut found), squares(&mut expected));
             for &(_, item) in &found {
-                let point = mirrored.points[item as usize];
-                assert_eq!(mirrored.place(item), mirrored.key(point.wi, point.wo));
-                assert_eq!(point.slope, slope(point.wi, point.wo));
+                let wo = mirrored.wo[item as usize];
+                assert_eq!(mirrored.place(item), mirrored.key(wi, wo));
+                assert_eq!(mirrored.slope[item as usize], slope(wi, wo));
             }
         }
     }

@@ -81,7 +81,7 @@ impl Nearby {
                 return;
             } else if square < complete {
                 square = (square * neighbours as f64 / count.max(1) as f64).min(complete);
-            } else if self.is_wide || cloud.points.len() <= self.items.len() {
+            } else if self.is_wide || cloud.len() <= self.items.len() {
                 break;
             } else {
                 self.is_wide = true;

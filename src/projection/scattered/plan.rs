@@ -1,7 +1,7 @@
 //! What is fitted where: clouds of samples, the entries of the incoming axis, levels and neighbours.
 
 use super::cells::{Fitted, Parts};
-use super::cloud::{self, Cloud, Incoming, Point, one_azimuth};
+use super::cloud::{self, Cloud, Incoming, one_azimuth};
 use super::extent::{Joint, incoming_domain, is_one_sided, outgoing_domain, spacing};
 use super::rows::{Kind, Rows};
 use super::trials;
@@ -251,22 +251,24 @@ impl Plan {
             rows: vec![Vec::new(); self.entries.len()],
         };
         for (i, cloud) in self.clouds.iter().enumerate() {
-            let place = |point: &Point| {
+            let place = |(&wi, &wo): (&Vector, &Vector)| {
                 let entry = match &axis {
                     _ if self.clouds.len() > 1 => Some(i),
                     None => Some(0),
-                    Some(axis) => entry_of(axis, point.wi, Direction::from_unit(point.wi).theta_degrees()),
+                    Some(axis) => entry_of(axis, wi, Direction::from_unit(wi).theta_degrees()),
                 };
-                (entry, mesh.locate(Direction::from_unit(point.wo)))
+                (entry, mesh.locate(Direction::from_unit(wo)))
             };
-            let places: Vec<_> = cloud.points.par_iter().map(place).collect();
-            for ((at, point), &(entry, triangle)) in cloud.points.iter().enumerate().zip(&places) {
+            let places: Vec<_> = cloud.wi.par_iter().zip(&cloud.wo).map(place).collect();
+            for ((at, &row), &(entry, triangle)) in cloud.rows.iter().enumerate().zip(&places) {
                 let Some(entry) = entry.filter(|&entry| entry < self.entries.len()) else { continue };
                 let cell = triangle.map(|triangle| entry * mesh.len() + triangle);
-                cell.iter().for_each(|&cell| located.has_sample[cell] = true);
-                if at < cloud.own().len() {
-                    located.rows[entry].push(point.row);
-                    located.cells[point.row as usize] = cell;
+                if let Some(cell) = cell {
+                    located.has_sample[cell] = true;
+                }
+                if at < cloud.own() {
+                    located.rows[entry].push(row);
+                    located.cells[row as usize] = cell;
                 }
             }
         }

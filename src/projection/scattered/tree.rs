@@ -170,8 +170,8 @@ impl<const D: usize> Node<D> {
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     fn distance(&self, centre: &[f64; D]) -> f64 {
         let mut sum = 0.0;
-        for k in 0..D {
-            let (below, above) = (self.low[k] - centre[k], centre[k] - self.high[k]);
+        for ((&low, &high), &x) in self.low.iter().zip(&self.high).zip(centre) {
+            let (below, above) = (low - x, x - high);
             let beyond = if below > above { below } else { above };
             let beyond = if beyond > 0.0 { beyond } else { 0.0 };
             sum += beyond * beyond;
@@ -182,11 +182,10 @@ impl<const D: usize> Node<D> {
 
 /// Keeps the nearest `count`, the farthest of them first; the square of its distance.
 fn keep(found: &mut Vec<Found>, count: usize) -> f64 {
-    found.truncate(if count == 0 { 0 } else { found.len() });
-    if found.is_empty() {
+    let Some(last) = count.min(found.len()).checked_sub(1) else {
+        found.clear();
         return f64::INFINITY;
-    }
-    let last = count.min(found.len()) - 1;
+    };
     found.select_nth_unstable_by_key(last, nearness);
     found.truncate(last + 1);
     found.swap(0, last);

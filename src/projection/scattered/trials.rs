@@ -9,8 +9,6 @@ use crate::domain::{Domain, Quantity, TriangleMesh};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// One of so many samples is withheld.
-const TENTH: u32 = 10;
 /// Numbers of neighbours that compete.
 const NEIGHBOURS: [usize; 6] = [12, 18, 28, 42, 64, 96];
 /// Neighbours that tell what noise is.
@@ -44,10 +42,12 @@ pub(super) struct Trial {
     pub(super) point: u32,
 }
 
-/// Whether a row is one of the withheld tenth: one of every ten in a row, at no regular distance.
-pub(super) fn is_withheld(row: u32) -> bool {
-    let mixed = (row / TENTH).wrapping_mul(0x9e37_79b9);
-    (mixed ^ (mixed >> 15)) % TENTH == row % TENTH
+impl Trial {
+    /// The row of the sample in its cloud, and its directions.
+    pub(super) fn of(self, cloud: &Cloud) -> (u32, Vector, Vector) {
+        let point = self.point as usize;
+        (cloud.rows[point], cloud.wi[point], cloud.wo[point])
+    }
 }
 
 /// `count` of the withheld samples, evenly over all.
@@ -56,8 +56,8 @@ pub(super) fn trials(clouds: &[Cloud], count: usize) -> Vec<Trial> {
         .iter()
         .enumerate()
         .flat_map(|(cloud, of)| {
-            let numbered = (0..).zip(of.own()).map(|(point, of)| (of.row, point));
-            let mut withheld: Vec<(u32, u32)> = numbered.filter(|&(row, _)| is_withheld(row)).collect();
+            let own = of.rows[..of.own()].iter().copied().zip(0..).zip(&of.is_withheld);
+            let mut withheld: Vec<(u32, u32)> = own.filter(|(_, is)| **is).map(|(point, _)| point).collect();
             withheld.sort_unstable();
             withheld.into_iter().map(move |(_, point)| Trial { cloud, point })
         })
@@ -76,8 +76,8 @@ pub(super) fn predict(
 ) -> Option<Support> {
     let cloud = fitted.cloud;
     let taken = |item: u32| {
-        let point = &cloud.points[item as usize];
-        !(withheld && is_withheld(point.row)) && (!fitted.sides_apart || point.wo[2] * wo[2] >= 0.0)
+        let item = item as usize;
+        !(withheld && cloud.is_withheld[item]) && (!fitted.sides_apart || cloud.wo[item][2] * wo[2] >= 0.0)
     };
     cloud.nearest(&cloud.key(wi, wo), fitted.neighbours, taken, &mut scratch.found);
     scratch.row.resize(fitted.rows.width, 0.0);
@@ -94,10 +94,9 @@ fn predictions(
 ) -> Vec<Vec<(f64, f64)>> {
     let predicted = |scratch: &mut Scratch, trial: &Trial| {
         let cloud = &clouds[trial.cloud];
-        let point = &cloud.points[trial.point as usize];
-        let there = predict(&Fitted { cloud, ..like }, point.wi, image(point.wo), true, scratch);
-        let row = like.rows.row(point.row);
-        let pairs = scratch.row.iter().zip(row).map(|(&a, &b)| (f64::from(a), f64::from(b)));
+        let (row, wi, wo) = trial.of(cloud);
+        let there = predict(&Fitted { cloud, ..like }, wi, image(wo), true, scratch);
+        let pairs = scratch.row.iter().zip(like.rows.row(row)).map(|(&a, &b)| (f64::from(a), f64::from(b)));
         if there.is_some() { pairs.collect() } else { Vec::new() }
     };
     trials.par_iter().map_init(Scratch::default, predicted).collect()
@@ -160,7 +159,8 @@ pub(super) fn neighbours(clouds: &[Cloud], like: Fitted<'_>, domain: Domain) -> 
 /// The share of places that have neighbours on all sides.
 fn surrounded(fitted: Fitted<'_>, domain: Domain) -> f64 {
     let Some(mesh) = TriangleMesh::new(domain, AROUND_LEVEL) else { return 0.0 };
-    let wi = fitted.cloud.own().iter().min_by_key(|point| point.row).map_or([0.0, 0.0, 1.0], |point| point.wi);
+    let first = fitted.cloud.rows.iter().zip(&fitted.cloud.wi).min_by_key(|(row, _)| **row);
+    let wi = first.map_or([0.0, 0.0, 1.0], |(_, wi)| *wi);
     let is_surrounded = |scratch: &mut Scratch, cell: usize| {
         let wo = mesh.centroid(cell).vector();
         predict(&fitted, wi, wo, false, scratch).is_some_and(|support| support.surrounded)
@@ -191,26 +191,26 @@ pub(super) fn representation(clouds: &[Cloud], like: Fitted<'_>, mesh: TriangleM
         .map_init(Scratch::default, |scratch, trial| {
             let cloud = &clouds[trial.cloud];
             let fitted = Fitted { cloud, ..like };
-            let point = &cloud.points[trial.point as usize];
+            let (_, wi, wo) = trial.of(cloud);
             let mut around = Vec::new();
-            all.nearest(&all.key(point.wi, point.wo), CELLS, |_| true, &mut around);
+            all.nearest(&all.key(wi, wo), CELLS, |_| true, &mut around);
             let mut values = Vec::new();
             let near: Vec<(Vector, Vector)> =
-                around.iter().map(|&(_, cell)| centroids[all.points[cell as usize].row as usize]).collect();
-            for &(_, wo) in &near {
-                if predict(&fitted, point.wi, wo, false, scratch).is_none() {
+                around.iter().map(|&(_, cell)| centroids[all.rows[cell as usize] as usize]).collect();
+            for &(_, centroid) in &near {
+                if predict(&fitted, wi, centroid, false, scratch).is_none() {
                     return Vec::new();
                 }
                 values.extend_from_slice(&scratch.row);
             }
-            if predict(&fitted, point.wi, point.wo, false, scratch).is_none() {
+            if predict(&fitted, wi, wo, false, scratch).is_none() {
                 return Vec::new();
             }
             let expected = scratch.row.clone();
             let rows = Rows::new(Cow::Borrowed(&values), None, like.rows.width);
             let near = Cloud::new(0..near.len() as u32, &near, Quantity::Edf, 0.0);
             let cells = Fitted { rows: &rows, cloud: &near, neighbours: CELLS, incoming_reach: f64::INFINITY, ..like };
-            if predict(&cells, [0.0, 0.0, 1.0], point.wo, false, scratch).is_none() {
+            if predict(&cells, [0.0, 0.0, 1.0], wo, false, scratch).is_none() {
                 return Vec::new();
             }
             let pairs = scratch.row.iter().zip(&expected).filter(|(_, e)| **e > 0.0);
