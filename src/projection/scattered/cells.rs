@@ -4,16 +4,14 @@ use super::cloud::Cloud;
 use super::fit::{Fitter, Place, Support};
 use super::nearby::Nearby;
 use super::rows::{Kind, PARTS, Rows};
-use super::tree::{Found, by_distance, distance};
+use super::tree::{Found, distance, nearness};
 use crate::domain::vector::Vector;
 use crate::domain::{TriangleMesh, Vertices, centroid, child, solid_angle};
 use crate::projection::resampling::Channels;
 use rayon::prelude::*;
 
 /// Triangles that one task works through, and that look for their samples together.
-const BLOCK: usize = 64;
-/// Triangles of them that try the same reach first.
-const TOGETHER: usize = 16;
+const BLOCK: usize = 16;
 /// The distance to the nearest sample in a hole that is filled, in parts of that to the farthest that counts.
 const DEEPEST: f64 = 0.75;
 /// How far values are continued beyond the outermost samples, in distances of these to their fourth neighbours.
@@ -119,10 +117,6 @@ impl Fitted<'_> {
                 scratch.nearby.gather((self.cloud, self.neighbours), wi, vertices, wanted_side);
                 let mut drafts = vec![Draft::NOTHING; vertices.len()];
                 for (i, four) in vertices.chunks(4).enumerate() {
-                    if (4 * i).is_multiple_of(TOGETHER) {
-                        let some = &vertices[4 * i..(4 * i + TOGETHER).min(vertices.len())];
-                        scratch.nearby.focus((self.cloud, self.neighbours), wi, some);
-                    }
                     (scratch.middle, scratch.last) = (None, None);
                     // The middle one first: the others may take its fit.
                     for i in [3, 0, 1, 2].into_iter().filter(|&c| c < four.len()).map(|c| 4 * i + c) {
@@ -147,7 +141,7 @@ impl Fitted<'_> {
     /// Whether a point may be counted on the side of the horizon where `wo` is.
     fn wanted(&self, wo: Vector) -> impl Fn(u32) -> bool {
         let side = if self.sides_apart { wo[2].signum() } else { 0.0 };
-        move |point| self.cloud.points[point as usize].wo[2] * side >= 0.0
+        move |point| side == 0.0 || self.cloud.wo[point as usize][2] * side >= 0.0
     }
 
     fn cell(
@@ -189,8 +183,8 @@ impl Fitted<'_> {
         support.variance = variance;
         if !draft.has_sample {
             let key = self.cloud.key(wi, centroid(vertices).vector());
-            let near = |found: &Found| (distance(&key, &self.cloud.keys[found.1 as usize]), found.1);
-            if let Some(nearest) = scratch.found.iter().map(near).min_by(by_distance) {
+            let near = |found: &Found| (distance(&key, &self.cloud.place(found.1)), found.1);
+            if let Some(nearest) = scratch.found.iter().map(near).min_by_key(nearness) {
                 (support.nearest, support.nearest_point) = (nearest.0.sqrt(), nearest.1);
             }
         }
@@ -278,8 +272,8 @@ impl Fitted<'_> {
         if support.surrounded {
             return support.nearest <= DEEPEST * support.reach;
         }
-        let key = &self.cloud.keys[support.nearest_point as usize];
-        self.cloud.tree.nearest(key, NEIGHBOURS, |_| true, &mut scratch.around);
+        let key = self.cloud.place(support.nearest_point);
+        self.cloud.nearest(&key, NEIGHBOURS, |_| true, &mut scratch.around);
         let spacing = scratch.around.first().map_or(0.0, |farthest| farthest.0.sqrt());
         support.nearest <= BEYOND * spacing
     }

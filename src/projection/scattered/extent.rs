@@ -66,8 +66,8 @@ pub(super) fn spacing(clouds: &[Cloud]) -> f64 {
         .into_iter()
         .filter_map(|trial| {
             let cloud = &clouds[trial.cloud];
-            let count = DENSITY.min(cloud.points.len() - 1);
-            cloud.tree.nearest(&cloud.keys[trial.point as usize], count + 1, |_| true, &mut found);
+            let count = DENSITY.min(cloud.len() - 1);
+            cloud.nearest(&cloud.place(trial.point), count + 1, |_| true, &mut found);
             let square = found.first()?.0;
             (count > 0 && square > 0.0).then(|| (std::f64::consts::PI * square / count as f64).sqrt().to_degrees())
         })

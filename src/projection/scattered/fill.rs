@@ -1,7 +1,6 @@
 //! Cells without samples around them, from mirror images and from reciprocal directions, where these hold.
 
 use super::cells::{Fitted, Standing, standings};
-use super::cloud::Cloud;
 use super::plan::Plan;
 use super::rows::Rows;
 use crate::domain::vector::{Vector, add, dot, scale, sub, unit};
@@ -32,8 +31,7 @@ pub(super) fn by_symmetry(
             continue;
         }
         let own = plan.fitted(rows, entry.cloud);
-        let members = own.cloud.points.iter().map(|point| point.row);
-        let cloud = Cloud::mirrored_like(own.cloud, members, &plan.directions);
+        let cloud = own.cloud.mirrored();
         let mirrored = Fitted { cloud: &cloud, ..own };
         let lacks = |cell: usize| matches!(standing[cell], Standing::Filled | Standing::Empty).then_some(false);
         let drafts = mirrored.cells(entry.wi, mesh, plan.parts, channels, &lacks, &mut plane);

@@ -102,10 +102,7 @@ impl Fitter {
     ) -> Option<Support> {
         let &first = found.first()?;
         let (nearest, farthest) = found.iter().fold((first, first.0), |(nearest, farthest), &new| {
-            (
-                if super::tree::is_nearer(new, nearest) { new } else { nearest },
-                if new.0 > farthest { new.0 } else { farthest },
-            )
+            (if new.0 < nearest.0 { new } else { nearest }, if new.0 > farthest { new.0 } else { farthest })
         });
         // The farthest sample counts, too.
         let reach = (farthest * 1.05).max(1e-12);

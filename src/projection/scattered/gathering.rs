@@ -40,20 +40,17 @@ impl Fitter {
     /// Puts what lies within the first of [`REACHES`] first.
     pub(super) fn order(&mut self, found: &[Found], reach: f64) {
         let inverse = 1.0 / reach;
-        let mut n = 0;
-        self.order.resize(found.len() + 1, (0.0, 0));
-        for near in [true, false] {
-            for &(square, item) in found {
-                let square = square * inverse;
-                self.order[n] = (square, item);
-                n += usize::from((square <= REACHES[0]) == near);
-            }
-            if near {
-                self.counts[0] = n;
-            }
+        self.order.resize(found.len(), (0.0, 0));
+        // The near ones from the front, the others from the back.
+        let (mut front, mut back) = (0, found.len());
+        for &(square, item) in found {
+            let square = square * inverse;
+            let near = square <= REACHES[0];
+            back -= usize::from(!near);
+            self.order[if near { front } else { back }] = (square, item);
+            front += usize::from(near);
         }
-        self.order.truncate(found.len());
-        self.counts[1] = found.len();
+        self.counts = [front, found.len()];
     }
 
     /// Looks up rows, light and certainty.
@@ -61,7 +58,7 @@ impl Fitter {
         self.columns.resize(self.order.len());
         self.plain = true;
         self.gathered.clear();
-        self.gathered.extend(self.order.iter().map(|&(_, item)| cloud.points[item as usize].row));
+        self.gathered.extend(self.order.iter().map(|&(_, item)| cloud.rows[item as usize]));
         self.logarithms = true;
         for (((light, square), &row), ordered) in
             self.columns.light.iter_mut().zip(&mut self.columns.squares).zip(&self.gathered).zip(&self.order)
@@ -82,7 +79,7 @@ impl Fitter {
         if self.joint {
             self.nearest_incoming = f64::INFINITY;
             for (i, &(_, item)) in self.order.iter().enumerate() {
-                let incoming = sub(cloud.points[item as usize].wi, place.wi);
+                let incoming = sub(cloud.wi[item as usize], place.wi);
                 (self.columns.basis[3][i], self.columns.basis[4][i]) = (incoming[0], incoming[1]);
                 self.nearest_incoming = self.nearest_incoming.min(dot(incoming, incoming));
             }
@@ -105,7 +102,7 @@ impl Fitter {
         let [_, us, vs, ..] = &mut self.columns.basis;
         let mut steep = false;
         for ((u, v), &(_, item)) in us.iter_mut().zip(vs).zip(&self.order) {
-            let slope = cloud.points[item as usize].slope;
+            let slope = cloud.slope[item as usize];
             steep |= slope[0].is_nan();
             (*u, *v) = (slope[0] - centre[0], slope[1] - centre[1]);
         }
@@ -116,7 +113,7 @@ impl Fitter {
     pub(super) fn tangents(&mut self, cloud: &Cloud, axes: &[Vector; 2]) {
         let [_, us, vs, ..] = &mut self.columns.basis;
         for ((u, v), &(_, item)) in us.iter_mut().zip(vs).zip(&self.order) {
-            let wo = cloud.points[item as usize].wo;
+            let wo = cloud.wo[item as usize];
             (*u, *v) = (dot(axes[0], wo), dot(axes[1], wo));
         }
     }
@@ -164,7 +161,7 @@ impl Fitter {
     pub(super) fn surrounded(&self, cloud: &Cloud, axes: &[Vector; 2]) -> bool {
         let mut around = Around::default();
         self.order.iter().any(|&(_, item)| {
-            let wo = cloud.points[item as usize].wo;
+            let wo = cloud.wo[item as usize];
             around.add(axes.map(|axis| dot(axis, wo)))
         })
     }

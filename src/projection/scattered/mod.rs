@@ -35,7 +35,8 @@ use crate::domain::vector::Vector;
 use crate::domain::{Axis, ErrorAccumulator, ErrorReport, Layout, Measurement, Sampling, Tensor, check_axes};
 use crate::formats::{Acquisition, Scattered};
 use cells::{Fitted, Standing, standings};
-use plan::{Plan, Under};
+use plan::{Located, Plan};
+use rayon::prelude::*;
 use report::{Region, Tally, brightest, compare, region};
 use rows::{Kind, Rows};
 use std::borrow::Cow;
@@ -75,14 +76,15 @@ pub(super) fn project(
     let plane = mesh.len() * channels.to();
     let mut samples = vec![0.0_f32; count];
     let mut standing: Vec<Standing> = Vec::with_capacity(plan.entries.len() * mesh.len());
-    let under = plan.points_by_entry();
-    for ((entry, out), Under { has_sample, .. }) in plan.entries.iter().zip(samples.chunks_mut(plane)).zip(&under) {
+    let located = plan.located();
+    let has_sample = located.has_sample.chunks(mesh.len());
+    for ((entry, out), has_sample) in plan.entries.iter().zip(samples.chunks_mut(plane)).zip(has_sample) {
         let fitted = plan.fitted(&rows, entry.cloud);
         let drafts = fitted.cells(entry.wi, mesh, plan.parts, &channels, &|cell| Some(has_sample[cell]), out);
         standing.extend(standings(&drafts));
     }
     if plan.isotropic && !plan.unfolded && standing.iter().any(|s| matches!(s, Standing::Filled | Standing::Empty)) {
-        let like = plan.fitted(&plan.thin, 0);
+        let like = plan.fitted(plan.few(&rows), 0);
         if is_symmetric(&plan.clouds, like) {
             let filled = fill::by_symmetry(&plan, &rows, &channels, &mut samples, &mut standing);
             notes.extend((filled > 0).then(|| {
@@ -101,7 +103,7 @@ pub(super) fn project(
     let tensor = Tensor::new(axes, samples)?;
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Average, tensor)?;
     let number = |wanted: Standing| standing.iter().filter(|s| **s == wanted).count() as u64;
-    let report = report_of(acquisition, scattered, (&plan, &under), &rows, &measurement);
+    let report = report_of(acquisition, scattered, (&plan, &located), &rows, &measurement);
     notes.extend(remarks(&report, number(Standing::Filled), number(Standing::Empty)));
     let coverage = Coverage {
         cells: standing.len() as u64,
@@ -140,13 +142,13 @@ fn remarks(report: &ScatterReport, filled: u64, empty: u64) -> Vec<String> {
 fn report_of(
     acquisition: &Acquisition,
     scattered: &Scattered,
-    (plan, under): (&Plan, &[Under]),
+    (plan, located): (&Plan, &Located),
     rows: &Rows<'_>,
     measurement: &Measurement,
 ) -> ScatterReport {
     let light = |row: u32| rows.row(row).iter().map(|&v| f64::from(v)).filter(|v| !v.is_nan()).sum::<f64>();
     let mut regions = vec![Region::Middle; rows.kinds.len()];
-    for Under { rows: members, .. } in under {
+    for members in &located.rows {
         let most = brightest(members.iter().map(|&row| light(row)).collect());
         for &row in members {
             regions[row as usize] = region(light(row), most, plan.directions[row as usize].1[2]);
@@ -158,9 +160,7 @@ fn report_of(
     let (left_out, outliers) = compare(&plan.clouds, like, &compared, &regions, true);
     let (fit, _) = compare(&plan.clouds, like, &compared, &regions, false);
     let mut tally = Tally::default();
-    // Samples without outgoing directions have taken the incoming ones for them.
-    let known = (!scattered.outgoing.is_empty()).then_some(&plan.directions[..]);
-    each_sample(acquisition, scattered, (measurement, known), |row, original, found| {
+    each_sample(acquisition, scattered, (measurement, Some(&located.cells)), |row, original, found| {
         original.iter().zip(found).for_each(|(&o, &f)| tally.add(regions[row], f, o));
     });
     ScatterReport {
@@ -198,11 +198,11 @@ pub(super) fn errors(
 }
 
 /// Calls `with` for every sample in the tensor's directions: its number, its values, and those of its cell. `None` if the
-/// tensor is not one of this file. `known` are the directions of the samples, if someone has them.
+/// tensor is not one of this file. `known` are the cells `[incoming, outgoing]` of the samples, if someone has them.
 fn each_sample(
     acquisition: &Acquisition,
     scattered: &Scattered,
-    (measurement, known): (&Measurement, Option<&[(Vector, Vector)]>),
+    (measurement, known): (&Measurement, Option<&[Option<usize>]>),
     mut with: impl FnMut(usize, &[f32], &[f32]),
 ) -> Option<()> {
     let layout = measurement.layout().ok()?;
@@ -217,23 +217,23 @@ fn each_sample(
     let length = |axis: Option<usize>| axis.map_or(1, |i| axes[i].len());
     let (n_out, out_width) = (length(layout.outgoing), length(layout.spectral));
     let (mut original, mut found) = (vec![0.0; channels.len()], vec![0.0; channels.len()]);
-    let directions = match known {
+    let cells = match known {
         Some(known) => Cow::Borrowed(known),
-        None => Cow::Owned(check::is_sound(scattered).then(|| cloud::directions(scattered, isotropic))?),
+        None => Cow::Owned(check::is_sound(scattered).then(|| {
+            let at = |axis: Option<&Axis>, d: Vector, theta: f64| {
+                axis.map_or(Some(0), |axis| plan::entry_of(axis, d, theta))
+            };
+            let cell = |(row, &(wi, wo)): (usize, &(Vector, Vector))| {
+                let theta = scattered.incoming.get(row).map_or(0.0, |wi| wi[0]);
+                Some(at(role(layout.incoming), wi, theta)? * n_out + at(role(layout.outgoing), wo, theta)?)
+            };
+            cloud::directions(scattered, isotropic).par_iter().enumerate().map(cell).collect()
+        })?),
     };
-    for (row, &(wi, wo)) in directions.iter().enumerate() {
-        let theta = || scattered.incoming.get(row).map_or(0.0, |wi| wi[0]);
-        let incoming = match role(layout.incoming) {
-            None => Some(0),
-            Some(axis) => plan::entry_of(axis, wi, theta()),
-        };
-        let outgoing = match role(layout.outgoing) {
-            None => Some(0),
-            Some(axis) => plan::entry_of(axis, wo, theta()),
-        };
-        let (Some(incoming), Some(outgoing)) = (incoming, outgoing) else { continue };
+    for (row, &cell) in cells.iter().enumerate() {
+        let Some(cell) = cell else { continue };
         let source = &scattered.values[row * width..][..width];
-        let target = &measurement.tensor.samples()[(incoming * n_out + outgoing) * out_width..][..out_width];
+        let target = &measurement.tensor.samples()[cell * out_width..][..out_width];
         for ((original, found), channel) in original.iter_mut().zip(&mut found).zip(&channels) {
             (*original, *found) = channel.pair(source, target);
         }

@@ -1,7 +1,7 @@
 //! The samples around a block of triangles, from which every place within picks its own.
 
 use super::cloud::Cloud;
-use super::tree::{Found, by_distance, distance};
+use super::tree::{Found, distance, nearness};
 use crate::domain::vector::Vector;
 use crate::domain::{Vertices, wide};
 
@@ -19,7 +19,6 @@ pub(super) struct Nearby {
     keys: [Vec<f64>; 6],
     /// The squares of their distances from a place.
     squares: Vec<f64>,
-    near: Vec<f64>,
     centre: [f64; 6],
     /// The distance from the centre to the farthest corner.
     size: f64,
@@ -42,34 +41,20 @@ impl Nearby {
         self.centre = middle(cloud, wi, vertices);
         let corners = vertices.iter().flatten();
         self.size = corners.map(|&corner| distance(&cloud.key(wi, corner), &self.centre)).fold(0.0, f64::max).sqrt();
-        cloud.tree.nearest(&self.centre, neighbours, &wanted, &mut self.found);
+        cloud.nearest(&self.centre, neighbours, &wanted, &mut self.found);
         self.reach = self.found.first().map_or(0.0, |farthest| farthest.0);
         self.is_wide = false;
         self.collect(cloud, self.reach.sqrt(), wanted);
     }
 
-    /// Takes the reach of the middle of some of the triangles of the block, where it is known.
-    pub(super) fn focus(&mut self, (cloud, neighbours): (&Cloud, usize), wi: Vector, vertices: &[Vertices]) {
-        let key = middle(cloud, wi, vertices);
-        self.measure(&key, if cloud.slopes || cloud.stretch > 0.0 { 6 } else { 3 });
-        let complete = self.complete_around(&key);
-        self.near.clear();
-        self.near.extend(self.squares.iter().copied().filter(|&apart| apart <= complete));
-        if self.near.len() >= neighbours && neighbours > 0 {
-            self.reach = *self.near.select_nth_unstable_by(neighbours - 1, f64::total_cmp).1;
-        }
-    }
-
     /// Looks up all samples within `reach` of any place of the block.
     fn collect(&mut self, cloud: &Cloud, reach: f64, wanted: impl Fn(u32) -> bool) {
         self.complete = reach + self.size + 1e-9;
-        cloud.tree.within(&self.centre, self.complete * self.complete, &mut self.found);
-        self.found.retain(|found| wanted(found.1));
+        cloud.within(&self.centre, self.complete * self.complete, wanted, &mut self.found);
         self.items.clear();
         self.items.extend(self.found.iter().map(|found| found.1));
         for (k, column) in self.keys.iter_mut().enumerate() {
-            column.clear();
-            column.extend(self.items.iter().map(|&item| cloud.keys[item as usize][k]));
+            cloud.coordinates(k, &self.items, column);
         }
         self.squares.resize(self.items.len(), 0.0);
     }
@@ -96,7 +81,7 @@ impl Nearby {
                 return;
             } else if square < complete {
                 square = (square * neighbours as f64 / count.max(1) as f64).min(complete);
-            } else if self.is_wide || cloud.points.len() <= self.items.len() {
+            } else if self.is_wide || cloud.len() <= self.items.len() {
                 break;
             } else {
                 self.is_wide = true;
@@ -109,10 +94,10 @@ impl Nearby {
         let count = self.squares.iter().filter(|&&apart| apart <= complete).count();
         if count >= neighbours {
             self.take(complete, count, found);
-            found.select_nth_unstable_by(neighbours - 1, by_distance);
+            found.select_nth_unstable_by_key(neighbours - 1, nearness);
             found.truncate(neighbours);
         } else {
-            cloud.tree.nearest(key, neighbours, wanted, found);
+            cloud.nearest(key, neighbours, wanted, found);
         }
     }
 

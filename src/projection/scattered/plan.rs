@@ -32,13 +32,15 @@ pub(super) struct Entry {
     pub(super) cloud: usize,
 }
 
-/// The samples under an entry of the incoming axis.
+/// Which samples lie where.
 #[derive(Clone, Debug)]
-pub(super) struct Under {
-    /// Whether each cell holds one.
+pub(super) struct Located {
+    /// The cell `[entry, triangle]` of each row, if it counts and lies in one.
+    pub(super) cells: Vec<Option<usize>>,
+    /// Whether each cell holds one, or a mirror image.
     pub(super) has_sample: Vec<bool>,
-    /// Their rows.
-    pub(super) rows: Vec<u32>,
+    /// The rows under each entry.
+    pub(super) rows: Vec<Vec<u32>>,
 }
 
 /// Everything that was chosen.
@@ -59,8 +61,8 @@ pub(super) struct Plan {
     own_noise: f64,
     incoming_reach: f64,
     sides_apart: bool,
-    /// A few bands of all rows.
-    pub(super) thin: Rows<'static>,
+    /// A few bands of all rows, if there are more.
+    thin: Option<Rows<'static>>,
     pub(super) representation: Option<f64>,
     pub(super) notes: Vec<String>,
 }
@@ -144,7 +146,10 @@ impl Plan {
             let outgoing = (area * joint.count as f64 / live.len() as f64).sqrt();
             JOINT_STRETCH * outgoing / joint.spacing
         });
-        let cloud = |rows: &[u32]| Cloud::new(rows.iter().copied(), &directions, quantity, stretch, unfolded);
+        let cloud = |rows: &[u32]| {
+            let cloud = Cloud::new(rows.iter().copied(), &directions, quantity, stretch);
+            if unfolded { cloud.mirrored() } else { cloud }
+        };
         let (clouds, elevations) = clouds(groups, &live, cloud);
         let spacing = joint.as_ref().map_or_else(
             || spacing(&clouds),
@@ -185,10 +190,10 @@ impl Plan {
             clouds,
             notes,
         };
-        plan.own_noise = trials::own_noise(&plan.clouds, plan.fitted(&plan.thin, 0));
-        plan.neighbours = trials::neighbours(&plan.clouds, plan.fitted(&plan.thin, 0), domain);
+        plan.own_noise = trials::own_noise(&plan.clouds, plan.fitted(plan.few(rows), 0));
+        plan.neighbours = trials::neighbours(&plan.clouds, plan.fitted(plan.few(rows), 0), domain);
         plan.lower_to_fit(channels);
-        plan.represent(request.target(), channels);
+        plan.represent(rows, request.target(), channels);
         plan.entries = plan.entries();
         let reach = (plan.neighbours as f64 / std::f64::consts::PI).sqrt() * spacing;
         let parts = libm::log2(OCTANT_DEGREES / (PART * reach)).ceil().clamp(0.0, 8.0) as u32;
@@ -214,6 +219,11 @@ impl Plan {
         }
     }
 
+    /// A few bands of all `rows`.
+    pub(super) fn few<'b>(&'b self, rows: &'b Rows<'b>) -> &'b Rows<'b> {
+        self.thin.as_ref().unwrap_or(rows)
+    }
+
     /// What fits `rows` with the cloud of this number.
     pub(super) fn fitted<'b>(&'b self, rows: &'b Rows<'b>, cloud: usize) -> Fitted<'b> {
         Fitted {
@@ -231,29 +241,38 @@ impl Plan {
         triangles.or_else(|| (!self.elevations.is_empty()).then(|| Axis::Elevation(self.elevations.clone())))
     }
 
-    /// What lies under each entry of the incoming axis.
-    pub(super) fn points_by_entry(&self) -> Vec<Under> {
+    /// Which samples lie where.
+    pub(super) fn located(&self) -> Located {
         let mesh = self.outgoing.mesh;
-        let none = Under { has_sample: vec![false; mesh.len()], rows: Vec::new() };
-        let mut found = vec![none; self.entries.len()];
         let axis = self.incoming_axis();
+        let mut located = Located {
+            cells: vec![None; self.directions.len()],
+            has_sample: vec![false; self.entries.len() * mesh.len()],
+            rows: vec![Vec::new(); self.entries.len()],
+        };
         for (i, cloud) in self.clouds.iter().enumerate() {
-            for point in &cloud.points {
+            let place = |(&wi, &wo): (&Vector, &Vector)| {
                 let entry = match &axis {
                     _ if self.clouds.len() > 1 => Some(i),
                     None => Some(0),
-                    Some(axis) => entry_of(axis, point.wi, Direction::from_unit(point.wi).theta_degrees()),
+                    Some(axis) => entry_of(axis, wi, Direction::from_unit(wi).theta_degrees()),
                 };
-                let Some(under) = entry.and_then(|entry| found.get_mut(entry)) else { continue };
-                if let Some(cell) = mesh.locate(Direction::from_unit(point.wo)) {
-                    under.has_sample[cell] = true;
+                (entry, mesh.locate(Direction::from_unit(wo)))
+            };
+            let places: Vec<_> = cloud.wi.par_iter().zip(&cloud.wo).map(place).collect();
+            for ((at, &row), &(entry, triangle)) in cloud.rows.iter().enumerate().zip(&places) {
+                let Some(entry) = entry.filter(|&entry| entry < self.entries.len()) else { continue };
+                let cell = triangle.map(|triangle| entry * mesh.len() + triangle);
+                if let Some(cell) = cell {
+                    located.has_sample[cell] = true;
                 }
-                if under.rows.last() != Some(&point.row) {
-                    under.rows.push(point.row);
+                if at < cloud.own() {
+                    located.rows[entry].push(row);
+                    located.cells[row as usize] = cell;
                 }
             }
         }
-        found
+        located
     }
 
     fn size(&self, channels: usize) -> usize {
@@ -276,13 +295,14 @@ impl Plan {
     }
 
     /// Takes finer outgoing triangles until they represent what the samples say to half of the target, and says why not.
-    fn represent(&mut self, target: f64, channels: usize) {
+    fn represent(&mut self, rows: &Rows<'_>, target: f64, channels: usize) {
         if self.incoming.is_some() {
             return;
         }
         let limit = 0.5 * target;
         let reason = loop {
-            self.representation = trials::representation(&self.clouds, self.fitted(&self.thin, 0), self.outgoing.mesh);
+            let like = self.fitted(self.few(rows), 0);
+            self.representation = trials::representation(&self.clouds, like, self.outgoing.mesh);
             match self.representation {
                 Some(error) if error > limit => {}
                 _ => return,

@@ -140,14 +140,14 @@ pub(super) fn compare(
             let (mut tally, mut lights) = (Tally::default(), Vec::new());
             for trial in trials {
                 let cloud = &clouds[trial.cloud];
-                let point = &cloud.points[trial.point as usize];
-                let there = predict(&Fitted { cloud, ..like }, point.wi, point.wo, withheld, scratch);
+                let (row, wi, wo) = trial.of(cloud);
+                let there = predict(&Fitted { cloud, ..like }, wi, wo, withheld, scratch);
                 if there.is_none() {
                     continue;
                 }
                 let (mut light, mut whole) = (0.0, 0.0);
-                for (&found, &expected) in scratch.row.iter().zip(like.rows.row(point.row)) {
-                    tally.add(regions[point.row as usize], found, expected);
+                for (&found, &expected) in scratch.row.iter().zip(like.rows.row(row)) {
+                    tally.add(regions[row as usize], found, expected);
                     if !found.is_nan() && !expected.is_nan() {
                         light += f64::from(found - expected);
                         whole += f64::from(found.abs());

@@ -50,17 +50,17 @@ impl<'a> Rows<'a> {
         Self { width, values, logs, kinds, light, certainty }
     }
 
-    /// At most `count` of the bands, evenly over all.
-    pub(super) fn thinned(&self, sigma: Option<&[f32]>, count: usize) -> Rows<'static> {
-        let chosen: Vec<usize> = match self.width {
-            width if width <= count => (0..width).collect(),
-            width => (0..count).map(|i| (2 * i + 1) * width / (2 * count)).collect(),
-        };
+    /// `count` of the bands, evenly over all, if there are more.
+    pub(super) fn thinned(&self, sigma: Option<&[f32]>, count: usize) -> Option<Rows<'static>> {
+        if self.width <= count {
+            return None;
+        }
+        let chosen: Vec<usize> = (0..count).map(|i| (2 * i + 1) * self.width / (2 * count)).collect();
         let thin = |values: &[f32]| -> Vec<f32> {
             values.chunks(self.width).flat_map(|row| chosen.iter().map(|&band| row[band])).collect()
         };
         let sigma = sigma.map(thin);
-        Rows::new(Cow::Owned(thin(&self.values)), sigma.as_deref(), chosen.len())
+        Some(Rows::new(Cow::Owned(thin(&self.values)), sigma.as_deref(), chosen.len()))
     }
 
     pub(super) fn row(&self, row: u32) -> &[f32] {

@@ -7,8 +7,6 @@ use crate::domain::wide;
 pub(super) const TERMS: usize = 8;
 /// Samples that are summed side by side.
 const LANES: usize = 4;
-/// Rows of a system that are summed together.
-const ROWS: usize = 4;
 /// What is added to the diagonal, in parts of the sum of weights: directions in which samples do not differ get no part.
 const RIDGE: f64 = 1e-9;
 
@@ -80,30 +78,37 @@ impl Columns {
 
     /// The system of the first `count` samples within `reach`, a part of the square of the reach of all.
     pub(super) fn system(&mut self, count: usize, reach: f64, joint: bool, terms: usize) -> Factored {
+        self.count(count, reach);
         let padded = count.next_multiple_of(LANES);
+        let [weights, light] = [&self.weights, &self.light].map(|column| lanes(&column[..padded]));
+        let basis = self.basis.each_ref().map(|column| lanes(&column[..padded]));
         let mut matrix = [[0.0; TERMS]; TERMS];
         let mut right = [0.0; TERMS];
-        let (mut square, mut number) = ([0.0; LANES], [0.0; LANES]);
-        self.count(count, reach);
-        let [weights, robust, light] = [&self.weights, &self.robust, &self.light].map(|column| &column[..padded]);
-        let basis = self.basis.each_ref().map(|column| &column[..padded]);
+        let (mut square, mut number) = (0.0, 0.0);
         wide(
             #[inline(always)]
             || {
-                for at in (0..padded).step_by(LANES) {
-                    for l in 0..LANES {
-                        square[l] += weights[at + l] * light[at + l] * light[at + l];
-                        number[l] += if at + l < count { robust[at + l] } else { 0.0 };
-                    }
-                }
-                add_rows::<0, 4>(&basis, weights, light, &mut matrix, &mut right);
-                add_rows::<4, 6>(&basis, weights, light, &mut matrix, &mut right);
+                square = total(
+                    weights
+                        .iter()
+                        .zip(light)
+                        .fold([0.0; LANES], |sum, (w, l)| std::array::from_fn(|i| sum[i] + w[i] * l[i] * l[i])),
+                );
+                let (whole, rest) = self.robust[..count].as_chunks::<LANES>();
+                number = total(whole.iter().fold([0.0; LANES], |sum, new| std::array::from_fn(|i| sum[i] + new[i])))
+                    + rest.iter().sum::<f64>();
+                add_row::<0>(&basis, weights, light, &mut matrix, &mut right);
+                add_row::<1>(&basis, weights, light, &mut matrix, &mut right);
+                add_row::<2>(&basis, weights, light, &mut matrix, &mut right);
+                add_row::<3>(&basis, weights, light, &mut matrix, &mut right);
+                add_row::<4>(&basis, weights, light, &mut matrix, &mut right);
+                add_row::<5>(&basis, weights, light, &mut matrix, &mut right);
                 if joint {
-                    add_rows::<6, 8>(&basis, weights, light, &mut matrix, &mut right);
+                    add_row::<6>(&basis, weights, light, &mut matrix, &mut right);
+                    add_row::<7>(&basis, weights, light, &mut matrix, &mut right);
                 }
             },
         );
-        let (square, number) = (total(square), total(number));
         let total = matrix[0][0];
         for (i, row) in matrix.iter_mut().enumerate().take(terms).skip(1) {
             row[i] += RIDGE * total;
@@ -120,26 +125,23 @@ impl Columns {
 
     /// The residuals of the light of the first `count` samples.
     pub(super) fn depart(&mut self, count: usize, solution: &[f64; TERMS]) -> Departure {
+        let Self { basis, light, residuals, .. } = self;
         let padded = count.next_multiple_of(LANES);
-        let basis = self.basis.each_ref().map(|column| &column[..padded]);
-        let light = &self.light[..padded];
-        let residuals = &mut self.residuals[..padded];
+        let (light, residuals) = (&light[..padded], &mut residuals[..padded]);
         let (mut sum, mut squares) = ([0.0; LANES], [0.0; LANES]);
         let (mut largest, mut brightest) = ([0.0_f64; LANES], [0.0_f64; LANES]);
         wide(
             #[inline(always)]
             || {
-                for i in 0..padded {
-                    let mut fitted = 0.0;
-                    for j in 0..TERMS {
-                        fitted += solution[j] * basis[j][i];
-                    }
-                    residuals[i] = (light[i] - fitted).abs();
+                residuals.fill(solution[0]);
+                for (column, term) in basis.iter().zip(solution).skip(1).filter(|(_, term)| **term != 0.0) {
+                    residuals.iter_mut().zip(column).for_each(|(residual, x)| *residual += term * x);
                 }
+                residuals.iter_mut().zip(light).for_each(|(residual, light)| *residual = (light - *residual).abs());
                 residuals[count..].fill(0.0);
-                for at in (0..padded).step_by(LANES) {
+                for (residuals, lights) in lanes(residuals).iter().zip(lanes(light)) {
                     for l in 0..LANES {
-                        let (residual, light) = (residuals[at + l], light[at + l].abs());
+                        let (residual, light) = (residuals[l], lights[l].abs());
                         sum[l] += residual;
                         squares[l] += residual * residual;
                         largest[l] = if residual > largest[l] { residual } else { largest[l] };
@@ -194,47 +196,44 @@ impl Columns {
     }
 }
 
+/// A column, as many samples at a time as are summed side by side.
+fn lanes(column: &[f64]) -> &[[f64; LANES]] {
+    column.as_chunks().0
+}
+
 fn total(lanes: [f64; LANES]) -> f64 {
     (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
 }
 
-/// Adds up rows of the lower triangle and of the right side.
+/// Adds up row `J` of the lower triangle and of the right side.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
-fn add_rows<const FROM: usize, const TO: usize>(
-    basis: &[&[f64]; TERMS],
-    weights: &[f64],
-    light: &[f64],
+fn add_row<const J: usize>(
+    basis: &[&[[f64; LANES]]; TERMS],
+    weights: &[[f64; LANES]],
+    light: &[[f64; LANES]],
     matrix: &mut [[f64; TERMS]; TERMS],
     right: &mut [f64; TERMS],
 ) {
-    let mut sums = [[[0.0; LANES]; TERMS]; ROWS];
-    let mut rights = [[0.0; LANES]; ROWS];
     let n = weights.len();
     let basis = basis.map(|column| &column[..n]);
     let light = &light[..n];
-    for at in (0..n).step_by(LANES) {
-        let lanes = |column: &[f64]| -> [f64; LANES] { std::array::from_fn(|l| column[at + l]) };
-        let (weights, light) = (lanes(weights), lanes(light));
-        for j in FROM..TO {
-            let own = lanes(basis[j]);
-            let weighted: [f64; LANES] = std::array::from_fn(|l| weights[l] * own[l]);
+    let mut sums = [[0.0; LANES]; TERMS];
+    let mut lights = [0.0; LANES];
+    for i in 0..n {
+        let weighted: [f64; LANES] = std::array::from_fn(|l| weights[i][l] * basis[J][i][l]);
+        for k in 0..=J {
             for l in 0..LANES {
-                rights[j - FROM][l] += weighted[l] * light[l];
+                sums[k][l] += weighted[l] * basis[k][i][l];
             }
-            for k in 0..=j {
-                let other = lanes(basis[k]);
-                for l in 0..LANES {
-                    sums[j - FROM][k][l] += weighted[l] * other[l];
-                }
-            }
+        }
+        for l in 0..LANES {
+            lights[l] += weighted[l] * light[i][l];
         }
     }
-    for j in FROM..TO {
-        right[j] = total(rights[j - FROM]);
-        for k in 0..=j {
-            matrix[j][k] = total(sums[j - FROM][k]);
-        }
+    right[J] = total(lights);
+    for k in 0..=J {
+        matrix[J][k] = total(sums[k]);
     }
 }
 

@@ -1,22 +1,27 @@
 //! Points by nearness: a k-d tree whose leaves are contiguous (Bentley 1975, "Multidimensional binary search trees").
 
+use crate::domain::wide;
+
 /// Points of one leaf at most.
 const LEAF: usize = 16;
+/// Nodes that wait to be looked into, at most: halves of halves of `u32::MAX` points.
+const DEPTH: usize = 64;
 
-/// Points in `D` dimensions, split at medians along their widest extent; equal input gives the equal tree.
+/// Points in `D` dimensions, split at medians along their widest extent and numbered from leaf to leaf; equal input gives
+/// the equal tree.
 #[derive(Clone, Debug)]
 pub(super) struct Tree<const D: usize> {
-    points: Vec<[f64; D]>,
-    /// The number that each point had.
-    items: Vec<u32>,
+    /// One for each coordinate, with [`LEAF`] places beyond the points.
+    columns: [Vec<f64>; D],
     /// In preorder.
-    nodes: Vec<Node>,
+    nodes: Vec<Node<D>>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Node {
-    axis: u8,
-    split: f64,
+struct Node<const D: usize> {
+    /// The box around its points.
+    low: [f64; D],
+    high: [f64; D],
     /// The right child; 0 for a leaf.
     right: u32,
     first: u32,
@@ -26,115 +31,172 @@ struct Node {
 /// A point found: the square of its distance, and its number.
 pub(super) type Found = (f64, u32);
 
+/// A point on its way into the tree: where it lies, and which one it was.
+type Given<const D: usize> = ([f64; D], u32);
+
 impl<const D: usize> Tree<D> {
-    pub(super) fn new(points: &[[f64; D]]) -> Self {
-        let mut order: Vec<u32> = (0..points.len() as u32).collect();
+    /// The tree of these points, and which of them each of its own is.
+    pub(super) fn new(points: impl Iterator<Item = [f64; D]>) -> (Self, Vec<u32>) {
+        let mut points: Vec<Given<D>> = points.zip(0..).collect();
         let mut nodes = Vec::with_capacity(points.len() / LEAF * 4 + 1);
-        split(points, &mut order, 0, &mut nodes);
-        let sorted = order.iter().map(|&item| points[item as usize]).collect();
-        Self { points: sorted, items: order, nodes }
+        split(&mut points, 0, &mut nodes);
+        let beyond = [0.0; LEAF];
+        let columns = std::array::from_fn(|k| points.iter().map(|given| given.0[k]).chain(beyond).collect());
+        (Self { columns, nodes }, points.into_iter().map(|given| given.1).collect())
     }
 
-    /// All points within the root of `square` of `centre`, in the order of the tree.
-    pub(super) fn within(&self, centre: &[f64; D], square: f64, found: &mut Vec<Found>) {
-        found.clear();
-        let mut stack = [0_u32; 64];
-        let mut depth = usize::from(!self.points.is_empty());
-        let radius = square.sqrt();
-        while depth > 0 {
-            depth -= 1;
-            let at = stack[depth];
-            let node = self.nodes[at as usize];
-            if node.right == 0 {
-                for i in node.first as usize..(node.first + node.count) as usize {
-                    let distance = distance(&self.points[i], centre);
-                    if distance <= square {
-                        found.push((distance, self.items[i]));
-                    }
-                }
-                continue;
-            }
-            let offset = centre[usize::from(node.axis)] - node.split;
-            if offset >= -radius {
-                stack[depth] = node.right;
-                depth += 1;
-            }
-            if offset <= radius {
-                stack[depth] = at + 1;
-                depth += 1;
-            }
-        }
+    pub(super) fn len(&self) -> usize {
+        self.columns[0].len() - LEAF
     }
 
-    /// The `count` points nearest to `centre` that `wanted` takes, of equally near ones those of lower number; the farthest first,
-    /// the others in no order.
+    /// One of the coordinates of all points.
+    pub(super) fn column(&self, k: usize) -> &[f64] {
+        &self.columns[k][..self.len()]
+    }
+
+    /// Where a point lies.
+    pub(super) fn point(&self, item: u32) -> [f64; D] {
+        std::array::from_fn(|k| self.columns[k][item as usize])
+    }
+
+    /// Adds to `found` all points within the root of `square` of `centre` that `wanted` takes, the first of the tree counted
+    /// as number `first`.
+    pub(super) fn within(
+        &self,
+        (centre, first): (&[f64; D], u32),
+        square: f64,
+        wanted: impl Fn(u32) -> bool,
+        found: &mut Vec<Found>,
+    ) {
+        self.search((centre, first), square, wanted, found, |_, square| square);
+    }
+
+    /// The `count` points nearest to `centre` of those found before and those that `wanted` takes, the first of the tree
+    /// counted as number `first`; of equally near ones those of lower number; the farthest first, the others in no order.
     pub(super) fn nearest(
         &self,
-        centre: &[f64; D],
+        (centre, first): (&[f64; D], u32),
         count: usize,
         wanted: impl Fn(u32) -> bool,
         found: &mut Vec<Found>,
     ) {
-        found.clear();
-        if self.points.is_empty() || count == 0 {
-            return;
-        }
-        let mut limit = f64::INFINITY;
-        self.nearest_below(0, centre, count, &wanted, (found, &mut limit));
+        let limit = if found.len() >= count { keep(found, count) } else { f64::INFINITY };
+        self.search((centre, first), limit, wanted, found, |found, limit| {
+            if limit.is_infinite() {
+                let farthest = found.iter().fold(0.0, |most, near| if near.0 > most { near.0 } else { most });
+                if found.len() >= count { farthest } else { limit }
+            } else if found.len() >= 2 * count.max(LEAF) {
+                keep(found, count)
+            } else {
+                limit
+            }
+        });
         keep(found, count);
     }
 
-    /// Adds to `found` what is no farther than the root of `limit`, and lowers it as there is more than enough.
-    fn nearest_below(
+    /// Adds to `found` the points no farther than the root of a limit, nearer leaves first; after each `lower` says what
+    /// the limit is then.
+    fn search(
         &self,
-        at: u32,
-        centre: &[f64; D],
-        count: usize,
-        wanted: &impl Fn(u32) -> bool,
-        (found, limit): (&mut Vec<Found>, &mut f64),
+        (centre, first): (&[f64; D], u32),
+        mut limit: f64,
+        wanted: impl Fn(u32) -> bool,
+        found: &mut Vec<Found>,
+        lower: impl Fn(&mut Vec<Found>, f64) -> f64,
     ) {
-        let node = self.nodes[at as usize];
-        if node.right == 0 {
-            for i in node.first as usize..(node.first + node.count) as usize {
-                let distance = distance(&self.points[i], centre);
-                if distance <= *limit && wanted(self.items[i]) {
-                    found.push((distance, self.items[i]));
+        // Nodes with the squares of the distances to their boxes.
+        let mut stack = [(0.0, 0_u32); DEPTH];
+        let mut depth = usize::from(self.len() > 0);
+        wide(
+            #[inline(always)]
+            || {
+                while depth > 0 {
+                    depth -= 1;
+                    let (square, at) = stack[depth];
+                    if square > limit {
+                        continue;
+                    }
+                    let node = &self.nodes[at as usize];
+                    if node.right == 0 {
+                        self.look(node, (centre, first), limit, &wanted, found);
+                        limit = lower(found, limit);
+                        continue;
+                    }
+                    let left = (self.nodes[at as usize + 1].distance(centre), at + 1);
+                    let right = (self.nodes[node.right as usize].distance(centre), node.right);
+                    // The nearer one first.
+                    (stack[depth], stack[depth + 1]) = if left.0 < right.0 { (right, left) } else { (left, right) };
+                    depth += 2;
                 }
+            },
+        );
+    }
+
+    /// Adds to `found` the points of a leaf that are no farther than the root of `limit`.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+    fn look(
+        &self,
+        leaf: &Node<D>,
+        (centre, first): (&[f64; D], u32),
+        limit: f64,
+        wanted: &impl Fn(u32) -> bool,
+        found: &mut Vec<Found>,
+    ) {
+        let mut squares = [0.0; LEAF];
+        for (column, &centre) in self.columns.iter().zip(centre) {
+            let Some(column) = column[leaf.first as usize..].first_chunk::<LEAF>() else { return };
+            for (square, &x) in squares.iter_mut().zip(column) {
+                *square += (x - centre) * (x - centre);
             }
-            if found.len() >= 2 * count.max(LEAF) || limit.is_infinite() && found.len() >= count {
-                *limit = keep(found, count);
+        }
+        let mut near = [(0.0, 0); LEAF];
+        let mut count = 0;
+        for (square, item) in squares.into_iter().zip(leaf.first..leaf.first + leaf.count) {
+            near[count] = (square, first + item);
+            count += usize::from(square <= limit);
+        }
+        for &near in &near[..count] {
+            if wanted(near.1) {
+                found.push(near);
             }
-            return;
         }
-        let offset = centre[usize::from(node.axis)] - node.split;
-        let (near, far) = if offset < 0.0 { (at + 1, node.right) } else { (node.right, at + 1) };
-        self.nearest_below(near, centre, count, wanted, (found, limit));
-        if offset * offset <= *limit {
-            self.nearest_below(far, centre, count, wanted, (found, limit));
+    }
+}
+
+impl<const D: usize> Node<D> {
+    /// The square of the distance to the box.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+    fn distance(&self, centre: &[f64; D]) -> f64 {
+        let mut sum = 0.0;
+        for ((&low, &high), &x) in self.low.iter().zip(&self.high).zip(centre) {
+            let (below, above) = (low - x, x - high);
+            let beyond = if below > above { below } else { above };
+            let beyond = if beyond > 0.0 { beyond } else { 0.0 };
+            sum += beyond * beyond;
         }
+        sum
     }
 }
 
 /// Keeps the nearest `count`, the farthest of them first; the square of its distance.
 fn keep(found: &mut Vec<Found>, count: usize) -> f64 {
-    let last = count.min(found.len()).saturating_sub(1);
-    if found.is_empty() {
+    let Some(last) = count.min(found.len()).checked_sub(1) else {
+        found.clear();
         return f64::INFINITY;
-    }
-    found.select_nth_unstable_by(last, by_distance);
+    };
+    found.select_nth_unstable_by_key(last, nearness);
     found.truncate(last + 1);
     found.swap(0, last);
     found[0].0
 }
 
-/// Nearest first, equally near ones by number.
-pub(super) fn by_distance(a: &Found, b: &Found) -> std::cmp::Ordering {
-    a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
-}
-
+/// What is less for nearer points, of equally near ones for that of lower number: squares are not negative, so that their bits
+/// are in their order.
 #[inline]
-pub(super) fn is_nearer(a: Found, b: Found) -> bool {
-    a.0 < b.0 || a.0 == b.0 && a.1 < b.1
+pub(super) fn nearness(found: &Found) -> (u64, u32) {
+    (found.0.to_bits(), found.1)
 }
 
 /// The square of the distance between two points.
@@ -147,30 +209,27 @@ pub(super) fn distance<const D: usize>(a: &[f64; D], b: &[f64; D]) -> f64 {
     sum
 }
 
-fn split<const D: usize>(points: &[[f64; D]], order: &mut [u32], first: u32, nodes: &mut Vec<Node>) {
-    let at = nodes.len();
-    nodes.push(Node { axis: 0, split: 0.0, right: 0, first, count: order.len() as u32 });
-    if order.len() <= LEAF {
-        return;
-    }
+fn split<const D: usize>(points: &mut [Given<D>], first: u32, nodes: &mut Vec<Node<D>>) {
     let (mut low, mut high) = ([f64::INFINITY; D], [f64::NEG_INFINITY; D]);
-    for &item in &*order {
-        for (k, &x) in points[item as usize].iter().enumerate() {
+    for (point, _) in &*points {
+        for (k, &x) in point.iter().enumerate() {
             low[k] = if x < low[k] { x } else { low[k] };
             high[k] = if x > high[k] { x } else { high[k] };
         }
     }
+    let at = nodes.len();
+    nodes.push(Node { low, high, right: 0, first, count: points.len() as u32 });
+    if points.len() <= LEAF {
+        return;
+    }
     let extent = |axis: usize| high[axis] - low[axis];
     let axis = (1..D).fold(0, |best, k| if extent(k) > extent(best) { k } else { best });
-    let middle = order.len() / 2;
-    let of = |item: u32| points[item as usize][axis];
-    order.select_nth_unstable_by(middle, |&a, &b| of(a).total_cmp(&of(b)).then(a.cmp(&b)));
-    nodes[at].axis = axis as u8;
-    nodes[at].split = of(order[middle]);
-    let (left, right) = order.split_at_mut(middle);
-    split(points, left, first, nodes);
+    let middle = points.len() / 2;
+    points.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
+    let (left, right) = points.split_at_mut(middle);
+    split(left, first, nodes);
     nodes[at].right = nodes.len() as u32;
-    split(points, right, first + middle as u32, nodes);
+    split(right, first + middle as u32, nodes);
 }
 
 #[cfg(test)]
@@ -185,36 +244,46 @@ mod tests {
     #[test]
     fn the_nearest_are_those_of_a_full_search() {
         // Rounded coordinates: many points are equally near.
-        let points = cloud(777);
-        let tree = Tree::new(&points);
+        let given = cloud(777);
+        let (tree, order) = Tree::new(given.iter().copied());
+        let points: Vec<[f64; 3]> = order.iter().map(|&place| given[place as usize]).collect();
+        assert!(tree.len() == 777 && (0..).zip(&points).all(|(item, point)| tree.point(item) == *point));
         let (mut found, mut inside) = (Vec::new(), Vec::new());
         for centre in cloud(40).iter().chain(&[[2.0, -1.0, 0.5]]) {
             let mut all: Vec<Found> =
-                (0..).zip(&points).map(|(i, p)| (distance(p, centre), i)).filter(|f| f.1 % 3 != 1).collect();
-            all.sort_unstable_by(by_distance);
-            tree.nearest(centre, 50, |item| item % 3 != 1, &mut found);
+                (10..).zip(&points).map(|(i, p)| (distance(p, centre), i)).filter(|f| f.1 % 3 != 1).collect();
+            all.sort_unstable_by_key(nearness);
+            found.clear();
+            tree.nearest((centre, 10), 50, |item| item % 3 != 1, &mut found);
             assert_eq!(found[0], all[49]);
-            found.sort_unstable_by(by_distance);
+            found.sort_unstable_by_key(nearness);
             assert_eq!(found, all[..50]);
-            tree.within(centre, all[60].0, &mut inside);
-            let expected = points.iter().filter(|p| distance(p, centre) <= all[60].0).count();
-            assert_eq!(inside.len(), expected);
+            // What was found before stays if it is nearer.
+            let mut more = vec![(all[20].0, 9), (9.0, 8)];
+            tree.nearest((centre, 10), 22, |item| item % 3 != 1, &mut more);
+            more.sort_unstable_by_key(nearness);
+            assert!(more.len() == 22 && more.contains(&(all[20].0, 9)) && more[21] == all[20]);
+            inside.clear();
+            tree.within((centre, 10), all[60].0, |item| item % 3 != 1, &mut inside);
+            inside.sort_unstable_by_key(nearness);
+            assert_eq!(inside, all[..all.iter().filter(|near| near.0 <= all[60].0).count()]);
         }
-        tree.nearest(&[0.0; 3], 1000, |_| true, &mut found);
+        found.clear();
+        tree.nearest((&[0.0; 3], 0), 1000, |_| true, &mut found);
         assert_eq!(found.len(), 777);
     }
 
     #[test]
     fn one_place_and_no_place_are_trees() {
-        let tree = Tree::new(&[[1.0, 2.0]; 100]);
+        let (tree, _) = Tree::new([[1.0, 2.0]; 100].into_iter());
         let mut found = Vec::new();
-        tree.nearest(&[1.0, 2.0], 3, |_| true, &mut found);
-        found.sort_unstable_by(by_distance);
+        tree.nearest((&[1.0, 2.0], 0), 3, |_| true, &mut found);
+        found.sort_unstable_by_key(nearness);
         assert_eq!(found, [(0.0, 0), (0.0, 1), (0.0, 2)]);
-        let none = Tree::<2>::new(&[]);
-        none.nearest(&[0.0; 2], 3, |_| true, &mut found);
-        assert!(found.is_empty());
-        none.within(&[0.0; 2], 1.0, &mut found);
+        let (none, _) = Tree::<2>::new(std::iter::empty());
+        found.clear();
+        none.nearest((&[0.0; 2], 0), 3, |_| true, &mut found);
+        none.within((&[0.0; 2], 0), 1.0, |_| true, &mut found);
         assert!(found.is_empty());
     }
 }

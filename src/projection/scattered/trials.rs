@@ -9,14 +9,14 @@ use crate::domain::{Domain, Quantity, TriangleMesh};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// One of so many samples is withheld.
-const TENTH: u32 = 10;
 /// Numbers of neighbours that compete.
 const NEIGHBOURS: [usize; 6] = [12, 18, 28, 42, 64, 96];
 /// Neighbours that tell what noise is.
 const FEW: usize = 27;
 /// More neighbours must be better by this factor: they take more time.
 const BETTER: f64 = 0.98;
+/// Errors that are no more than the rounding of values: of more neighbours there is less of it.
+const ROUNDING: f64 = f32::EPSILON as f64;
 /// Samples that choose between them, about.
 const JUDGES: usize = 400;
 /// Values below this part of the largest are as good as 0 to them.
@@ -42,10 +42,12 @@ pub(super) struct Trial {
     pub(super) point: u32,
 }
 
-/// Whether a row is one of the withheld tenth: one of every ten in a row, at no regular distance.
-pub(super) fn is_withheld(row: u32) -> bool {
-    let mixed = (row / TENTH).wrapping_mul(0x9e37_79b9);
-    (mixed ^ (mixed >> 15)) % TENTH == row % TENTH
+impl Trial {
+    /// The row of the sample in its cloud, and its directions.
+    pub(super) fn of(self, cloud: &Cloud) -> (u32, Vector, Vector) {
+        let point = self.point as usize;
+        (cloud.rows[point], cloud.wi[point], cloud.wo[point])
+    }
 }
 
 /// `count` of the withheld samples, evenly over all.
@@ -54,10 +56,10 @@ pub(super) fn trials(clouds: &[Cloud], count: usize) -> Vec<Trial> {
         .iter()
         .enumerate()
         .flat_map(|(cloud, of)| {
-            let mut last = u32::MAX;
-            // Mirror images follow their sample.
-            let own = (0..).zip(&of.points).filter(move |(_, p)| std::mem::replace(&mut last, p.row) != p.row);
-            own.filter(|(_, p)| is_withheld(p.row)).map(move |(point, _)| Trial { cloud, point })
+            let own = of.rows[..of.own()].iter().copied().zip(0..).zip(&of.is_withheld);
+            let mut withheld: Vec<(u32, u32)> = own.filter(|(_, is)| **is).map(|(point, _)| point).collect();
+            withheld.sort_unstable();
+            withheld.into_iter().map(move |(_, point)| Trial { cloud, point })
         })
         .collect();
     let step = all.len().div_ceil(count.max(1)).max(1);
@@ -74,10 +76,10 @@ pub(super) fn predict(
 ) -> Option<Support> {
     let cloud = fitted.cloud;
     let taken = |item: u32| {
-        let point = &cloud.points[item as usize];
-        !(withheld && is_withheld(point.row)) && (!fitted.sides_apart || point.wo[2] * wo[2] >= 0.0)
+        let item = item as usize;
+        !(withheld && cloud.is_withheld[item]) && (!fitted.sides_apart || cloud.wo[item][2] * wo[2] >= 0.0)
     };
-    cloud.tree.nearest(&cloud.key(wi, wo), fitted.neighbours, taken, &mut scratch.found);
+    cloud.nearest(&cloud.key(wi, wo), fitted.neighbours, taken, &mut scratch.found);
     scratch.row.resize(fitted.rows.width, 0.0);
     let support = fitted.value(&Place { wi, wo, parts: [wo; PARTS] }, [1.0; PARTS], scratch)?;
     (support.nearest < support.reach).then_some(support)
@@ -92,10 +94,9 @@ fn predictions(
 ) -> Vec<Vec<(f64, f64)>> {
     let predicted = |scratch: &mut Scratch, trial: &Trial| {
         let cloud = &clouds[trial.cloud];
-        let point = &cloud.points[trial.point as usize];
-        let there = predict(&Fitted { cloud, ..like }, point.wi, image(point.wo), true, scratch);
-        let row = like.rows.row(point.row);
-        let pairs = scratch.row.iter().zip(row).map(|(&a, &b)| (f64::from(a), f64::from(b)));
+        let (row, wi, wo) = trial.of(cloud);
+        let there = predict(&Fitted { cloud, ..like }, wi, image(wo), true, scratch);
+        let pairs = scratch.row.iter().zip(like.rows.row(row)).map(|(&a, &b)| (f64::from(a), f64::from(b)));
         if there.is_some() { pairs.collect() } else { Vec::new() }
     };
     trials.par_iter().map_init(Scratch::default, predicted).collect()
@@ -142,8 +143,8 @@ pub(super) fn neighbours(clouds: &[Cloud], like: Fitted<'_>, domain: Domain) -> 
     let (mut best, mut least) = (NEIGHBOURS[0], f64::INFINITY);
     for neighbours in NEIGHBOURS {
         let found = predictions(clouds, Fitted { neighbours, ..like }, &trials, |wo| wo);
-        let error = score(&found, &found);
-        if error < BETTER * least {
+        let error = score(&found, &found).max(ROUNDING);
+        if error < BETTER * least || error == ROUNDING {
             (best, least) = (neighbours, error);
         } else if error > WORSE * least {
             break;
@@ -158,7 +159,8 @@ pub(super) fn neighbours(clouds: &[Cloud], like: Fitted<'_>, domain: Domain) -> 
 /// The share of places that have neighbours on all sides.
 fn surrounded(fitted: Fitted<'_>, domain: Domain) -> f64 {
     let Some(mesh) = TriangleMesh::new(domain, AROUND_LEVEL) else { return 0.0 };
-    let wi = fitted.cloud.points.first().map_or([0.0, 0.0, 1.0], |point| point.wi);
+    let first = fitted.cloud.rows.iter().zip(&fitted.cloud.wi).min_by_key(|(row, _)| **row);
+    let wi = first.map_or([0.0, 0.0, 1.0], |(_, wi)| *wi);
     let is_surrounded = |scratch: &mut Scratch, cell: usize| {
         let wo = mesh.centroid(cell).vector();
         predict(&fitted, wi, wo, false, scratch).is_some_and(|support| support.surrounded)
@@ -182,32 +184,33 @@ pub(super) fn representation(clouds: &[Cloud], like: Fitted<'_>, mesh: TriangleM
     let centroids: Vec<(Vector, Vector)> =
         (0..mesh.len()).map(|cell| ([0.0, 0.0, 1.0], mesh.centroid(cell).vector())).collect();
     // The smooth form knows no slopes.
-    let all = Cloud::new(0..centroids.len() as u32, &centroids, Quantity::Edf, 0.0, false);
+    let all = Cloud::new(0..centroids.len() as u32, &centroids, Quantity::Edf, 0.0);
     let trials = trials(clouds, PLACES);
     let squares: Vec<Vec<f64>> = trials
         .par_iter()
         .map_init(Scratch::default, |scratch, trial| {
             let cloud = &clouds[trial.cloud];
             let fitted = Fitted { cloud, ..like };
-            let point = &cloud.points[trial.point as usize];
+            let (_, wi, wo) = trial.of(cloud);
             let mut around = Vec::new();
-            all.tree.nearest(&all.key(point.wi, point.wo), CELLS, |_| true, &mut around);
+            all.nearest(&all.key(wi, wo), CELLS, |_| true, &mut around);
             let mut values = Vec::new();
-            for &(_, cell) in &around {
-                if predict(&fitted, point.wi, centroids[cell as usize].1, false, scratch).is_none() {
+            let near: Vec<(Vector, Vector)> =
+                around.iter().map(|&(_, cell)| centroids[all.rows[cell as usize] as usize]).collect();
+            for &(_, centroid) in &near {
+                if predict(&fitted, wi, centroid, false, scratch).is_none() {
                     return Vec::new();
                 }
                 values.extend_from_slice(&scratch.row);
             }
-            if predict(&fitted, point.wi, point.wo, false, scratch).is_none() {
+            if predict(&fitted, wi, wo, false, scratch).is_none() {
                 return Vec::new();
             }
             let expected = scratch.row.clone();
             let rows = Rows::new(Cow::Borrowed(&values), None, like.rows.width);
-            let near: Vec<(Vector, Vector)> = around.iter().map(|&(_, cell)| centroids[cell as usize]).collect();
-            let near = Cloud::new(0..near.len() as u32, &near, Quantity::Edf, 0.0, false);
+            let near = Cloud::new(0..near.len() as u32, &near, Quantity::Edf, 0.0);
             let cells = Fitted { rows: &rows, cloud: &near, neighbours: CELLS, incoming_reach: f64::INFINITY, ..like };
-            if predict(&cells, [0.0, 0.0, 1.0], point.wo, false, scratch).is_none() {
+            if predict(&cells, [0.0, 0.0, 1.0], wo, false, scratch).is_none() {
                 return Vec::new();
             }
             let pairs = scratch.row.iter().zip(&expected).filter(|(_, e)| **e > 0.0);
