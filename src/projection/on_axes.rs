@@ -86,5 +86,5 @@ fn coarsen(
 
 /// Why a level means nothing for elevations.
 pub(super) fn isotropic(elevations: usize, what: &str) -> String {
-    format!("the data are isotropic ({elevations} elevations), no {what} triangles to choose a level for")
+    format!("the data are isotropic (incoming elevations: {elevations}), no {what} triangles to choose a level for")
 }
