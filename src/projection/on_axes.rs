@@ -86,5 +86,6 @@ fn coarsen(
 
 /// Why a level means nothing for elevations.
 pub(super) fn isotropic(elevations: usize, what: &str) -> String {
-    format!("the data are isotropic (incoming elevations: {elevations}), no {what} triangles to choose a level for")
+    let s = if elevations == 1 { "" } else { "s" };
+    format!("the data are isotropic ({elevations} elevation{s}), no {what} triangles to choose a level for")
 }
