@@ -431,7 +431,7 @@ fn what_makes_no_sense_is_refused() {
     let error = refusal(&bad, &AxesRequest::default());
     assert!(matches!(error, ProjectionError::Tensor(TensorError::Count { found: 3, expected: 50, .. })));
     let levels = AxesRequest { incoming_level: Some(1), ..AxesRequest::default() };
-    assert!(refusal(&good(), &levels).to_string().contains("isotropic (1 elevations)"));
+    assert!(refusal(&good(), &levels).to_string().contains("isotropic (1 elevation)"));
     assert!(refusal(&good(), &level(9)).to_string().contains("above the limit of 8"));
     let mut lamp = good();
     (lamp.quantity, scattered(&mut lamp).incoming) = (Quantity::Edf, vec![]);
