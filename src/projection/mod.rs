@@ -104,16 +104,21 @@ pub enum ProjectionError {
 /// over triangles, by |cos θ| of the outgoing direction; samples at scattered directions become averages of local fits
 /// (isotropic elevations stay, holes are filled by rules that the notes declare, and marked); wavelengths asked for become averages over their bands. The result is `[index…, incoming, outgoing, spectral]`, NaN where nothing was measured.
 pub fn project(acquisition: &Acquisition, request: &AxesRequest) -> Result<Projected, ProjectionError> {
-    if let Samples::Grid(grid) = &acquisition.samples
-        && let Some((samples, note)) = planes::instead(acquisition.quantity, grid)
-    {
+    let instead = match &acquisition.samples {
+        Samples::Grid(grid) => planes::instead(acquisition.quantity, grid),
+        _ => None,
+    };
+    if let (Samples::Grid(grid), Some(_)) = (&acquisition.samples, &instead) {
         grid::check_values(grid)?;
-        let mut projected = project_samples(acquisition, &samples, request)?;
-        projected.coverage.notes.insert(0, note.to_owned());
-        return Ok(projected);
     }
-    let mut projected = project_samples(acquisition, &acquisition.samples, request)?;
-    projected.coverage.notes.extend(samples::coarseness(acquisition, &projected.measurement, request));
+    let samples = instead.as_ref().map_or(&acquisition.samples, |(samples, _)| samples);
+    let mut projected = project_samples(acquisition, samples, request)?;
+    if let Some((_, note)) = &instead {
+        projected.coverage.notes.insert(0, (*note).to_owned());
+    }
+    if matches!(samples, Samples::Grid(_)) {
+        projected.coverage.notes.extend(samples::coarseness(acquisition, &projected.measurement, request));
+    }
     Ok(projected)
 }
 

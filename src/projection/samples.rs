@@ -101,8 +101,7 @@ pub(super) fn coarseness(
     measurement: &Measurement,
     request: &AxesRequest,
 ) -> Option<String> {
-    let chosen = request.incoming_level.is_none() && request.outgoing_level.is_none();
-    if !chosen || !matches!(acquisition.samples, Samples::Grid(_)) {
+    if request.incoming_level.is_some() || request.outgoing_level.is_some() {
         return None;
     }
     let (target, found) = (request.target(), error_at_samples(acquisition, measurement)?.er_l2);

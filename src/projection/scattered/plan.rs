@@ -338,7 +338,9 @@ impl Plan {
             } else {
                 "even elevations, samples between them"
             };
-            notes.push(format!("incoming: {} elevations (isotropic), {how}", self.elevations.len()));
+            let count = self.elevations.len();
+            let s = if count == 1 { "" } else { "s" };
+            notes.push(format!("incoming: {count} elevation{s} (isotropic), {how}"));
         }
         notes.extend(self.incoming.iter().map(|choice| choice.note("incoming")));
         notes.push(self.outgoing.note(name));
