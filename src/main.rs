@@ -1,16 +1,15 @@
-//! Logging, command line, exit code.
+//! Command line, exit code.
 
 use std::io::Write;
 use std::process::ExitCode;
-use tracing_subscriber::EnvFilter;
-use wavelume::cli::{Cli, Failure, LogFormat, Parsed};
+use wavelume::cli::{Cli, Failure, Parsed, one_line};
 
 fn main() -> ExitCode {
     // A bug is one line too, unless whoever looks for it asks for more.
     if std::env::var_os("RUST_BACKTRACE").is_none() {
         std::panic::set_hook(Box::new(|bug| {
             let place = bug.location().map_or_else(String::new, |at| format!(" at {}:{}", at.file(), at.line()));
-            let message = bug.payload_as_str().unwrap_or("no message").replace('\n', " ");
+            let message = one_line(bug.payload_as_str().unwrap_or("no message"));
             let _ = writeln!(std::io::stderr(), "wavelume: internal error{place}: {message}");
         }));
     }
@@ -30,18 +29,8 @@ fn run() -> Result<(), Failure> {
     match Cli::read(std::env::args_os())? {
         Parsed::Show(text) => Parsed::show(&text),
         Parsed::Run(cli) => {
-            log(cli.log_format, cli.log_level());
+            cli.start_log();
             cli.run()
         }
-    }
-}
-
-/// Sends the log to stderr.
-fn log(format: LogFormat, level: &str) {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
-    match format {
-        LogFormat::Human => log.with_target(false).init(),
-        LogFormat::Json => log.json().init(),
     }
 }

@@ -67,7 +67,7 @@ fn cut_and_flipped_files_never_panic() {
 /// A small file of every text format with all that its numbers can be, and what is said of it.
 fn small_texts() -> Vec<(&'static str, String, Interpretation)> {
     let plain = Interpretation::default();
-    let quantity = Some(Quantity::Phase);
+    let quantity = Some(Quantity::Phase.into());
     let phase = Interpretation { quantity, normalization: Some(Normalization::Relative), ..plain.clone() };
     let csv = |keys: &str, rows: &str| format!("# radiometric-csv: 1\n# angle_unit: deg\n{keys}{rows}");
     let brdf = "# quantity: brdf\n# value_unit: 1/sr\n# cosine_included: true\n# wavelength_unit: nm\n";
@@ -98,6 +98,13 @@ fn small_texts() -> Vec<(&'static str, String, Interpretation)> {
         ("tm-27", spdx("<SpectralData wavelength=\"400.5\">0.5</SpectralData><SpectralData wavelength=\"410\">0.6</SpectralData>"), &plain),
         ("spectral-table", "nm,a,b\n400,1,2\n410,3.5,4\n420.5,5,6e-1\n".to_owned(), &plain),
         ("spectral-table", "400 1\n410 2\n420 3\n".to_owned(), &plain),
+        ("spectral-table", "Model Name\tLI-180\nCCT\t5465\n380nm\t27.5\n381nm\t27.9\n382nm\t28.5\nCRI\t98.8\n".to_owned(), &plain),
+        ("spectral-table", "sample,400,450.5,500\nleaf,0.1,0.2,0.3\nsoil,0.2,--,0.5\n".to_owned(), &plain),
+        ("spectral-table", "Name: x\nX Units: Wavelength (micrometers)\nY Units: Reflectance (percent)\nNumber of X Values: 3\n\n25.1\t2.5\n14.0\t1.3\n0.4\t3.5\n".to_owned(), &plain),
+        ("spectral-table", "nm,HCRF\n400,0.5\n410,NaN\n420,1.25\n".to_owned(), &plain),
+        ("radiometric-csv", csv("# quantity: reflectance-factor\n# value_unit: 1\n", "theta_i,theta_o,phi_o,v400\n30,0,0,0.5\n30,60,180,1.5\n"), &plain),
+        ("alta", "#DIM 3 1\n#PARAM_IN ISOTROPIC_TV_TL_DPHI\n#PARAM_OUT INV_STERADIAN\n#VS 1\n0.1 0.5 0 0.25 0.01\n1.0 0.5 0.2 0.5 0.01\n".to_owned(), &plain),
+        ("alta", "#DIM 6 3\n#PARAM_IN CARTESIAN\n#PARAM_OUT RGB_COLOR\n0 0 1 0.6 0 0.8 1 2 3\n0 0.6 0.8 0 0 1 4 5 6\n".to_owned(), &plain),
         ("phase-table", "0 0.2\n60 0.1\n120 0.05\n180 0.02\n".to_owned(), &phase),
         ("phase-table", "-1, 0.1\n-0.5, 0.2\n0, 0.3\n1, 0.4\n".to_owned(), &phase),
         ("phase-table", "0.1, 0.2, 0.3, 0.4\n".to_owned(), &phase),

@@ -29,10 +29,11 @@ fn python_with(module: &str) -> Option<String> {
 fn every_script_writes_what_inspect_understands() {
     let directory = tempfile::tempdir().unwrap();
     let blocks = blocks();
-    assert_eq!(blocks.len(), 7, "blocks in the guide");
+    assert_eq!(blocks.len(), 8, "blocks in the guide");
     for (block, words) in blocks.iter().zip([
         &["spectral-table", "81"][..],
         &["radiometric-csv", "brdf", "a grid of directions"],
+        &["radiometric-csv", "brdf, 1/sr", "a grid of directions", "divided by π"],
         &["radiometric-csv", "edf, mW/sr"],
         &["radiometric-csv", "1200 scattered directions", "left out", "filled by reciprocity"],
         &["radiometric-arrow", "brdf", "a grid of directions"],

@@ -1,9 +1,11 @@
 //! What the targets share: budgets, checksums made right again, and the properties that hold for any input.
 
 mod allocation;
+mod compressing;
 mod material;
 mod seal;
 
+pub use compressing::compress;
 pub use material::use_material;
 pub use seal::sealed;
 

@@ -3,6 +3,7 @@
 use super::extract::{Id, Query};
 use super::problem::{Kind, Problem};
 use super::query::{compute, direction, indices, open, read};
+use super::schemas::{DigestText, DirectionText, IlluminantText, IndexText, ObserverText, Text};
 use super::state::App;
 use crate::domain::colour::{Illuminant, StandardObserver, TableError};
 use crate::evaluate::Material;
@@ -27,16 +28,22 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
 #[into_params(parameter_in = Query)]
 struct ColorQuery {
     /// The incoming direction `θ,φ` in degrees; `0,0` if nothing is said.
+    #[param(value_type = Option<DirectionText>)]
     wi: Option<String>,
     /// The outgoing direction `θ,φ` in degrees; if nothing is said, all of them together: directional albedo, flux.
+    #[param(value_type = Option<DirectionText>)]
     wo: Option<String>,
     /// One entry, from 0, for each leading index axis: `I,J`; every column of a spectral table if nothing is said.
+    #[param(value_type = Option<IndexText>)]
     index: Option<String>,
     /// `A`, `B`, `C`, `D50`, `D65` (the default), `F11`, `E`, or the id of a stored material that is a spectrum.
+    #[param(value_type = Option<IlluminantText>)]
     illuminant: Option<String>,
     /// The column of a stored table of illuminants, by name or by number from 1.
+    #[param(value_type = Option<Text>)]
     illuminant_column: Option<String>,
     /// `1931` (2°, the default), `1964` (10°), or the id of a stored table of x̄, ȳ, z̄.
+    #[param(value_type = Option<ObserverText>)]
     observer: Option<String>,
 }
 
@@ -52,6 +59,7 @@ struct ColorAnswer {
     /// The observer.
     observer: String,
     /// XYZ of white, Y = 100.
+    #[schema(min_items = 3, max_items = 3)]
     white: [f64; 3],
     /// One for each entry looked at; null where too few wavelengths were measured.
     colours: Vec<Option<Color>>,
@@ -66,16 +74,22 @@ struct Color {
     /// Its name, if it has one.
     label: Option<String>,
     /// Tristimulus values; white has Y = 100.
+    #[schema(min_items = 3, max_items = 3)]
     xyz: [f64; 3],
     /// Chromaticity; null of black.
+    #[schema(min_items = 2, max_items = 2)]
     xy: Option<[f64; 2]>,
     /// CIE 1976 L*a*b*, relative to white.
+    #[schema(min_items = 3, max_items = 3)]
     lab: [f64; 3],
     /// Linear sRGB, adapted to its white; may be out of gamut. Of lights, the largest channel of all is 1.
+    #[schema(min_items = 3, max_items = 3)]
     linear_srgb: [f64; 3],
     /// Linear sRGB mapped into the gamut: hue and lightness of Oklab stay, chroma is reduced.
+    #[schema(min_items = 3, max_items = 3)]
     mapped_srgb: [f64; 3],
     /// The mapped one as `#rrggbb`.
+    #[schema(pattern = "^#[0-9a-f]{6}$")]
     srgb: String,
     /// Whether nothing had to be mapped.
     in_gamut: bool,
@@ -90,7 +104,7 @@ struct Color {
 /// The colour of a material.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/color", tag = "evaluation",
-    params(("id" = String, Path, description = "The material"), ColorQuery),
+    params(("id" = DigestText, Path, description = "The material"), ColorQuery),
     responses((status = 200, description = "The colours", body = ColorAnswer))
 )]
 async fn color(State(app): State<App>, Id(id): Id, Query(query): Query<ColorQuery>) -> Result<Response, Problem> {

@@ -110,49 +110,33 @@ impl Labels {
 /// The largest file that is kept in memory.
 const SMALL: u64 = 1 << 20;
 
-/// How long a file is kept: other processes may delete or rename it.
+/// Minutes that a file is kept in memory; raising it spares reads of the store.
 const KEPT: Duration = Duration::from_mins(1);
 
-/// Small files with the headers of their answers, weighed by their bytes.
+/// Bytes of small files under their digest. An answer from here is right only after the catalog was asked whether the file
+/// may still be read.
 #[derive(Clone, Debug)]
 pub(crate) struct Contents {
-    files: moka::future::Cache<Digest, Arc<Content>>,
-}
-
-/// A file that was verified when it was read.
-#[derive(Debug)]
-pub(crate) struct Content {
-    bytes: Bytes,
-    labels: Labels,
+    files: moka::future::Cache<Digest, Bytes>,
 }
 
 impl Contents {
     pub(crate) fn new(bytes: u64) -> Self {
-        let weigh = |_: &Digest, content: &Arc<Content>| (content.bytes.len() + 512).try_into().unwrap_or(u32::MAX);
+        let weigh = |_: &Digest, bytes: &Bytes| (bytes.len() + 512).try_into().unwrap_or(u32::MAX);
         let files = moka::future::Cache::builder().max_capacity(bytes).weigher(weigh).time_to_live(KEPT).build();
         Self { files }
     }
 
-    pub(crate) async fn get(&self, digest: Digest) -> Option<Arc<Content>> {
-        self.files.get(&digest).await
-    }
-
-    /// Reads the file of a material that the catalog knows, once however many ask; `None` if it is too large to keep.
-    pub(crate) async fn keep(
-        &self,
-        store: &Arc<dyn Store>,
-        digest: Digest,
-        media_type: &'static str,
-        file_name: &str,
-    ) -> Result<Option<Arc<Content>>, Problem> {
+    /// Verified bytes of a file that the catalog knows, read once however many ask; `None` if it is too large to keep.
+    pub(crate) async fn get(&self, store: &Arc<dyn Store>, digest: Digest) -> Result<Option<Bytes>, Problem> {
+        if let Some(bytes) = self.files.get(&digest).await {
+            return Ok(Some(bytes));
+        }
         let size = store.size(digest).await?.ok_or_else(|| Problem::missing(digest))?;
         if size > SMALL {
             return Ok(None);
         }
-        let read = self.files.try_get_with(digest, async {
-            let bytes = store.get(digest).await?;
-            Ok::<_, Problem>(Arc::new(Content { bytes, labels: Labels::new(digest, media_type, Some(file_name)) }))
-        });
+        let read = self.files.try_get_with(digest, async { Ok::<_, Problem>(store.get(digest).await?) });
         read.await.map(Some).map_err(|problem| (*problem).clone())
     }
 
@@ -162,19 +146,22 @@ impl Contents {
     }
 }
 
-impl Content {
-    /// The file, or the part, the headers or the 304 that `headers` ask for.
-    pub(crate) fn respond(&self, method: &Method, headers: &HeaderMap) -> Result<Response, Problem> {
-        let size = self.bytes.len() as u64;
-        let asked = self.labels.asked(headers, size)?;
-        let body = match &asked {
-            Some((_, range)) if method != Method::HEAD => {
-                Body::from(self.bytes.slice(range.start as usize..range.end as usize))
-            }
-            _ => Body::empty(),
-        };
-        Ok(self.labels.response(size, asked, body))
-    }
+/// The file of these bytes, or the part, the headers or the 304 that `headers` ask for.
+pub(crate) fn respond_with(
+    bytes: &Bytes,
+    digest: Digest,
+    media_type: &'static str,
+    file_name: Option<&str>,
+    method: &Method,
+    headers: &HeaderMap,
+) -> Result<Response, Problem> {
+    let (size, labels) = (bytes.len() as u64, Labels::new(digest, media_type, file_name));
+    let asked = labels.asked(headers, size)?;
+    let body = match &asked {
+        Some((_, range)) if method != Method::HEAD => Body::from(bytes.slice(range.start as usize..range.end as usize)),
+        _ => Body::empty(),
+    };
+    Ok(labels.response(size, asked, body))
 }
 
 #[derive(Debug, PartialEq, Eq)]

@@ -2,7 +2,9 @@
 
 use super::extract::JobId;
 use super::jobs::{Job, change, find};
+use super::places::{Peer, Place};
 use super::problem::Problem;
+use super::schemas::{EventText, JobIdText};
 use super::state::App;
 use crate::catalog::JobState;
 use axum::extract::State;
@@ -16,9 +18,10 @@ use tokio::sync::broadcast::Receiver;
 /// A line now and then keeps proxies from ending a quiet stream.
 const KEEP_ALIVE: Duration = Duration::from_secs(10);
 
-/// What was told last.
+/// The last state and progress that a follower was told.
 struct Told {
     app: App,
+    _place: Place,
     id: String,
     changes: Receiver<Arc<str>>,
     state: Option<JobState>,
@@ -27,17 +30,19 @@ struct Told {
 
 /// Follow a job: `state` events hold the job, `progress` events its progress; the stream ends with the final state.
 #[utoipa::path(
-    get, path = "/v1/jobs/{id}/events", tag = "jobs", params(("id" = String, Path, description = "Its id")),
-    responses((status = 200, description = "Server-sent events", body = String, content_type = "text/event-stream"))
+    get, path = "/v1/jobs/{id}/events", tag = "jobs", params(("id" = JobIdText, Path, description = "Its id")),
+    responses((status = 200, description = "Server-sent events", body = EventText, content_type = "text/event-stream"))
 )]
 pub(super) async fn get_job_events(
     State(app): State<App>,
+    peer: Peer,
     JobId(id): JobId,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Problem> {
+    let place = app.held.followers.take(peer, 1)?;
     // Listening begins before the first look: nothing falls between.
     let changes = app.engine.hub.listen();
     find(&app, &id).await?;
-    let told = Told { app, id, changes, state: None, progress: 0.0 };
+    let told = Told { app, _place: place, id, changes, state: None, progress: 0.0 };
     let events = futures::stream::unfold(Some(told), |told| async move { next(told?).await });
     Ok(Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)))
 }

@@ -2,9 +2,11 @@
 
 use super::content::not_modified;
 use super::extract::{Id, Query};
-use super::materials::absent;
+use super::materials::known;
+use super::places::{Peer, Place};
 use super::problem::{Kind, Problem};
 use super::query::{indices, open};
+use super::schemas::{Binary, DigestText, ExportName, IndexText};
 use super::state::App;
 use crate::export::{self, AddedError, ExportFormat, ExportOptions, Exported};
 use crate::formats::manifest_of;
@@ -16,8 +18,6 @@ use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use serde::Deserialize;
 use std::convert::Infallible;
-use std::sync::Arc;
-use tokio::sync::OwnedSemaphorePermit;
 use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -40,8 +40,10 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
 struct ExportQuery {
     /// `rgl`, `merl`, `mbsdf` (surfaces), `lm63`, `eulumdat` (luminaires), `spd`, `csv` (spectra), `tabphase` (phase
     /// functions), `npy` (the dense float32 tensor, NaN = masked) or `manifest` (its axes).
+    #[param(value_type = ExportName)]
     format: String,
-    /// One entry, from 0, for each leading index axis: `I,J`.
+    /// One entry, from 0, for each leading index axis: `I,J`; `npy` and `manifest` hold every entry and take none.
+    #[param(value_type = Option<IndexText>)]
     index: Option<String>,
     /// Nodes along a side (rgl), polar angles (mbsdf) or cosines (tabphase); by the material's own axes if nothing is said.
     #[param(value_type = Option<u32>)]
@@ -60,12 +62,12 @@ struct ExportQuery {
 /// A material in another format.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/export", tag = "materials",
-    params(("id" = String, Path, description = "The material"), ExportQuery),
+    params(("id" = DigestText, Path, description = "The material"), ExportQuery),
     responses(
         (
             status = 200, description = "The file",
             content(
-                (Vec<u8> = "application/octet-stream"), (String = "text/plain"), (String = "text/csv"),
+                (Binary = "application/octet-stream"), (String = "text/plain"), (String = "text/csv"),
                 (serde_json::Value = "application/json"),
             ),
             headers(("Wavelume-Export-Error" = String, description =
@@ -78,6 +80,7 @@ struct ExportQuery {
 async fn export(
     State(app): State<App>,
     Id(id): Id,
+    peer: Peer,
     Query(query): Query<ExportQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
@@ -95,9 +98,7 @@ async fn export(
         // What is sent could be uploaded.
         most_bytes: usize::try_from(app.engine.limits.upload_bytes).unwrap_or(usize::MAX),
     };
-    if app.engine.archive.catalog.material(id).await?.is_none() {
-        return Err(Problem::new(Kind::NotFound, absent(id)));
-    }
+    known(&app, id).await?;
     // Another version may write another file.
     let what = format!("{id} export {format:?} {options:?} {}", env!("CARGO_PKG_VERSION"));
     let etag = format!("\"{}\"", Digest::of(what.as_bytes()));
@@ -105,8 +106,8 @@ async fn export(
         StatusCode::NOT_MODIFIED.into_response()
     } else {
         match format {
-            Some(format) => file(&app, id, format, options).await?,
-            None => manifest(&app, id).await?,
+            Some(format) => file(&app, peer, id, format, options).await?,
+            None => manifest(&app, id, options).await?,
         }
     };
     let headers = response.headers_mut();
@@ -122,26 +123,33 @@ fn unknown(name: &str) -> Problem {
     Problem::new(Kind::NotAvailable, detail)
 }
 
-async fn manifest(app: &App, id: Digest) -> Result<Response, Problem> {
+async fn manifest(app: &App, id: Digest, options: ExportOptions) -> Result<Response, Problem> {
     let measurement = app.engine.decoded(id).await.map_err(|error| Problem::from(&error))?.measurement;
+    export::check_whole(&measurement, "manifest", &options)?;
     let text = app.engine.queries.run(move || manifest_of(&measurement).to_string()).await?;
     let mut response = ([(header::CONTENT_TYPE, HeaderValue::from_static("application/json"))], text).into_response();
     name(&mut response, id, "axes.json");
     Ok(response)
 }
 
-async fn file(app: &App, id: Digest, format: ExportFormat, options: ExportOptions) -> Result<Response, Problem> {
-    // Until its last byte is sent: a file is held whole.
-    let Ok(place) = Arc::clone(&app.exports).try_acquire_owned() else {
-        return Err(Problem::new(Kind::Overloaded, "too many files are being exported"));
-    };
-    let Exported { bytes, about } = if format == ExportFormat::Npy {
+async fn file(
+    app: &App,
+    peer: Peer,
+    id: Digest,
+    format: ExportFormat,
+    options: ExportOptions,
+) -> Result<Response, Problem> {
+    // A file lies whole in memory until its last byte is sent. The work keeps the place too: it goes on when its client
+    // leaves.
+    let place = app.held.exports.take(peer, 1)?;
+    let (exported, place) = if format == ExportFormat::Npy {
         let measurement = app.engine.decoded(id).await.map_err(|error| Problem::from(&error))?.measurement;
-        app.engine.exports.run(move || export::array(&measurement, &options)).await??
+        app.engine.exports.run(move || (export::array(&measurement, &options), place)).await?
     } else {
         let material = open(app, id).await?;
-        app.engine.exports.run(move || export::export(&material, format, &options)).await??
+        app.engine.exports.run(move || (export::export(&material, format, &options), place)).await?
     };
+    let Exported { bytes, about } = exported?;
     let length = bytes.len();
     let mut response = pieces(bytes, place).into_response();
     let headers = response.headers_mut();
@@ -168,7 +176,7 @@ fn name(response: &mut Response, id: Digest, extension: &str) {
 }
 
 /// The bytes piece by piece; `place` is held until the last one is taken.
-fn pieces(bytes: Vec<u8>, place: OwnedSemaphorePermit) -> Body {
+fn pieces(bytes: Vec<u8>, place: Place) -> Body {
     let parts = futures::stream::unfold((Bytes::from(bytes), place), |(mut rest, place)| async move {
         if rest.is_empty() {
             return None;

@@ -1,5 +1,7 @@
 //! Queries, bodies and path segments that become problems when they are not understood.
 
+use super::pace::Pace;
+use super::places::{KIB, Peer, Place};
 use super::problem::{Kind, Problem};
 use super::state::App;
 use crate::store::Digest;
@@ -8,9 +10,8 @@ use axum::extract::{FromRequest, FromRequestParts, RawPathParams, Request};
 use axum::http::{HeaderMap, header, request::Parts};
 use bytes::BytesMut;
 use futures::StreamExt;
+use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use std::sync::Arc;
-use tokio::sync::OwnedSemaphorePermit;
 
 /// The query string as `T`.
 #[derive(Clone, Debug)]
@@ -28,8 +29,8 @@ pub(crate) struct JobId(pub(crate) String);
 #[derive(Debug)]
 pub(crate) struct JsonBytes {
     pub(crate) bytes: Bytes,
-    /// Its share of the memory for bodies.
-    _share: OwnedSemaphorePermit,
+    /// Share of the memory for bodies, as large as the bytes that came.
+    _share: Place,
 }
 
 /// A whole JSON body that is no batch.
@@ -40,6 +41,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
     type Rejection = Problem;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
+        check_query(parts.uri.query().unwrap_or_default())?;
         axum::extract::Query::try_from_uri(&parts.uri)
             .map(|axum::extract::Query(value)| Self(value))
             .map_err(|rejection| Problem::new(Kind::BadQuery, rejection.body_text()))
@@ -70,6 +72,74 @@ impl<S: Send + Sync> FromRequestParts<S> for JobId {
     }
 }
 
+/// The `{name}` in the path.
+#[derive(Clone, Debug)]
+pub(crate) struct Name(pub(crate) String);
+
+impl<S: Send + Sync> FromRequestParts<S> for Name {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        segment(parts, state).await.map(Self)
+    }
+}
+
+/// Bytes of a query string, half of what the head of a request may have by default. Long lists of wavelengths are for the
+/// body of a POST.
+pub(crate) const LONGEST_QUERY: usize = 16 << 10;
+
+/// Characters of a word that a list is filtered by: more than any stored word has.
+pub(crate) const LONGEST_WORD: usize = 255;
+
+/// Refuses query strings that are too long or decode to no text.
+fn check_query(query: &str) -> Result<(), Problem> {
+    if query.len() > LONGEST_QUERY {
+        let detail = format!("a query string of {} bytes, expected at most {LONGEST_QUERY}", query.len());
+        return Err(Problem::new(Kind::LongQuery, detail));
+    }
+    let text = std::str::from_utf8(&percent_decoded(query)).map(|text| text.contains('\0'));
+    match text {
+        Ok(false) => Ok(()),
+        Ok(true) => {
+            Err(Problem::new(Kind::BadQuery, "found the character U+0000 (%00) in the query string, expected text"))
+        }
+        Err(_) => {
+            Err(Problem::new(Kind::BadQuery, "found bytes that are no UTF-8 in the query string, expected UTF-8"))
+        }
+    }
+}
+
+/// The bytes of percent-encoded text; what is no escape stays as it is.
+fn percent_decoded(text: &str) -> Vec<u8> {
+    let digit = |b: Option<&u8>| b.and_then(|&b| char::from(b).to_digit(16));
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.as_bytes();
+    while let Some((&first, tail)) = rest.split_first() {
+        let escape = (first == b'%').then(|| digit(tail.first()).zip(digit(tail.get(1)))).flatten();
+        if let Some((high, low)) = escape {
+            bytes.push((high * 16 + low) as u8);
+            rest = &tail[2..];
+        } else {
+            bytes.push(first);
+            rest = tail;
+        }
+    }
+    bytes
+}
+
+/// A word that a list is filtered by, for `deserialize_with`; an empty one filters nothing.
+pub(crate) fn word<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
+    let text = String::deserialize(deserializer)?;
+    match text.chars().count() {
+        0 => Ok(None),
+        1..=LONGEST_WORD => Ok(Some(text)),
+        length => {
+            let message = format!("found {length} characters, expected at most {LONGEST_WORD}");
+            Err(serde::de::Error::custom(message))
+        }
+    }
+}
+
 /// The only parameter of the path.
 async fn segment<S: Send + Sync>(parts: &mut Parts, state: &S) -> Result<String, Problem> {
     let params = RawPathParams::from_request_parts(parts, state)
@@ -77,6 +147,9 @@ async fn segment<S: Send + Sync>(parts: &mut Parts, state: &S) -> Result<String,
         .map_err(|rejection| Problem::new(Kind::NotFound, rejection.to_string()))?;
     Ok(params.iter().next().map(|(_, value)| value.to_owned()).unwrap_or_default())
 }
+
+/// Bytes of memory that a body takes with its first piece.
+const FIRST: usize = 16 << 10;
 
 /// The size of a JSON body that is no batch.
 const SMALL: usize = 512 << 10;
@@ -105,13 +178,8 @@ async fn read_json(request: Request, app: &App, limit: usize) -> Result<JsonByte
         Some(length) if length > limit as u64 => Err(too_large(limit)),
         _ => Ok(()),
     });
-    // Without a declared length the whole limit must be free.
-    let share = (declared.unwrap_or(limit as u64).min(limit as u64) / 1024 + 1) as u32;
-    let share = checked.and_then(|()| {
-        let share = Arc::clone(&app.bodies).try_acquire_many_owned(share);
-        share.map_err(|_| Problem::new(Kind::Overloaded, "too many large bodies are under way"))
-    });
-    let share = match share {
+    let share = checked.and_then(|()| Ok(app.held.bodies.take(Peer::of_request(&request), 0)?));
+    let mut share = match share {
         Ok(share) => share,
         Err(problem) => {
             linger(request).await;
@@ -120,20 +188,35 @@ async fn read_json(request: Request, app: &App, limit: usize) -> Result<JsonByte
     };
     let mut stream = request.into_body().into_data_stream();
     let mut bytes = BytesMut::new();
+    let mut reserved = 0;
     let whole = async {
-        loop {
-            match tokio::time::timeout(limits.idle, stream.next()).await {
-                Ok(None) => return Ok(()),
-                Ok(Some(Ok(piece))) if bytes.len() + piece.len() > limit => return Err(too_large(limit)),
-                Ok(Some(Ok(piece))) => bytes.extend_from_slice(&piece),
-                Ok(Some(Err(_))) => return Err(Problem::new(Kind::BadBody, "the body ended early")),
-                Err(_) => return Err(Problem::new(Kind::TooSlow, format!("nothing came for {:?}", limits.idle))),
+        let mut pace = Pace::new(limits);
+        let size = |piece: &Result<Bytes, axum::Error>| piece.as_ref().map_or(0, Bytes::len);
+        while let Some(piece) = pace.next(stream.next(), size).await? {
+            let piece = piece.map_err(|_| Problem::new(Kind::BadBody, "the body ended early"))?;
+            let length = bytes.len() + piece.len();
+            if length > limit {
+                return Err(too_large(limit));
             }
+            // Memory is taken for what has come, not for what is announced; doubling copies each byte once or twice.
+            if length > reserved {
+                let room = length.max(2 * reserved).max(FIRST).min(limit).next_multiple_of(KIB);
+                share.grow((room - reserved) / KIB)?;
+                reserved = room;
+                bytes.reserve(room - bytes.len());
+            }
+            bytes.extend_from_slice(&piece);
         }
+        Ok(())
     };
-    let received = tokio::time::timeout(limits.upload_time, whole).await;
-    received
-        .unwrap_or_else(|_| Err(Problem::new(Kind::TooSlow, format!("a body may take {:?}", limits.upload_time))))?;
+    let received = tokio::time::timeout(limits.upload_time, whole).await.unwrap_or_else(|_| {
+        Err(Problem::new(Kind::TooSlow, format!("a body may take {:?}; send it in parts", limits.upload_time)))
+    });
+    if let Err(problem) = received {
+        drop((bytes, share));
+        linger_body(Body::from_stream(stream)).await;
+        return Err(problem);
+    }
     if bytes.is_empty() {
         return Err(Problem::new(Kind::EmptyBody, "expected a JSON object"));
     }
@@ -206,4 +289,21 @@ pub(crate) async fn linger_body(body: Body) {
     };
     // However it goes, the answer follows.
     let _ = tokio::time::timeout(std::time::Duration::from_secs(2), drain).await;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn query_strings_are_bounded_text() {
+        let kind = |query: &str| check_query(query).map_err(|problem| problem.body().status);
+        for good in ["", "q=a%20b+c", "q=%C3%BC", "q=%", "q=%zz", "q=50%"] {
+            assert_eq!(kind(good), Ok(()), "{good}");
+        }
+        for bad in ["q=%00", "q=a%00b", "q=%ff", "q=%C3", "%c3=x"] {
+            assert_eq!(kind(bad), Err(400), "{bad}");
+        }
+        assert_eq!(kind(&"x".repeat(LONGEST_QUERY + 1)), Err(414));
+    }
 }

@@ -1,7 +1,9 @@
 //! `/v1/jobs`: work that outlives a request.
 
 use super::extract::{JobId, SmallJson, parse_json};
+use super::places::Peer;
 use super::problem::{Kind, Problem, ProblemBody};
+use super::schemas::{DigestText, JobIdText, PolicyName, StatedQuantityName, Text};
 use super::state::App;
 use crate::catalog::{Enqueued, JobRow, JobState};
 use crate::jobs::{JobProblem, JobRequest, Kind as JobKind, KindOnly};
@@ -45,25 +47,27 @@ enum RequestSchema {
 /// A wish for the tables of the paper, made again beside the printed figures.
 #[derive(ToSchema)]
 #[schema(as = PaperRequest)]
+#[serde(deny_unknown_fields)]
 #[allow(dead_code, reason = "describes jobs::PaperRequest, whose types know nothing of OpenAPI")]
 struct PaperSchema {
     /// `paper`.
-    #[schema(example = "paper")]
-    kind: String,
+    kind: Paper,
     /// Their numbers, 1 to 7, each once, in the order wanted; all tables if nothing is said.
+    #[schema(min_items = 1, max_items = 7)]
     tables: Option<Vec<u8>>,
 }
 
 /// A wish to compress, in the command line's names.
 #[derive(ToSchema)]
 #[schema(as = CompressRequest)]
+#[serde(deny_unknown_fields)]
 #[allow(dead_code, reason = "describes jobs::CompressRequest, whose types know nothing of OpenAPI")]
 struct CompressSchema {
     /// `compress`, which is also what is done if nothing is said.
     #[schema(nullable = false)]
-    kind: Option<String>,
+    kind: Option<Compress>,
     /// The id of the measurement.
-    measurement: String,
+    measurement: DigestText,
     /// The promise: one of `{"er_l2": 0.01}`, `{"er_l1": 0.01}`, `{"max_relative_error": 0.02}`, `{"max_absolute_error": 0.5}`
     /// (in the unit of the samples), `{"relative_rmse": 0.01}`, `{"delta_e": 1}` or
     /// `{"delta_e": {"at_most": 1, "illuminant": "A"}}` (CIEDE2000 of every spectrum; illuminant A, B, C, D50, D65, F11 or E, D65 if
@@ -74,7 +78,7 @@ struct CompressSchema {
     target: serde_json::Value,
     /// `rd` or `conventional`.
     #[schema(nullable = false)]
-    policy: Option<String>,
+    policy: Option<PolicyName>,
     /// The spectral basis, or `auto`.
     #[schema(nullable = false)]
     basis: Option<String>,
@@ -91,8 +95,8 @@ struct CompressSchema {
     /// The axes of an array, as its manifest would say.
     #[schema(value_type = Option<Value>)]
     axes: Option<serde_json::Value>,
-    /// The quantity, where the file does not say.
-    quantity: Option<String>,
+    /// The quantity, where the file does not say; `reflectance-factor` (BRF, HCRF) is divided by π: a BRDF.
+    quantity: Option<StatedQuantityName>,
     /// Whether the file carries its provenance.
     #[schema(nullable = false)]
     metadata: Option<bool>,
@@ -100,30 +104,65 @@ struct CompressSchema {
     #[schema(nullable = false)]
     random_access: Option<bool>,
     /// What to call the material.
-    name: Option<String>,
+    name: Option<Text>,
     /// Under which licence it is.
-    licence: Option<String>,
+    licence: Option<Text>,
     /// Tags to find it by.
-    #[schema(nullable = false)]
-    tags: Option<Vec<String>>,
+    #[schema(nullable = false, max_items = 32)]
+    tags: Option<Vec<Text>>,
+}
+
+/// The kind of a request to compress.
+#[derive(ToSchema)]
+#[schema(as = CompressKind)]
+#[serde(rename_all = "snake_case")]
+#[allow(dead_code, reason = "describes jobs::Kind")]
+enum Compress {
+    Compress,
+}
+
+/// The kind of a request for the paper's tables.
+#[derive(ToSchema)]
+#[schema(as = PaperKind)]
+#[serde(rename_all = "snake_case")]
+#[allow(dead_code, reason = "describes jobs::Kind")]
+enum Paper {
+    Paper,
+}
+
+/// The states of a job.
+#[derive(ToSchema)]
+#[schema(as = JobState)]
+#[serde(rename_all = "snake_case")]
+#[allow(dead_code, reason = "describes catalog::JobState")]
+enum StateSchema {
+    Queued,
+    Running,
+    Succeeded,
+    Failed,
+    Dead,
+    Cancelled,
 }
 
 /// A job.
 #[derive(Debug, Serialize, ToSchema)]
 pub(super) struct Job {
+    #[schema(value_type = JobIdText)]
     id: String,
-    /// queued, running, succeeded, failed, dead or cancelled.
+    /// What it is doing or how it ended.
+    #[schema(value_type = StateSchema)]
     state: &'static str,
     /// 0 to 1.
+    #[schema(minimum = 0, maximum = 1)]
     progress: f64,
     /// What it reads; null for a report.
-    #[schema(value_type = Option<String>)]
+    #[schema(value_type = Option<DigestText>)]
     measurement: Option<Digest>,
     /// The material it made.
-    #[schema(value_type = Option<String>)]
+    #[schema(value_type = Option<DigestText>)]
     material: Option<Digest>,
     /// The digest of the report it made: an array of tables, as `wavelume paper --json` prints it.
-    #[schema(value_type = Option<String>)]
+    #[schema(value_type = Option<DigestText>)]
     report: Option<Digest>,
     /// Why it failed or died.
     problem: Option<ProblemBody>,
@@ -152,15 +191,22 @@ struct Links {
 #[utoipa::path(
     post, path = "/v1/jobs", tag = "jobs", request_body = RequestSchema,
     params(
-        ("Idempotency-Key" = Option<String>, Header, description = "The same key and body are the same job for a day"),
-        ("Prefer" = Option<String>, Header, description = "`wait=N`: wait up to N (at most 60) seconds for the end"),
+        ("Idempotency-Key" = inline(Option<String>), Header, nullable = false, min_length = 1, max_length = 255,
+            pattern = "^[!-~]([ -~]*[!-~])?$", description = "The same key and body are the same job for a day"),
+        ("Prefer" = inline(Option<String>), Header, nullable = false, pattern = "^wait=[0-9]{1,4}$",
+            description = "`wait=N`: wait up to N (at most 60) seconds for the end"),
     ),
     responses(
         (status = 202, description = "It waits or runs", body = Job, headers(("Location" = String, description = "The job"))),
         (status = 200, description = "It has ended", body = Job, headers(("Location" = String, description = "The job"))),
     )
 )]
-async fn post_job(State(app): State<App>, headers: HeaderMap, SmallJson(body): SmallJson) -> Result<Response, Problem> {
+async fn post_job(
+    State(app): State<App>,
+    peer: Peer,
+    headers: HeaderMap,
+    SmallJson(body): SmallJson,
+) -> Result<Response, Problem> {
     let request = match parse_json::<KindOnly>(&body.bytes)?.kind {
         JobKind::Compress => JobRequest::Compress(parse_json(&body.bytes)?),
         JobKind::Paper => JobRequest::Paper(parse_json(&body.bytes)?),
@@ -191,9 +237,13 @@ async fn post_job(State(app): State<App>, headers: HeaderMap, SmallJson(body): S
     if new {
         tracing::info!(job = row.id, measurement, "job queued");
     }
+    // The job is queued: a client for which there is no place to wait hears that at once.
+    let place = wait.map(|_| app.held.followers.take(peer, 1));
+    let wait = wait.filter(|_| matches!(place, Some(Ok(_))));
     if let Some(seconds) = wait {
         row = until_final(&app, row, Duration::from_secs(seconds)).await?;
     }
+    drop(place);
     let ended = row.state.is_final();
     let status = if ended { StatusCode::OK } else { StatusCode::ACCEPTED };
     let job = Job::of(row);
@@ -210,7 +260,7 @@ async fn post_job(State(app): State<App>, headers: HeaderMap, SmallJson(body): S
 
 /// How a job is doing.
 #[utoipa::path(
-    get, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = String, Path, description = "Its id")),
+    get, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = JobIdText, Path, description = "Its id")),
     responses((status = 200, description = "The job", body = Job))
 )]
 async fn get_job(State(app): State<App>, JobId(id): JobId) -> Result<Json<Job>, Problem> {
@@ -219,11 +269,10 @@ async fn get_job(State(app): State<App>, JobId(id): JobId) -> Result<Json<Job>, 
 
 /// Ask a job to stop.
 #[utoipa::path(
-    post, path = "/v1/jobs/{id}/cancel", tag = "jobs", params(("id" = String, Path, description = "Its id")),
+    post, path = "/v1/jobs/{id}/cancel", tag = "jobs", params(("id" = JobIdText, Path, description = "Its id")),
     responses(
         (status = 200, description = "It is cancelled", body = Job),
         (status = 202, description = "Its worker was asked", body = Job),
-        (status = 409, description = "It has ended otherwise", body = ProblemBody, content_type = "application/problem+json"),
     )
 )]
 async fn cancel_job(State(app): State<App>, JobId(id): JobId) -> Result<Response, Problem> {

@@ -1,10 +1,10 @@
 //! `/v1/formats`, their templates and `/v1/bases`: what is known here.
 
+use super::extract::Name;
 use super::problem::{Kind, Problem};
 use super::state::App;
 use crate::transform::BasisInfo;
 use axum::Json;
-use axum::extract::Path;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
@@ -53,7 +53,7 @@ async fn list_formats() -> Json<Vec<Format>> {
         (String = "text/csv"), (serde_json::Value = "application/json"), (String = "text/x-python"), (String = "text/plain")
     )))
 )]
-async fn get_template(Path(name): Path<String>) -> Result<Response, Problem> {
+async fn get_template(Name(name): Name) -> Result<Response, Problem> {
     let template = crate::formats::template(&name).ok_or_else(|| {
         let known: Vec<&str> = crate::formats::TEMPLATES.iter().map(|template| template.name).collect();
         Problem::new(Kind::NotFound, format!("there is no such template, expected one of {}", known.join(", ")))

@@ -1,80 +1,119 @@
-//! What surrounds every handler: request ids, logs and figures, CORS for reads, panics as problems.
+//! What surrounds every handler: request ids, logs and figures, hosts and origins, panics as problems.
 
+use super::access::{Access, Page};
 use super::problem::{Kind, Problem};
-use axum::extract::{MatchedPath, Request};
-use axum::http::{HeaderName, HeaderValue, Method, header};
+use super::words::shown;
+use axum::extract::{MatchedPath, Request, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use std::any::Any;
+use std::sync::Arc;
 use std::time::Instant;
-use tower_http::cors::{Any as AnyOrigin, CorsLayer};
-use tower_http::request_id::{MakeRequestId, RequestId};
 
 /// The header of a request's id.
 pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("request-id");
 
-/// Ids in order of time.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Ids;
+/// Characters of a client's request id; a longer one is replaced, because it stands in the log and in the answer.
+const LONGEST_ID: usize = 128;
 
-impl MakeRequestId for Ids {
-    fn make_request_id<B>(&mut self, _: &axum::http::Request<B>) -> Option<RequestId> {
-        HeaderValue::from_str(&uuid::Uuid::now_v7().to_string()).ok().map(RequestId::new)
+/// Characters of a path in the log; the middle of a longer one is left out.
+const LOGGED_PATH: usize = 300;
+
+/// Characters of a method in the log.
+const LOGGED_METHOD: usize = 20;
+
+/// Refuses requests for other hosts and writes by pages of other origins, and lets the pages read that may.
+pub(crate) async fn hosts_and_origins(State(access): State<Arc<Access>>, mut request: Request, next: Next) -> Response {
+    let host = match access.host(&request) {
+        Ok(host) => host,
+        Err(problem) => return refuse(request, problem).await,
+    };
+    let page = access.page(request.headers(), host.as_ref());
+    // HTTP/2 names the host elsewhere.
+    request.headers_mut().extend(host.map(|host| (header::HOST, host)));
+    let preflight =
+        request.method() == Method::OPTIONS && request.headers().contains_key(header::ACCESS_CONTROL_REQUEST_METHOD);
+    let may = match &page {
+        Page::Own => true,
+        Page::Allowed(_) => request.method().is_safe() || asks(&request),
+        Page::Foreign => request.method().is_safe(),
+    };
+    let mut response = match &page {
+        Page::Allowed(_) if preflight => StatusCode::NO_CONTENT.into_response(),
+        _ if may => next.run(request).await,
+        Page::Allowed(_) => refuse(request, Problem::new(Kind::CrossOrigin, "this origin may read, not write")).await,
+        _ => {
+            let detail = "the page that asks is of another origin than the service, and no --origin allows it to read";
+            refuse(request, Problem::new(Kind::CrossOrigin, detail)).await
+        }
+    };
+    if access.varies() {
+        response.headers_mut().append(header::VARY, HeaderValue::from_static("origin"));
     }
+    if let Page::Allowed(origin) = page {
+        let headers = response.headers_mut();
+        headers.insert(header::ACCESS_CONTROL_ALLOW_ORIGIN, origin);
+        let lists: &[(HeaderName, &'static str)] = if preflight {
+            &[
+                (header::ACCESS_CONTROL_ALLOW_METHODS, "GET, HEAD, POST"),
+                (header::ACCESS_CONTROL_ALLOW_HEADERS, "content-type, range, if-none-match, if-range, request-id"),
+                (header::ACCESS_CONTROL_MAX_AGE, "600"),
+            ]
+        } else {
+            &[(
+                header::ACCESS_CONTROL_EXPOSE_HEADERS,
+                "etag, location, retry-after, content-range, accept-ranges, content-disposition, request-id, \
+                 wavelume-export-error",
+            )]
+        };
+        headers.extend(lists.iter().map(|(name, value)| (name.clone(), HeaderValue::from_static(value))));
+    }
+    response
 }
 
-/// Pages of any origin may read.
-pub(crate) fn cors() -> CorsLayer {
-    CorsLayer::new()
-        .allow_origin(AnyOrigin)
-        .allow_methods([Method::GET, Method::HEAD, Method::POST])
-        .allow_headers([header::CONTENT_TYPE, header::RANGE, header::IF_NONE_MATCH, header::IF_RANGE])
-        .expose_headers([
-            header::ETAG,
-            header::LOCATION,
-            header::RETRY_AFTER,
-            header::CONTENT_RANGE,
-            header::ACCEPT_RANGES,
-            header::CONTENT_DISPOSITION,
-            REQUEST_ID,
-            super::export::EXPORT_ERROR,
-        ])
-}
-
-/// A browser says when a page of another origin makes a request. Such a page may read, and ask materials (`evaluate`,
-/// `pdf`, `sample` and `albedo` change nothing), but not write.
-pub(crate) async fn same_origin_writes(request: Request, next: Next) -> Response {
+/// A question to a material by POST: `evaluate`, `pdf`, `sample` and `albedo` change nothing.
+fn asks(request: &Request) -> bool {
     let path = request.uri().path();
-    let asks = path.starts_with("/v1/materials/")
-        && ["/evaluate", "/pdf", "/sample", "/albedo"].iter().any(|question| path.ends_with(question));
-    if request.method().is_safe() || asks || !is_cross_origin(request.headers()) {
-        return next.run(request).await;
-    }
-    Problem::new(Kind::CrossOrigin, "the Origin of the page is not the Host of the service").into_response()
+    request.method() == Method::POST
+        && path.starts_with("/v1/materials/")
+        && ["/evaluate", "/pdf", "/sample", "/albedo"].iter().any(|question| path.ends_with(question))
 }
 
-fn is_cross_origin(headers: &axum::http::HeaderMap) -> bool {
-    let Some(origin) = headers.get(header::ORIGIN).and_then(|value| value.to_str().ok()) else { return false };
-    let authority = origin.split_once("://").map_or("", |(_, authority)| authority);
-    headers.get(header::HOST).and_then(|value| value.to_str().ok()) != Some(authority)
+async fn refuse(request: Request, problem: Problem) -> Response {
+    super::extract::linger(request).await;
+    problem.into_response()
 }
 
-/// Logs and counts each request once, by its route.
+/// Names, logs and counts each request once, by its route.
 pub(crate) async fn observe(request: Request, next: Next) -> Response {
     let start = Instant::now();
     let method = request.method().clone();
-    let path = request.uri().path().to_owned();
+    let path = shown(request.uri().path(), LOGGED_PATH);
     let route = request.extensions().get::<MatchedPath>().map_or("none".to_owned(), |path| path.as_str().to_owned());
-    let request_id = request.headers().get(REQUEST_ID).and_then(|id| id.to_str().ok()).unwrap_or_default().to_owned();
-    let response = next.run(request).await;
+    let request_id = request_id(request.headers());
+    let mut response = next.run(request).await;
     let status = response.status().as_u16();
     let seconds = start.elapsed().as_secs_f64();
     let duration_ms = start.elapsed().as_millis() as u64;
     let known = method_name(&method);
     let labels = [("method", known.to_owned()), ("route", route), ("status", status.to_string())];
     metrics::histogram!("wavelume_http_request_duration_seconds", &labels).record(seconds);
-    tracing::info!(%method, path, status, duration_ms, request_id, "request answered");
+    let method = shown(method.as_str(), LOGGED_METHOD);
+    tracing::info!(method, path, status, duration_ms, request_id, "request answered");
+    response.headers_mut().extend(HeaderValue::from_str(&request_id).ok().map(|id| (REQUEST_ID, id)));
     response
+}
+
+/// The client's id of its request, where it has one that may stand in a log, else one in the order of time.
+fn request_id(headers: &HeaderMap) -> String {
+    let mut ids = headers.get_all(REQUEST_ID).iter();
+    let id = ids.next().and_then(|id| id.to_str().ok()).filter(|_| ids.next().is_none());
+    let known = |b: u8| b.is_ascii_alphanumeric() || b"-_.~:/+=@".contains(&b);
+    match id {
+        Some(id) if (1..=LONGEST_ID).contains(&id.len()) && id.bytes().all(known) => id.to_owned(),
+        _ => uuid::Uuid::now_v7().to_string(),
+    }
 }
 
 /// Methods are the client's word: only known ones become labels.
@@ -92,7 +131,14 @@ fn method_name(method: &Method) -> &'static str {
 /// Headers that hold for every answer.
 pub(crate) async fn harden(request: Request, next: Next) -> Response {
     let mut response = next.run(request).await;
-    response.headers_mut().insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+    let headers = response.headers_mut();
+    headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+    // Nothing here is a page with scripts, or part of another page.
+    let nothing = HeaderValue::from_static("default-src 'none'; frame-ancestors 'none'");
+    headers.insert(header::CONTENT_SECURITY_POLICY, nothing);
+    headers.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
+    let own = HeaderValue::from_static("same-origin");
+    headers.insert(HeaderName::from_static("cross-origin-resource-policy"), own);
     response
 }
 
@@ -105,31 +151,35 @@ pub(crate) fn panicked(panic: Box<dyn Any + Send>) -> Response {
 
 /// No route has this path.
 pub(crate) async fn no_route(request: Request) -> Response {
-    let path: String = request.uri().path().chars().take(200).collect();
-    super::extract::linger(request).await;
-    Problem::new(Kind::NotFound, format!("no route is at {path}")).into_response()
+    let detail = format!("no route is at {}", shown(request.uri().path(), LOGGED_PATH));
+    refuse(request, Problem::new(Kind::NotFound, detail)).await
 }
 
 /// The route has other methods; axum adds `Allow`.
-pub(crate) async fn no_method(method: Method) -> Response {
-    Problem::new(Kind::MethodNotAllowed, format!("{method} is not for this resource; see Allow")).into_response()
+pub(crate) async fn no_method(request: Request) -> Response {
+    let detail = format!("{} is not for this resource; see Allow", shown(request.method().as_str(), LOGGED_METHOD));
+    refuse(request, Problem::new(Kind::MethodNotAllowed, detail)).await
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use axum::http::HeaderMap;
 
     #[test]
-    fn another_origin_is_told_from_our_own() {
-        let headers = |origin: &'static str| {
-            HeaderMap::from_iter([
-                (header::HOST, HeaderValue::from_static("localhost:8080")),
-                (header::ORIGIN, HeaderValue::from_static(origin)),
-            ])
+    fn ids_of_clients_are_kept_where_they_may_stand_in_a_log() {
+        let id = |ids: &[&'static [u8]]| {
+            let mut headers = HeaderMap::new();
+            for id in ids {
+                headers.append(REQUEST_ID, HeaderValue::from_bytes(id).unwrap());
+            }
+            request_id(&headers)
         };
-        assert!(!is_cross_origin(&headers("http://localhost:8080")));
-        assert!(is_cross_origin(&headers("https://example.org")) && is_cross_origin(&headers("null")));
-        assert!(!is_cross_origin(&HeaderMap::new()));
+        for known in ["7", "0190b1e2-0000-7000-8000-000000000000", "Root=1-67891233-abcdef", "a/b:c@d~e"] {
+            assert_eq!(id(&[known.as_bytes()]), known);
+        }
+        let long = "x".repeat(LONGEST_ID + 1).leak().as_bytes();
+        for other in [&[][..], &[&b""[..]], &[b"a b"], &[b"\t"], &[b"\xff"], &[b"\"quoted\""], &[b"a", b"b"], &[long]] {
+            assert!(uuid::Uuid::try_parse(&id(other)).is_ok(), "{other:?}");
+        }
     }
 }

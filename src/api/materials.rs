@@ -1,13 +1,14 @@
 //! `/v1/materials` and `/v1/blobs`: compressed materials, their manifests and their bytes.
 
 use super::content::{self, MATERIAL};
-use super::extract::{Id, Query};
+use super::extract::{Id, Query, word};
 use super::measurements::{deleted, page};
 use super::problem::{Kind, Problem};
+use super::schemas::{Binary, CursorText, DigestText, QuantityName, Word};
 use super::state::App;
-use crate::catalog::{MaterialFilter, MaterialRow};
+use crate::catalog::{MaterialFilter, MaterialRow, Namer};
 use crate::domain::Quantity;
-use crate::store::Digest;
+use crate::store::{Digest, StoreError};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, Method, StatusCode};
@@ -33,18 +34,24 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
 #[into_params(parameter_in = Query)]
 struct ListQuery {
     /// `next` of an earlier answer.
+    #[param(value_type = Option<CursorText>)]
     cursor: Option<String>,
     /// How many at most, 1 to 1000; 50 if nothing is said.
+    #[param(minimum = 1, maximum = 1000)]
     limit: Option<usize>,
     /// Of this quantity.
-    #[param(value_type = Option<String>)]
+    #[param(value_type = Option<QuantityName>)]
     quantity: Option<Quantity>,
     /// Made of this measurement.
-    #[param(value_type = Option<String>)]
+    #[param(value_type = Option<DigestText>)]
     measurement: Option<Digest>,
     /// With this tag.
+    #[serde(default, deserialize_with = "word")]
+    #[param(value_type = Option<Word>)]
     tag: Option<String>,
-    /// With this in name or tags.
+    /// With this in one of its names or tags.
+    #[serde(default, deserialize_with = "word")]
+    #[param(value_type = Option<Word>)]
     q: Option<String>,
 }
 
@@ -52,12 +59,14 @@ struct ListQuery {
 #[derive(Debug, Serialize, ToSchema)]
 struct Material {
     /// The digest of the file.
-    #[schema(value_type = String)]
+    #[schema(value_type = DigestText)]
     id: Digest,
+    /// The last name that a job gave it.
     name: Option<String>,
+    /// Of all jobs that made it.
     tags: Vec<String>,
     /// The measurements it was made of; several if they gave equal bytes.
-    #[schema(value_type = Vec<String>)]
+    #[schema(value_type = Vec<DigestText>)]
     measurements: Vec<Digest>,
     #[serde(flatten)]
     manifest: Manifest,
@@ -71,7 +80,14 @@ struct Material {
 struct Manifest {
     /// The digest of the file without its metadata chunk: equal for equal decoded samples of equal settings.
     payload_digest: String,
+    /// Every name that a job gave it, at most 32, the last one last: jobs with equal results share a material.
+    #[serde(default)]
+    names: Vec<String>,
+    /// The last licence that a job gave it.
     licence: Option<String>,
+    /// Every licence that a job gave it, at most 32, the last one last.
+    #[serde(default)]
+    licences: Vec<String>,
     /// The format of the measurement.
     format: String,
     dialect: String,
@@ -128,7 +144,7 @@ struct Manifest {
     /// What the first bytes of the file hold, coarse first, the whole last: a coarser material is one range request away.
     #[serde(default)]
     levels: Vec<MaterialLevel>,
-    /// The measurement, its options, the request and the program.
+    /// The measurement, its options, the request and the program, of the first job that made it.
     #[schema(value_type = Object)]
     provenance: Value,
 }
@@ -185,7 +201,7 @@ async fn list_materials(State(app): State<App>, Query(query): Query<ListQuery>) 
 
 /// The manifest of a material.
 #[utoipa::path(
-    get, path = "/v1/materials/{id}", tag = "materials", params(("id" = String, Path, description = "Its id")),
+    get, path = "/v1/materials/{id}", tag = "materials", params(("id" = DigestText, Path, description = "Its id")),
     responses((status = 200, description = "The manifest", body = Material))
 )]
 async fn get_material(State(app): State<App>, Id(id): Id) -> Result<Json<Material>, Problem> {
@@ -194,22 +210,21 @@ async fn get_material(State(app): State<App>, Id(id): Id) -> Result<Json<Materia
 
 /// Forget a material; its bytes go with the next sweep.
 #[utoipa::path(
-    delete, path = "/v1/materials/{id}", tag = "materials", params(("id" = String, Path, description = "Its id")),
+    delete, path = "/v1/materials/{id}", tag = "materials", params(("id" = DigestText, Path, description = "Its id")),
     responses((status = 204, description = "Gone"))
 )]
 async fn delete_material(State(app): State<App>, Id(id): Id) -> Result<StatusCode, Problem> {
-    let status = deleted(app.engine.archive.catalog.delete_material(id).await?, &absent(id))?;
-    app.engine.close_material(id).await;
-    app.contents.forget(id).await;
-    Ok(status)
+    let outcome = app.engine.archive.catalog.delete_material(id).await?;
+    forget(&app, id).await;
+    deleted(outcome, &absent(id))
 }
 
 /// The container.
 #[utoipa::path(
-    get, path = "/v1/materials/{id}/content", tag = "materials", params(("id" = String, Path, description = "Its id")),
+    get, path = "/v1/materials/{id}/content", tag = "materials", params(("id" = DigestText, Path, description = "Its id")),
     responses(
-        (status = 200, description = "The file", body = String, content_type = "application/vnd.wavelume.material"),
-        (status = 206, description = "A range of it", body = String, content_type = "application/vnd.wavelume.material"),
+        (status = 200, description = "The file", body = Binary, content_type = "application/vnd.wavelume.material"),
+        (status = 206, description = "A range of it", body = Binary, content_type = "application/vnd.wavelume.material"),
         (status = 304, description = "Unchanged"),
     )
 )]
@@ -219,23 +234,25 @@ async fn get_material_content(
     headers: HeaderMap,
     Id(id): Id,
 ) -> Result<Response, Problem> {
-    if let Some(content) = app.contents.get(id).await {
-        return content.respond(&method, &headers);
-    }
-    let row = row(&app, id).await?;
-    let name = format!("{}.wlm", row.name.as_deref().unwrap_or(&id.to_string()[..15]));
-    if let Some(content) = app.contents.keep(&app.engine.archive.store, id, MATERIAL, &name).await? {
-        return content.respond(&method, &headers);
+    let name = known(&app, id).await?;
+    let name = format!("{}.wlm", name.as_deref().unwrap_or(&id.to_string()[..15]));
+    if let Some(bytes) = app.contents.get(&app.engine.archive.store, id).await? {
+        return content::respond_with(&bytes, id, MATERIAL, Some(&name), &method, &headers);
     }
     content::respond_named(&app, id, MATERIAL, Some(&name), &method, &headers).await
 }
 
-/// Bytes by their digest: a material's file, a measurement's content or a report (`application/json`).
+/// Bytes by their digest: a material's file, a measurement's content or a report (`application/json`). Bytes that none of
+/// them names any more are not there.
 #[utoipa::path(
-    get, path = "/v1/blobs/{digest}", tag = "materials", params(("digest" = String, Path, description = "Their digest")),
+    get, path = "/v1/blobs/{digest}", tag = "materials", params(("digest" = DigestText, Path, description = "Their digest")),
     responses(
-        (status = 200, description = "The bytes", body = String, content_type = "application/octet-stream"),
-        (status = 206, description = "A range of them", body = String, content_type = "application/octet-stream"),
+        (status = 200, description = "The bytes", content(
+            (Binary = "application/octet-stream"), (Binary = "application/vnd.wavelume.material"), (Value = "application/json"),
+        )),
+        (status = 206, description = "A range of them", content(
+            (Binary = "application/octet-stream"), (Binary = "application/vnd.wavelume.material"), (Binary = "application/json"),
+        )),
         (status = 304, description = "Unchanged"),
     )
 )]
@@ -245,13 +262,12 @@ async fn get_blob(
     headers: HeaderMap,
     Id(digest): Id,
 ) -> Result<Response, Problem> {
-    let catalog = &app.engine.archive.catalog;
-    let media_type = if catalog.material(digest).await?.is_some() {
-        MATERIAL
-    } else if catalog.is_report(digest).await? {
-        "application/json"
-    } else {
-        "application/octet-stream"
+    let media_type = match app.engine.archive.catalog.namer(digest).await? {
+        Some(Namer::Material) => MATERIAL,
+        Some(Namer::Report) => "application/json",
+        Some(Namer::Measurement) => "application/octet-stream",
+        // The bytes may be there until the next sweep: they are nobody's to read.
+        None => return Err(StoreError::NotFound(digest).into()),
     };
     content::respond(&app, digest, media_type, None, &method, &headers).await
 }
@@ -261,14 +277,37 @@ async fn row(app: &App, id: Digest) -> Result<MaterialRow, Problem> {
     row.ok_or_else(|| Problem::new(Kind::NotFound, absent(id)))
 }
 
-pub(super) fn absent(id: Digest) -> String {
+/// The name of a material that the catalog knows. Every answer about a material asks this first, whatever is in memory:
+/// another process may have deleted the material.
+pub(super) async fn known(app: &App, id: Digest) -> Result<Option<String>, Problem> {
+    if let Some(name) = app.engine.archive.catalog.material_name(id).await? {
+        return Ok(name);
+    }
+    forget(app, id).await;
+    Err(Problem::new(Kind::NotFound, absent(id)))
+}
+
+/// Frees the memory that a deleted material takes.
+async fn forget(app: &App, id: Digest) {
+    app.engine.close_material(id).await;
+    app.contents.forget(id).await;
+}
+
+fn absent(id: Digest) -> String {
     format!("there is no material {id}")
 }
 
 impl Material {
     fn of(row: MaterialRow) -> Result<Self, Problem> {
-        let manifest = serde_json::from_str(&row.document)
+        let mut manifest: Manifest = serde_json::from_str(&row.document)
             .map_err(|error| Problem::internal(&format!("manifest of material {}: {error}", row.id)))?;
+        // Documents of before have no lists.
+        if manifest.names.is_empty() {
+            manifest.names.extend(row.name.clone());
+        }
+        if manifest.licences.is_empty() {
+            manifest.licences.extend(manifest.licence.clone());
+        }
         let this = format!("/v1/materials/{}", row.id);
         Ok(Self {
             links: Links {

@@ -1,13 +1,16 @@
 //! `/v1/measurements`: uploads and what was understood of them.
 
 use super::content;
-use super::extract::{Id, Query, linger};
+use super::extract::{Id, Query, linger, word};
 use super::problem::{Kind, Problem};
+use super::schemas::{
+    Binary, CursorText, DigestText, NormalizationName, QuantityName, StatedQuantityName, Text, UnitName, Word,
+};
 use super::state::App;
 use super::upload;
 use crate::catalog::{Cursor, Deleted, MeasurementFilter, MeasurementRow};
 use crate::domain::{Quantity, Unit};
-use crate::formats::Normalization;
+use crate::formats::{Normalization, StatedQuantity};
 use crate::jobs::{Ingested, Options, Upload, check_text};
 use crate::store::Digest;
 use axum::Json;
@@ -34,24 +37,28 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
 #[into_params(parameter_in = Query)]
 struct PostQuery {
     /// What the file is called.
+    #[param(value_type = Option<Text>)]
     filename: Option<String>,
     /// What to call the measurement.
+    #[param(value_type = Option<Text>)]
     name: Option<String>,
     /// The id of an uploaded spectrum to join with a luminaire.
-    #[param(value_type = Option<String>)]
+    #[param(value_type = Option<DigestText>)]
     spectrum: Option<Digest>,
-    /// The quantity, where the file does not say.
-    #[param(value_type = Option<String>)]
-    quantity: Option<Quantity>,
+    /// The quantity, where the file does not say; `reflectance-factor` (BRF, HCRF) is divided by π: a BRDF.
+    #[param(value_type = Option<StatedQuantityName>)]
+    quantity: Option<StatedQuantity>,
     /// The unit of a value.
-    #[param(value_type = Option<String>)]
+    #[param(value_type = Option<UnitName>)]
     unit: Option<Unit>,
     /// The unit of wavelengths: `nm`, `um`, `angstrom` or `1/cm`.
+    #[param(value_type = Option<Text>)]
     wavelength_unit: Option<String>,
     /// The column of a table, by name or by number from 1.
+    #[param(value_type = Option<Text>)]
     column: Option<String>,
     /// What the values of a phase table integrate to over the sphere: `1`, `4pi`, `vsf` or `relative`.
-    #[param(value_type = Option<String>)]
+    #[param(value_type = Option<NormalizationName>)]
     normalization: Option<Normalization>,
 }
 
@@ -61,15 +68,21 @@ struct PostQuery {
 #[into_params(parameter_in = Query)]
 struct ListQuery {
     /// `next` of an earlier answer.
+    #[param(value_type = Option<CursorText>)]
     cursor: Option<String>,
     /// How many at most, 1 to 1000; 50 if nothing is said.
+    #[param(minimum = 1, maximum = 1000)]
     limit: Option<usize>,
     /// Of this quantity.
-    #[param(value_type = Option<String>)]
+    #[param(value_type = Option<QuantityName>)]
     quantity: Option<Quantity>,
     /// Of this format.
+    #[serde(default, deserialize_with = "word")]
+    #[param(value_type = Option<Word>)]
     format: Option<String>,
     /// With this in name, file name or format.
+    #[serde(default, deserialize_with = "word")]
+    #[param(value_type = Option<Word>)]
     q: Option<String>,
 }
 
@@ -77,10 +90,10 @@ struct ListQuery {
 #[derive(Debug, Serialize, ToSchema)]
 struct Measurement {
     /// The digest of the bytes; with options, the digest of both.
-    #[schema(value_type = String)]
+    #[schema(value_type = DigestText)]
     id: Digest,
     /// The digest of the bytes.
-    #[schema(value_type = String)]
+    #[schema(value_type = DigestText)]
     content_digest: Digest,
     name: Option<String>,
     file_name: Option<String>,
@@ -175,7 +188,7 @@ enum Uploaded {
 /// Upload a measurement of any supported format, or a zip archive of them.
 #[utoipa::path(
     post, path = "/v1/measurements", tag = "measurements", params(PostQuery),
-    request_body(content = String, content_type = "application/octet-stream",
+    request_body(content = Binary, content_type = "application/octet-stream",
         description = "The bytes of the file; `Content-Encoding: gzip` and `zstd` are decoded, `Content-Type` is ignored. \
                        Each file of a zip archive becomes a measurement, read with the options given"),
     responses(
@@ -265,7 +278,7 @@ async fn list_measurements(
 
 /// What is known of a measurement.
 #[utoipa::path(
-    get, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = String, Path, description = "Its id")),
+    get, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = DigestText, Path, description = "Its id")),
     responses((status = 200, description = "The measurement", body = Measurement))
 )]
 async fn get_measurement(State(app): State<App>, Id(id): Id) -> Result<Json<Measurement>, Problem> {
@@ -274,9 +287,8 @@ async fn get_measurement(State(app): State<App>, Id(id): Id) -> Result<Json<Meas
 
 /// Forget a measurement; its bytes go with the next sweep.
 #[utoipa::path(
-    delete, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = String, Path, description = "Its id")),
-    responses((status = 204, description = "Gone"), (status = 409, description = "Something depends on it",
-        body = super::problem::ProblemBody, content_type = "application/problem+json"))
+    delete, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = DigestText, Path, description = "Its id")),
+    responses((status = 204, description = "Gone"))
 )]
 async fn delete_measurement(State(app): State<App>, Id(id): Id) -> Result<StatusCode, Problem> {
     deleted(app.engine.archive.catalog.delete_measurement(id).await?, &format!("there is no measurement {id}"))
@@ -285,10 +297,10 @@ async fn delete_measurement(State(app): State<App>, Id(id): Id) -> Result<Status
 /// The original bytes, decoded.
 #[utoipa::path(
     get, path = "/v1/measurements/{id}/content", tag = "measurements",
-    params(("id" = String, Path, description = "Its id")),
+    params(("id" = DigestText, Path, description = "Its id")),
     responses(
-        (status = 200, description = "The bytes", body = String, content_type = "application/octet-stream"),
-        (status = 206, description = "A range of them", body = String, content_type = "application/octet-stream"),
+        (status = 200, description = "The bytes", body = Binary, content_type = "application/octet-stream"),
+        (status = 206, description = "A range of them", body = Binary, content_type = "application/octet-stream"),
         (status = 304, description = "Unchanged"),
     )
 )]

@@ -1,5 +1,6 @@
 //! A connection whose writes may wait only so long: a client that does not read must not hold its place for ever.
 
+use bytes::{Buf, Bytes};
 use std::io;
 use std::pin::Pin;
 use std::task::{Context, Poll};
@@ -7,18 +8,20 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::time::{Instant, Sleep, sleep};
 
-/// A stream that gives up writing after `patience` without any progress.
+/// A stream that gives up writing after `patience` without any progress, and first reads bytes that were taken from it.
 #[derive(Debug)]
 pub(crate) struct Patient<S> {
     inner: S,
+    /// Bytes that were read from `inner` before.
+    head: Bytes,
     patience: Duration,
     timer: Pin<Box<Sleep>>,
     waiting: bool,
 }
 
 impl<S> Patient<S> {
-    pub(crate) fn new(inner: S, patience: Duration) -> Self {
-        Self { inner, patience, timer: Box::pin(sleep(patience)), waiting: false }
+    pub(crate) fn new(inner: S, head: Bytes, patience: Duration) -> Self {
+        Self { inner, head, patience, timer: Box::pin(sleep(patience)), waiting: false }
     }
 
     fn watch<T>(&mut self, context: &mut Context<'_>, polled: Poll<io::Result<T>>) -> Poll<io::Result<T>> {
@@ -40,6 +43,12 @@ impl<S: AsyncRead + Unpin> AsyncRead for Patient<S> {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
+        if !self.head.is_empty() {
+            let count = self.head.len().min(buffer.remaining());
+            buffer.put_slice(&self.head[..count]);
+            self.head.advance(count);
+            return Poll::Ready(Ok(()));
+        }
         Pin::new(&mut self.inner).poll_read(context, buffer)
     }
 }
@@ -77,12 +86,20 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for Patient<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tokio::io::AsyncWriteExt;
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+
+    #[tokio::test]
+    async fn bytes_taken_before_are_read_first() {
+        let mut stream = Patient::new(&b"lo"[..], Bytes::from_static(b"hel"), Duration::from_secs(9));
+        let mut text = String::new();
+        stream.read_to_string(&mut text).await.unwrap();
+        assert_eq!(text, "hello");
+    }
 
     #[tokio::test]
     async fn a_reader_that_stops_ends_the_write() {
         let (near, far) = tokio::io::duplex(16);
-        let mut stream = Patient::new(near, Duration::from_millis(20));
+        let mut stream = Patient::new(near, Bytes::new(), Duration::from_millis(20));
         stream.write_all(&[0; 16]).await.unwrap();
         let error = stream.write_all(&[0; 16]).await.unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::TimedOut);

@@ -5,6 +5,7 @@ use super::content::not_modified;
 use super::extract::{Id, Query};
 use super::problem::{Kind, Problem};
 use super::query::{indices, open};
+use super::schemas::{Binary, DigestText, IlluminantText, IndexText, ObserverText, Text};
 use super::state::App;
 use crate::preview::{DEFAULT_SIZE, SIZES, picture};
 use crate::store::Digest;
@@ -31,21 +32,25 @@ struct PreviewQuery {
     size: Option<usize>,
     /// One entry, from 0, for each leading index axis: `I,J`; the first, and of a spectral table every column, if nothing
     /// is said.
+    #[param(value_type = Option<IndexText>)]
     index: Option<String>,
     /// `A`, `B`, `C`, `D50`, `D65` (the default), `F11`, `E`, or the id of a stored material that is a spectrum.
+    #[param(value_type = Option<IlluminantText>)]
     illuminant: Option<String>,
     /// The column of a stored table of illuminants, by name or by number from 1.
+    #[param(value_type = Option<Text>)]
     illuminant_column: Option<String>,
     /// `1931` (2°, the default), `1964` (10°), or the id of a stored table of x̄, ȳ, z̄.
+    #[param(value_type = Option<ObserverText>)]
     observer: Option<String>,
 }
 
 /// A ball of a BRDF, BTDF or BSDF, the polar diagram of a luminaire or phase function, the plot of spectra.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/preview.png", tag = "materials",
-    params(("id" = String, Path, description = "The material"), PreviewQuery),
+    params(("id" = DigestText, Path, description = "The material"), PreviewQuery),
     responses(
-        (status = 200, description = "The picture", content_type = "image/png", body = Vec<u8>),
+        (status = 200, description = "The picture", content_type = "image/png", body = Binary),
         (status = 304, description = "The picture of If-None-Match is this one"),
     )
 )]

@@ -1,5 +1,6 @@
 //! The one place where errors become RFC 9457 problems: a stable `type`, a status, a sentence; internal text goes to the log.
 
+use super::words::shown;
 use crate::catalog::CatalogError;
 use crate::evaluate::EvaluateError;
 use crate::export::ExportError;
@@ -11,6 +12,9 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
+
+/// Characters of a detail: a longer one, which repeats what a client sent, loses its middle.
+const LONGEST_DETAIL: usize = 1000;
 
 /// An error as a client sees it.
 #[derive(Clone, Debug)]
@@ -31,7 +35,7 @@ pub(crate) struct ProblemBody {
     /// What the type means.
     title: &'static str,
     /// The HTTP status.
-    status: u16,
+    pub(crate) status: u16,
     /// What happened here.
     pub(crate) detail: String,
 }
@@ -43,13 +47,13 @@ macro_rules! kinds {
         pub(crate) enum Kind { $($(#[$doc])* $variant),+ }
 
         impl Kind {
-            fn status(self) -> StatusCode {
+            pub(crate) fn status(self) -> StatusCode {
                 match self { $(Self::$variant => StatusCode::$status),+ }
             }
-            fn code(self) -> &'static str {
+            pub(crate) fn code(self) -> &'static str {
                 match self { $(Self::$variant => $code),+ }
             }
-            fn title(self) -> &'static str {
+            pub(crate) fn title(self) -> &'static str {
                 match self { $(Self::$variant => $title),+ }
             }
         }
@@ -70,7 +74,9 @@ kinds! {
     DecompressionRatio = PAYLOAD_TOO_LARGE, "decompression-ratio", "The body decodes to suspiciously much";
     EmptyBody = UNPROCESSABLE_ENTITY, "empty-body", "There are no bytes";
     TooSlow = REQUEST_TIMEOUT, "too-slow", "The body did not come in time";
-    CrossOrigin = FORBIDDEN, "cross-origin-write", "Pages of other origins may read, not write";
+    CrossOrigin = FORBIDDEN, "cross-origin-write", "Pages of other origins do not write here";
+    Misdirected = MISDIRECTED_REQUEST, "misdirected", "The host of the request is not served here";
+    LongQuery = URI_TOO_LONG, "query-too-long", "The query string is longer than the limit";
     Unrecognised = UNPROCESSABLE_ENTITY, "unrecognised-format", "No known format has bytes like these";
     Malformed = UNPROCESSABLE_ENTITY, "malformed-measurement", "The file breaks the rules of its format";
     Unsupported = UNPROCESSABLE_ENTITY, "unsupported-measurement", "The file is valid, but not read here";
@@ -87,6 +93,7 @@ kinds! {
     KeyReused = UNPROCESSABLE_ENTITY, "idempotency-key-reused", "The idempotency key was used with another body";
     RangeNotSatisfiable = RANGE_NOT_SATISFIABLE, "range-not-satisfiable", "The range is outside the content";
     TooManyJobs = TOO_MANY_REQUESTS, "too-many-jobs", "Too many jobs are waiting";
+    TooManyAtOnce = TOO_MANY_REQUESTS, "too-many-at-once", "This address has too much under way";
     Overloaded = SERVICE_UNAVAILABLE, "overloaded", "Too much is going on; try again soon";
     Unavailable = SERVICE_UNAVAILABLE, "unavailable", "Disk or database did not answer; try again soon";
     WorkerLost = INTERNAL_SERVER_ERROR, "worker-lost", "The worker vanished";
@@ -96,7 +103,7 @@ kinds! {
 
 impl Problem {
     pub(crate) fn new(kind: Kind, detail: impl Into<String>) -> Self {
-        Self { kind, detail: detail.into(), header: None }
+        Self { kind, detail: shown(&detail.into(), LONGEST_DETAIL), header: None }
     }
 
     pub(crate) fn with(mut self, name: header::HeaderName, value: &str) -> Self {
@@ -169,7 +176,10 @@ impl From<CatalogError> for Problem {
     fn from(error: CatalogError) -> Self {
         match error {
             CatalogError::Sql(_) => Self::inside(Kind::Unavailable, &error, "the catalog did not answer"),
-            CatalogError::Migrate(_) | CatalogError::Row { .. } => Self::internal(&error),
+            CatalogError::Locked => Self::inside(Kind::Unavailable, &error, "another program has locked the catalog"),
+            CatalogError::Migrate(_) | CatalogError::Unusable { .. } | CatalogError::Row { .. } => {
+                Self::internal(&error)
+            }
         }
     }
 }
@@ -278,7 +288,16 @@ mod tests {
     use super::*;
 
     #[test]
+    fn details_are_bounded_lines() {
+        let long = Problem::new(Kind::InvalidRequest, format!("unknown field `{}\n\u{1b}[2J`", "x".repeat(30 << 20)));
+        let detail = long.at("line 7").body().detail;
+        assert!(detail.len() < 4 * LONGEST_DETAIL && detail.starts_with("line 7: unknown"), "{}", detail.len());
+        assert!(detail.ends_with("\\n\\u{1b}[2J`"), "{detail}");
+    }
+
+    #[test]
     fn internal_text_stays_inside() {
+        assert_eq!(Problem::from(CatalogError::Locked).into_response().status(), StatusCode::SERVICE_UNAVAILABLE);
         let error = StoreError::Io(std::io::Error::other("/secret/path: I/O error"));
         let response = Problem::from(error).into_response();
         assert_eq!(response.status(), StatusCode::SERVICE_UNAVAILABLE);

@@ -1,5 +1,6 @@
 //! The root: what this is, how it is doing, what it can do.
 
+use super::places::Places;
 use super::problem::{Kind, Problem};
 use super::state::App;
 use axum::extract::State;
@@ -50,14 +51,14 @@ async fn healthz() -> &'static str {
     "ok\n"
 }
 
-/// Whether the catalog and the store can be written.
+/// Readiness: the catalog answers and can be written, and so can the store. Waits for no writer, at most about two seconds.
 #[utoipa::path(
     get, path = "/readyz", tag = "root",
     responses((status = 200, description = "They can", body = String, content_type = "text/plain"))
 )]
 async fn readyz(State(app): State<App>) -> Result<&'static str, Problem> {
-    if app.stop.is_cancelled() {
-        return Err(Problem::new(Kind::Unavailable, "the service is stopping"));
+    if app.stopping.is_cancelled() {
+        return Err(Problem::new(Kind::Unavailable, "stopping: running requests and jobs end"));
     }
     app.engine.archive.catalog.ping().await?;
     let staging = app.engine.archive.staging.clone();
@@ -75,10 +76,11 @@ async fn metrics_page(State(app): State<App>) -> Result<Response, Problem> {
     for (state, count) in app.engine.archive.catalog.job_counts().await? {
         metrics::gauge!("wavelume_jobs", "state" => state.name()).set(count as f64);
     }
-    let free = app.uploads.available_permits();
-    metrics::gauge!("wavelume_uploads_running").set((app.engine.limits.uploads - free) as f64);
-    let free = app.streams.available_permits();
-    metrics::gauge!("wavelume_streams_running").set((app.engine.limits.streams - free) as f64);
+    metrics::gauge!("wavelume_uploads_running").set(app.held.uploads.taken() as f64);
+    metrics::gauge!("wavelume_streams_running").set(app.held.streams.taken() as f64);
+    for (kind, taken) in app.held.kinds().map(Places::figure) {
+        metrics::gauge!("wavelume_places_taken", "place" => kind).set(taken as f64);
+    }
     let (count, bytes) = app.engine.open_materials().await;
     metrics::gauge!("wavelume_opened_materials").set(count as f64);
     metrics::gauge!("wavelume_opened_bytes").set(bytes as f64);

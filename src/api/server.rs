@@ -1,34 +1,35 @@
 //! Listening, serving, draining.
 
+use super::access::Access;
+use super::connection::{Entrance, Host};
 use super::content::Contents;
-use super::patient::Patient;
-use super::state::App;
+use super::descriptors;
+use super::places::Peer;
+use super::state::{App, Held};
 use crate::jobs::{ArchiveError, Engine, WorkConfig, run_workers};
-use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
-use hyper_util::server::conn::auto::Builder;
-use hyper_util::server::graceful::GracefulShutdown;
-use hyper_util::service::TowerToHyperService;
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 use tokio::net::TcpListener;
-use tokio::sync::Semaphore;
+use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
-use tokio_util::task::AbortOnDropHandle;
+use tokio_util::task::{AbortOnDropHandle, TaskTracker};
 
-/// Connections at the same time; more wait in the system's queue.
-const CONNECTIONS: usize = 2048;
-
-/// The largest JSON bodies that are in memory at the same time.
-const BODIES: usize = 8;
+/// Time between two log lines about connections that the system did not hand over.
+const COMPLAINT: Duration = Duration::from_secs(10);
 
 /// How to serve; `ServeConfig::new(data, listen)` has a default for everything else.
 #[derive(Clone, Debug)]
 pub struct ServeConfig {
     /// The address to listen on; port 0 takes a free one.
     pub listen: SocketAddr,
+    /// Host names that requests may name beside loopback ones. On a loopback address no other is answered; on any other
+    /// address an empty list answers all.
+    pub names: Vec<String>,
+    /// Origins (`https://app.example.org`) whose pages may read and ask; pages of others may not.
+    pub origins: Vec<String>,
     /// Data directory, threads, workers and limits.
     pub work: WorkConfig,
 }
@@ -36,7 +37,7 @@ pub struct ServeConfig {
 impl ServeConfig {
     /// Defaults for everything but where the data are and where to listen.
     pub fn new(data: impl Into<PathBuf>, listen: SocketAddr) -> Self {
-        Self { listen, work: WorkConfig::new(data) }
+        Self { listen, names: Vec::new(), origins: Vec::new(), work: WorkConfig::new(data) }
     }
 }
 
@@ -51,9 +52,28 @@ pub enum ServeError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// A host name or an origin is none.
+    #[error("{0}")]
+    Setting(String),
     /// The data directory cannot be used.
     #[error(transparent)]
     Archive(#[from] ArchiveError),
+}
+
+/// Way in which a service is asked to stop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// Connections are still accepted for the notice time while `/readyz` says *stopping*.
+    Announced,
+    /// The listener is closed at once.
+    AtOnce,
+}
+
+/// A caller that says no more stops the service at once.
+impl From<()> for Stop {
+    fn from((): ()) -> Self {
+        Self::AtOnce
+    }
 }
 
 /// A service that has its address and its data, and does not answer yet.
@@ -61,18 +81,23 @@ pub enum ServeError {
 pub struct Server {
     address: SocketAddr,
     listener: TcpListener,
+    access: Arc<Access>,
     engine: Arc<Engine>,
     workers: usize,
 }
 
 impl Server {
     /// Takes the address and opens the data directory.
-    pub async fn bind(config: ServeConfig) -> Result<Self, ServeError> {
+    pub async fn bind(mut config: ServeConfig) -> Result<Self, ServeError> {
         let taken = |source| ServeError::Listen { address: config.listen, source };
         let listener = TcpListener::bind(config.listen).await.map_err(taken)?;
         let address = listener.local_addr().map_err(taken)?;
+        let access = Access::new(address, &config.names, &config.origins).map_err(ServeError::Setting)?;
+        if let Some(descriptors) = descriptors::limit() {
+            descriptors::fit(&mut config.work.limits, descriptors);
+        }
         let engine = Engine::open(&config.work).await?;
-        Ok(Self { address, listener, engine, workers: config.work.workers })
+        Ok(Self { address, listener, access: Arc::new(access), engine, workers: config.work.workers })
     }
 
     /// The address taken, with its real port.
@@ -80,35 +105,50 @@ impl Server {
         self.address
     }
 
-    /// Answers until `shutdown`, then lets running requests and jobs end within the drain time.
-    pub async fn run(self, shutdown: impl Future<Output = ()> + Send + 'static) -> Result<(), ServeError> {
-        let Self { address, listener, engine, workers } = self;
-        let stop = CancellationToken::new();
+    /// Answers until `shutdown` and its notice, then lets running requests and jobs end within the drain time.
+    pub async fn run<S: Into<Stop>>(
+        self,
+        shutdown: impl Future<Output = S> + Send + 'static,
+    ) -> Result<(), ServeError> {
+        let Self { address, listener, access, engine, workers } = self;
+        let (stopping, stop, cut) = (CancellationToken::new(), CancellationToken::new(), CancellationToken::new());
         let json = super::openapi().to_json().unwrap_or_default();
+        let limits = &engine.limits;
         let app = App {
-            uploads: Arc::new(Semaphore::new(engine.limits.uploads)),
-            bodies: Arc::new(Semaphore::new((BODIES * engine.limits.json_bytes) >> 10)),
-            streams: Arc::new(Semaphore::new(engine.limits.streams)),
-            exports: Arc::new(Semaphore::new(engine.limits.exports)),
-            contents: Contents::new(engine.limits.content_bytes),
+            held: Held::new(limits),
+            contents: Contents::new(limits.content_bytes),
             engine: Arc::clone(&engine),
+            access,
+            stopping: stopping.clone(),
             stop: stop.clone(),
             metrics: metrics(),
             openapi: json.into(),
         };
         tracing::info!(%address, data = %engine.archive.data.display(), workers, "serving");
         let working = tokio::spawn({
-            let (engine, stop) = (Arc::clone(&engine), stop.clone());
-            async move { run_workers(&engine, workers, &stop).await }
+            let (engine, stopping) = (Arc::clone(&engine), stopping.clone());
+            async move { run_workers(&engine, workers, &stopping).await }
         });
         let figures = app.metrics.clone().map(|metrics| AbortOnDropHandle::new(tokio::spawn(keep_up(metrics))));
-        let connections = accept(&listener, app, &stop, shutdown).await;
+        let notice = limits.notice;
+        let closing = async move {
+            let how: Stop = shutdown.await.into();
+            stopping.cancel();
+            if how == Stop::Announced && !notice.is_zero() {
+                tracing::info!(?notice, "stopping: the listener stays open for the notice time");
+                tokio::time::sleep(notice).await;
+            }
+        };
+        let host = Host::new(super::router(app), limits, stop.clone(), cut.clone());
+        let connections = accept(&listener, &host, &Entrance::new(limits), closing).await;
         drop(listener);
         tracing::info!("stopping: running requests and jobs may end");
+        stop.cancel();
         // The workers have a drain time of their own.
-        let drained = tokio::time::timeout(engine.limits.drain, connections.shutdown()).await;
-        if drained.is_err() {
+        if tokio::time::timeout(limits.drain, connections.wait()).await.is_err() {
             tracing::warn!("connections were cut after the drain time");
+            cut.cancel();
+            connections.wait().await;
         }
         if let Err(error) = working.await {
             tracing::error!(%error, "the workers ended badly");
@@ -121,61 +161,51 @@ impl Server {
 }
 
 /// Binds and runs.
-pub async fn serve(config: ServeConfig, shutdown: impl Future<Output = ()> + Send + 'static) -> Result<(), ServeError> {
+pub async fn serve<S: Into<Stop>>(
+    config: ServeConfig,
+    shutdown: impl Future<Output = S> + Send + 'static,
+) -> Result<(), ServeError> {
     Server::bind(config).await?.run(shutdown).await
 }
 
+/// Accepts connections until `closing`; each is a task of the returned tracker. It never waits for a place: a connection
+/// that waited in the system's queue would keep health unanswered.
 async fn accept(
     listener: &TcpListener,
-    app: App,
-    stop: &CancellationToken,
-    shutdown: impl Future<Output = ()>,
-) -> GracefulShutdown {
-    let mut builder = Builder::new(TokioExecutor::new());
-    builder.http1().timer(TokioTimer::new()).header_read_timeout(app.engine.limits.idle);
-    builder
-        .http2()
-        .timer(TokioTimer::new())
-        .max_concurrent_streams(128)
-        .keep_alive_interval(app.engine.limits.idle)
-        .keep_alive_timeout(app.engine.limits.idle);
-    let patience = app.engine.limits.idle;
-    let service = super::router(app);
-    let connections = GracefulShutdown::new();
-    let places = Arc::new(Semaphore::new(CONNECTIONS));
-    tokio::pin!(shutdown);
+    host: &Arc<Host>,
+    entrance: &Entrance,
+    closing: impl Future<Output = ()>,
+) -> TaskTracker {
+    let connections = TaskTracker::new();
+    let mut complained: Option<Instant> = None;
+    tokio::pin!(closing);
     loop {
-        let accepted = async {
-            let place = Arc::clone(&places).acquire_owned().await;
-            (place, listener.accept().await)
+        let accepted = tokio::select! {
+            () = &mut closing => break,
+            accepted = listener.accept() => accepted,
         };
-        let (place, accepted) = tokio::select! {
-            () = &mut shutdown => break,
-            accepted = accepted => accepted,
-        };
-        let stream = match accepted {
-            Ok((stream, _)) => stream,
+        let (stream, address) = match accepted {
+            Ok(accepted) => accepted,
             Err(error) => {
-                // Out of descriptors, or the peer is gone already: neither ends the service.
-                tracing::warn!(%error, "a connection was not accepted");
+                // Out of descriptors, or the client is gone already: neither ends the service.
+                if complained.is_none_or(|last| last.elapsed() >= COMPLAINT) {
+                    complained = Some(Instant::now());
+                    tracing::warn!(%error, "a connection was not accepted");
+                }
                 tokio::time::sleep(Duration::from_millis(50)).await;
                 continue;
             }
         };
+        let peer = Peer::of(address.ip());
+        let Some(admission) = entrance.admit(peer) else {
+            tracing::debug!(%peer, "a connection was closed: its address has all its places");
+            continue;
+        };
         // Small answers must not wait for more to come; a socket that cannot say so works all the same.
         let _ = stream.set_nodelay(true);
-        let stream = Patient::new(stream, patience);
-        let connection =
-            builder.serve_connection(TokioIo::new(stream), TowerToHyperService::new(service.clone())).into_owned();
-        let connection = connections.watch(connection);
-        tokio::spawn(async move {
-            let _place = place;
-            if let Err(error) = connection.await {
-                tracing::debug!(%error, "a connection ended early");
-            }
-        });
+        connections.spawn(Arc::clone(host).serve(stream, peer, admission));
     }
-    stop.cancel();
+    connections.close();
     connections
 }
 

@@ -1,30 +1,72 @@
-//! What every handler shares.
+//! State that every handler shares.
 
+use super::access::Access;
 use super::content::Contents;
-use crate::jobs::Engine;
+use super::places::{KIB, Places};
+use crate::jobs::{Engine, Limits};
 use metrics_exporter_prometheus::PrometheusHandle;
 use std::sync::Arc;
-use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 
-/// What every handler shares; cheap to clone.
+/// State that every handler shares; cheap to clone.
 #[derive(Clone)]
 pub(crate) struct App {
     pub(crate) engine: Arc<Engine>,
-    /// Uploads that may run at the same time.
-    pub(crate) uploads: Arc<Semaphore>,
-    /// KiB of JSON bodies that may be in memory.
-    pub(crate) bodies: Arc<Semaphore>,
-    /// Batches that may be answered as streams at the same time.
-    pub(crate) streams: Arc<Semaphore>,
-    /// Exported files that may be made or sent at the same time.
-    pub(crate) exports: Arc<Semaphore>,
+    /// Hosts and origins that are answered.
+    pub(crate) access: Arc<Access>,
+    /// Places that clients hold, by address and in all.
+    pub(crate) held: Held,
     /// Small material files that were asked for lately.
     pub(crate) contents: Contents,
-    /// The service is stopping: streams end.
+    /// Cancelled when the signal to stop has come: `/readyz` says so while the listener still answers.
+    pub(crate) stopping: CancellationToken,
+    /// Cancelled when the listener is closed: event streams and waits end.
     pub(crate) stop: CancellationToken,
     /// `None` where another recorder of metrics was installed in this process.
     pub(crate) metrics: Option<PrometheusHandle>,
     /// The description of the interface, rendered once.
     pub(crate) openapi: Arc<str>,
+}
+
+/// Every kind of place that a request can hold.
+#[derive(Clone, Debug)]
+pub(crate) struct Held {
+    /// Requests under way, until the last byte of the answer is sent.
+    pub(crate) requests: Places,
+    /// Queries under way, likewise.
+    pub(crate) queries: Places,
+    /// Uploads being received.
+    pub(crate) uploads: Places,
+    /// KiB of JSON bodies in memory.
+    pub(crate) bodies: Places,
+    /// KiB of whole answers in memory.
+    pub(crate) answers: Places,
+    /// Batches answered as streams.
+    pub(crate) streams: Places,
+    /// Exported files made or sent.
+    pub(crate) exports: Places,
+    /// Clients that follow a job.
+    pub(crate) followers: Places,
+}
+
+impl Held {
+    pub(crate) fn new(limits: &Limits) -> Self {
+        let kib = |kind, all: usize, each: usize| Places::new(kind, all / KIB, each / KIB);
+        Self {
+            requests: Places::new("requests", limits.requests, limits.requests_each),
+            queries: Places::new("queries", limits.queries, limits.queries_each),
+            uploads: Places::new("uploads", limits.uploads, limits.uploads_each),
+            bodies: kib("KiB of bodies", limits.bodies_bytes, limits.bodies_bytes_each),
+            answers: kib("KiB of answers", limits.answers_bytes, limits.answers_bytes_each),
+            streams: Places::new("streams", limits.streams, limits.streams_each),
+            exports: Places::new("exports", limits.exports, limits.exports_each),
+            followers: Places::new("followers of jobs", limits.followers, limits.followers_each),
+        }
+    }
+
+    /// Every kind, for figures.
+    pub(crate) fn kinds(&self) -> [&Places; 8] {
+        let Self { requests, queries, uploads, bodies, answers, streams, exports, followers } = self;
+        [requests, queries, uploads, bodies, answers, streams, exports, followers]
+    }
 }

@@ -1,6 +1,8 @@
 //! An uploaded body to a staged file: streamed, decoded and hashed in bounded memory, within size, ratio and time.
 
 use super::extract::{declared_length, linger, linger_body};
+use super::pace::{Pace, Slow};
+use super::places::Peer;
 use super::problem::{Kind, Problem};
 use super::state::App;
 use crate::jobs::Limits;
@@ -13,7 +15,6 @@ use axum::http::{HeaderMap, header};
 use futures::{Stream, StreamExt};
 use std::io;
 use std::pin::Pin;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::io::{AsyncRead, AsyncReadExt};
 use tokio_util::io::StreamReader;
@@ -40,21 +41,19 @@ enum Coding {
 enum Cut {
     #[error("the connection ended")]
     Broken,
-    #[error("the client stalled")]
-    Stalled,
+    #[error(transparent)]
+    Slow(Slow),
 }
 
 /// Streams a body into a staged file.
 pub(crate) async fn receive(app: &App, request: Request) -> Result<Staged, Problem> {
     let limits = &app.engine.limits;
+    let peer = Peer::of_request(&request);
     let admitted = coding(request.headers()).and_then(|coding| {
         if declared_length(request.headers()).is_some_and(|length| length > limits.upload_bytes) {
             return Err(too_large(limits));
         }
-        let place = Arc::clone(&app.uploads).try_acquire_owned();
-        let place =
-            place.map_err(|_| Problem::new(Kind::Overloaded, format!("{} uploads are under way", limits.uploads)))?;
-        Ok((coding, place))
+        Ok((coding, app.held.uploads.take(peer, 1)?))
     });
     let (coding, _place) = match admitted {
         Ok(admitted) => admitted,
@@ -81,19 +80,19 @@ async fn stage(
 ) -> Result<Staged, Problem> {
     let limits = &app.engine.limits;
     let encoded = AtomicU64::new(0);
-    let idle = limits.idle;
-    let pieces = futures::stream::unfold(body, |mut body| {
+    let pieces = futures::stream::unfold((body, Pace::new(limits)), |(mut body, mut pace)| {
         let encoded = &encoded;
         async move {
-            let piece = match tokio::time::timeout(idle, body.next()).await {
+            let size = |piece: &io::Result<axum::body::Bytes>| piece.as_ref().map_or(0, axum::body::Bytes::len);
+            let piece = match pace.next(body.next(), size).await {
                 Ok(None) => return None,
                 Ok(Some(piece)) => piece,
-                Err(_) => Err(io::Error::other(Cut::Stalled)),
+                Err(slow) => Err(io::Error::other(Cut::Slow(slow))),
             };
             if let Ok(piece) = &piece {
                 encoded.fetch_add(piece.len() as u64, Ordering::Relaxed);
             }
-            Some((piece, body))
+            Some((piece, (body, pace)))
         }
     });
     let reader = StreamReader::new(Box::pin(pieces));
@@ -116,7 +115,7 @@ async fn stage(
     let mut piece = Vec::with_capacity(PIECE);
     let mut total: u64 = 0;
     loop {
-        let read = decoded.read_buf(&mut piece).await.map_err(|error| broken(&error, coding, limits))?;
+        let read = decoded.read_buf(&mut piece).await.map_err(|error| broken(&error, coding))?;
         total += read as u64;
         if total > limits.upload_bytes {
             return Err(too_large(limits));
@@ -173,10 +172,10 @@ fn coding(headers: &HeaderMap) -> Result<Coding, Problem> {
     }
 }
 
-fn broken(error: &io::Error, coding: Coding, limits: &Limits) -> Problem {
+fn broken(error: &io::Error, coding: Coding) -> Problem {
     match error.get_ref().and_then(|inner| inner.downcast_ref::<Cut>()) {
         Some(Cut::Broken) => Problem::new(Kind::BadBody, "the body ended early"),
-        Some(Cut::Stalled) => Problem::new(Kind::TooSlow, format!("nothing came for {:?}", limits.idle)),
+        Some(Cut::Slow(slow)) => (*slow).into(),
         None if coding == Coding::Identity => Problem::new(Kind::BadBody, "the body ended early"),
         None if error.kind() == io::ErrorKind::UnexpectedEof => {
             Problem::new(Kind::BadBody, "the encoded body is cut off")

@@ -4,7 +4,8 @@
 //! if the lease ran out and another worker took the job, the epoch is higher and the late write changes nothing.
 
 use super::materials::{NewMaterial, insert};
-use super::{Catalog, CatalogError, SKIP_LOCKED, Write};
+use super::pins::unpin;
+use super::{Catalog, CatalogError, SKIP_LOCKED, Write, each};
 use crate::store::Digest;
 use sqlx::any::AnyRow;
 use sqlx::{AssertSqlSafe, Row};
@@ -126,8 +127,19 @@ pub enum Ended {
     },
     /// Because somebody asked.
     Cancelled,
-    /// Because the worker stops: the attempt does not count.
+    /// Back to the queue, because the worker stops or cannot read the job: the attempt does not count.
     Released,
+}
+
+/// Outcome of ending an attempt.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// The attempt has ended and the job is in this state.
+    Now(JobState),
+    /// The job was another worker's already; nothing was written.
+    Lost,
+    /// The pin of the result has run out, so a sweep may have taken its bytes; nothing was written. Publish them again.
+    Unpinned,
 }
 
 macro_rules! columns {
@@ -230,34 +242,30 @@ impl Catalog {
             .transpose()
     }
 
-    /// Whether these are the bytes of a report.
-    pub async fn is_report(&self, digest: Digest) -> Result<bool, CatalogError> {
-        let row = sqlx::query("SELECT 1 FROM jobs WHERE report = $1 LIMIT 1")
-            .bind(digest.to_string())
-            .fetch_optional(&self.pool)
-            .await?;
-        Ok(row.is_some())
-    }
-
     /// How many jobs are in each state, for the metrics.
     pub async fn job_counts(&self) -> Result<Vec<(JobState, u64)>, CatalogError> {
         let rows = sqlx::query("SELECT state, COUNT(*) FROM jobs GROUP BY state").fetch_all(&self.pool).await?;
         rows.iter().map(|row| Ok((state("", row.try_get(0)?)?, row.try_get::<i64, _>(1)?.max(0) as u64))).collect()
     }
 
-    /// Takes the job that has waited longest and may begin, if there is one.
-    pub async fn claim(&self, worker: &str, lease: Duration) -> Result<Option<Claimed>, CatalogError> {
+    /// Takes the job that has waited longest and may begin, if there is one. Those whose ids are in `but` are left to
+    /// other workers.
+    pub async fn claim(&self, worker: &str, lease: Duration, but: &[String]) -> Result<Option<Claimed>, CatalogError> {
+        let but = serde_json::json!(but).to_string();
         // A look without the write lock first: an idle worker must not disturb writers.
-        let ready = format!(
-            "SELECT id, frame, epoch, attempts FROM jobs WHERE state = 'queued' AND not_before <= $1 \
-             ORDER BY not_before, id LIMIT 1{SKIP_LOCKED}"
-        );
-        let any = sqlx::query("SELECT 1 FROM jobs WHERE state = 'queued' LIMIT 1").fetch_optional(&self.pool).await?;
+        let any = format!("SELECT 1 FROM jobs WHERE state = 'queued' AND id NOT IN ({}) LIMIT 1", each("$1"));
+        let any = sqlx::query(AssertSqlSafe(any)).bind(but.clone()).fetch_optional(&self.pool).await?;
         if any.is_none() {
             return Ok(None);
         }
+        let ready = format!(
+            "SELECT id, frame, epoch, attempts FROM jobs WHERE state = 'queued' AND not_before <= $1 \
+             AND id NOT IN ({}) ORDER BY not_before, id LIMIT 1{SKIP_LOCKED}",
+            each("$2")
+        );
         let mut write = self.write().await?;
-        let row = sqlx::query(AssertSqlSafe(ready)).bind(write.now).fetch_optional(&mut *write.transaction).await?;
+        let ready = sqlx::query(AssertSqlSafe(ready)).bind(write.now).bind(but);
+        let row = ready.fetch_optional(&mut *write.transaction).await?;
         let Some(row) = row else { return Ok(None) };
         let claimed = Claimed {
             id: row.try_get("id")?,
@@ -305,27 +313,35 @@ impl Catalog {
         Ok(if cancel == 0 { Beat::Yours } else { Beat::Cancel })
     }
 
-    /// Ends an attempt; the state it led to, or `None` if the job was another's already.
-    pub async fn end(&self, job: &Claimed, ended: &Ended) -> Result<Option<JobState>, CatalogError> {
+    /// Ends an attempt.
+    pub async fn end(&self, job: &Claimed, ended: &Ended) -> Result<Ending, CatalogError> {
         let mut write = self.write().await?;
         let owned = sqlx::query("SELECT cancel_requested FROM jobs WHERE id = $1 AND epoch = $2 AND state = 'running'")
             .bind(job.id.clone())
             .bind(job.epoch)
             .fetch_optional(&mut *write.transaction)
             .await?;
-        let Some(owned) = owned else { return Ok(None) };
+        let Some(owned) = owned else { return Ok(Ending::Lost) };
         let cancel = owned.try_get::<i64, _>(0)? != 0;
-        let (mut material, mut report, mut published) = (None, None, None);
+        let published = match ended {
+            Ended::Material(new, holder) => Some((new.id, holder)),
+            Ended::Report(digest, holder) => Some((*digest, holder)),
+            Ended::Failed(_) | Ended::Retry { .. } | Ended::Cancelled | Ended::Released => None,
+        };
+        if let Some((digest, holder)) = published
+            && !unpin(&mut write, digest, holder).await?
+        {
+            return Ok(Ending::Unpinned);
+        }
+        let (mut material, mut report) = (None, None);
         let (state, problem, wait, attempts) = match ended {
-            Ended::Material(new, holder) => {
+            Ended::Material(new, _) => {
                 insert(&mut write, new).await?;
                 material = Some(new.id.to_string());
-                published = Some((new.id, holder));
                 (JobState::Succeeded, None, 0, job.attempts)
             }
-            Ended::Report(digest, holder) => {
+            Ended::Report(digest, _) => {
                 report = Some(digest.to_string());
-                published = Some((*digest, holder));
                 (JobState::Succeeded, None, 0, job.attempts)
             }
             Ended::Failed(problem) => (JobState::Failed, Some(problem.clone()), 0, job.attempts),
@@ -340,13 +356,6 @@ impl Catalog {
             }
             Ended::Released => (JobState::Queued, None, 0, job.attempts.saturating_sub(1)),
         };
-        if let Some((digest, holder)) = published {
-            sqlx::query("DELETE FROM pins WHERE digest = $1 AND holder = $2")
-                .bind(digest.to_string())
-                .bind(holder.clone())
-                .execute(&mut *write.transaction)
-                .await?;
-        }
         let progress = if state == JobState::Succeeded { 1.0 } else { 0.0 };
         sqlx::query(
             "UPDATE jobs SET state = $2, problem = $3, material = $4, not_before = $5, attempts = $6, progress = $7, \
@@ -364,7 +373,7 @@ impl Catalog {
         .execute(&mut *write.transaction)
         .await?;
         write.commit().await?;
-        Ok(Some(state))
+        Ok(Ending::Now(state))
     }
 
     /// Asks a job to stop: a queued one is cancelled at once, a running one by its worker. The job afterwards, if there
@@ -466,169 +475,4 @@ fn read(row: &AnyRow) -> Result<JobRow, CatalogError> {
         updated_ms: row.try_get("updated_at")?,
         id,
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::measurements::tests::new as measurement;
-    use super::*;
-    use crate::catalog::{Deleted, MaterialFilter, testing};
-    use crate::domain::Quantity;
-
-    const LEASE: Duration = Duration::from_mins(1);
-
-    fn job(id: &str) -> NewJob {
-        NewJob { id: id.to_owned(), frame: "00".to_owned(), measurement: Some(Digest::of(b"lamp")), idempotency: None }
-    }
-
-    async fn with_lamp() -> (Catalog, tempfile::TempDir) {
-        let (catalog, directory) = testing::catalog().await;
-        catalog.add_measurement(&measurement("lamp"), "test").await.unwrap();
-        (catalog, directory)
-    }
-
-    async fn state_of(catalog: &Catalog, id: &str) -> JobState {
-        catalog.job(id).await.unwrap().unwrap().state
-    }
-
-    fn material(name: &str) -> Box<NewMaterial> {
-        Box::new(NewMaterial {
-            id: Digest::of(name.as_bytes()),
-            payload: Digest::of(b"payload"),
-            quantity: Quantity::Edf,
-            bytes: 10,
-            name: Some(name.to_owned()),
-            tags: vec!["office".to_owned()],
-            measurement: Digest::of(b"lamp"),
-            document: "{}".to_owned(),
-        })
-    }
-
-    #[tokio::test]
-    async fn the_same_key_and_body_are_the_same_job() {
-        let (catalog, _directory) = with_lamp().await;
-        let keyed = |id: &str, body: &str| NewJob {
-            idempotency: Some(("key".to_owned(), Digest::of(body.as_bytes()))),
-            ..job(id)
-        };
-        assert!(matches!(catalog.enqueue(&keyed("1", "a"), 9).await.unwrap(), Enqueued::New(_)));
-        let Enqueued::Known(known) = catalog.enqueue(&keyed("2", "a"), 9).await.unwrap() else { panic!() };
-        assert_eq!(known.id, "1");
-        assert!(matches!(catalog.enqueue(&keyed("3", "b"), 9).await.unwrap(), Enqueued::KeyTaken));
-    }
-
-    #[tokio::test]
-    async fn a_full_queue_and_an_unknown_measurement_are_refused() {
-        let (catalog, _directory) = with_lamp().await;
-        assert!(matches!(catalog.enqueue(&job("1"), 1).await.unwrap(), Enqueued::New(_)));
-        assert!(matches!(catalog.enqueue(&job("2"), 1).await.unwrap(), Enqueued::Full));
-        let lost = NewJob { measurement: Some(Digest::of(b"?")), ..job("3") };
-        assert!(matches!(catalog.enqueue(&lost, 9).await.unwrap(), Enqueued::NoMeasurement));
-    }
-
-    #[tokio::test]
-    async fn a_late_worker_changes_nothing() {
-        let (catalog, _directory) = with_lamp().await;
-        catalog.enqueue(&job("1"), 9).await.unwrap();
-        let late = catalog.claim("slow", Duration::ZERO).await.unwrap().unwrap();
-        assert!(catalog.claim("other", LEASE).await.unwrap().is_none(), "claimed once");
-        assert_eq!(catalog.reap(&[], 3, "{}").await.unwrap(), ["1"]);
-        let current = catalog.claim("other", LEASE).await.unwrap().unwrap();
-        assert!(current.epoch > late.epoch && current.attempts == 2);
-        assert_eq!(catalog.beat(&late, 0.5, LEASE).await.unwrap(), Beat::Lost);
-        let ended = Ended::Material(material("late"), "late".to_owned());
-        assert_eq!(catalog.end(&late, &ended).await.unwrap(), None);
-        assert!(catalog.material(Digest::of(b"late")).await.unwrap().is_none());
-        let ended = Ended::Material(material("good"), "good".to_owned());
-        assert_eq!(catalog.end(&current, &ended).await.unwrap(), Some(JobState::Succeeded));
-        assert_eq!(catalog.job("1").await.unwrap().unwrap().material, Some(Digest::of(b"good")));
-        assert_eq!(catalog.end(&current, &ended).await.unwrap(), None, "ended once");
-    }
-
-    #[tokio::test]
-    async fn attempts_run_out() {
-        let (catalog, _directory) = with_lamp().await;
-        catalog.enqueue(&job("1"), 9).await.unwrap();
-        let again = Ended::Retry { problem: "{}".to_owned(), delay: Duration::ZERO, attempts: 2 };
-        let first = catalog.claim("w", LEASE).await.unwrap().unwrap();
-        assert_eq!(catalog.end(&first, &again).await.unwrap(), Some(JobState::Queued));
-        let second = catalog.claim("w", LEASE).await.unwrap().unwrap();
-        assert_eq!(catalog.end(&second, &again).await.unwrap(), Some(JobState::Dead));
-
-        catalog.enqueue(&job("2"), 9).await.unwrap();
-        catalog.claim("gone", LEASE).await.unwrap().unwrap();
-        assert!(catalog.reap(&["another".to_owned()], 1, "{}").await.unwrap().is_empty());
-        assert_eq!(catalog.reap(&["gone".to_owned()], 1, "{\"why\":1}").await.unwrap(), ["2"]);
-        let dead = catalog.job("2").await.unwrap().unwrap();
-        assert_eq!((dead.state, dead.problem.as_deref()), (JobState::Dead, Some("{\"why\":1}")));
-    }
-
-    #[tokio::test]
-    async fn a_delay_is_waited_for_and_a_released_attempt_does_not_count() {
-        let (catalog, _directory) = with_lamp().await;
-        catalog.enqueue(&job("1"), 9).await.unwrap();
-        let claimed = catalog.claim("w", LEASE).await.unwrap().unwrap();
-        catalog.end(&claimed, &Ended::Released).await.unwrap();
-        let claimed = catalog.claim("w", LEASE).await.unwrap().unwrap();
-        assert_eq!(claimed.attempts, 1);
-        let later = Ended::Retry { problem: "{}".to_owned(), delay: LEASE, attempts: 9 };
-        catalog.end(&claimed, &later).await.unwrap();
-        assert!(catalog.claim("w", LEASE).await.unwrap().is_none());
-    }
-
-    #[tokio::test]
-    async fn cancelling_ends_queued_jobs_at_once_and_running_ones_by_their_worker() {
-        let (catalog, _directory) = with_lamp().await;
-        catalog.enqueue(&job("1"), 9).await.unwrap();
-        assert_eq!(catalog.cancel("1").await.unwrap().unwrap().state, JobState::Cancelled);
-        catalog.enqueue(&job("2"), 9).await.unwrap();
-        let claimed = catalog.claim("w", LEASE).await.unwrap().unwrap();
-        assert_eq!(catalog.cancel("2").await.unwrap().unwrap().state, JobState::Running);
-        assert_eq!(catalog.beat(&claimed, 0.1, LEASE).await.unwrap(), Beat::Cancel);
-        catalog.end(&claimed, &Ended::Released).await.unwrap();
-        assert_eq!(state_of(&catalog, "2").await, JobState::Cancelled);
-        assert!(catalog.cancel("3").await.unwrap().is_none());
-    }
-
-    #[tokio::test]
-    async fn a_report_is_named_by_its_job() {
-        let (catalog, _directory) = testing::catalog().await;
-        let report = Digest::of(b"report");
-        catalog.enqueue(&NewJob { measurement: None, ..job("1") }, 9).await.unwrap();
-        let claimed = catalog.claim("w", LEASE).await.unwrap().unwrap();
-        catalog.pin(report, "holder", LEASE).await.unwrap();
-        assert!(!catalog.is_report(report).await.unwrap());
-        let ended = Ended::Report(report, "holder".to_owned());
-        assert_eq!(catalog.end(&claimed, &ended).await.unwrap(), Some(JobState::Succeeded));
-        let row = catalog.job("1").await.unwrap().unwrap();
-        assert_eq!((row.measurement, row.material, row.report), (None, None, Some(report)));
-        assert!(catalog.is_report(report).await.unwrap());
-        assert_eq!(catalog.named().await.unwrap().get(&report).map(String::as_str), Some("job 1"));
-        let nothing = std::future::ready(Ok::<(), ()>(()));
-        assert_eq!(catalog.unless_named(report, nothing).await.unwrap(), Ok(false), "the pin is gone, the row is not");
-    }
-
-    #[tokio::test]
-    async fn measurements_stay_while_work_or_materials_stand_on_them() {
-        let (catalog, _directory) = with_lamp().await;
-        let lamp = Digest::of(b"lamp");
-        catalog.enqueue(&job("1"), 9).await.unwrap();
-        assert!(matches!(catalog.delete_measurement(lamp).await.unwrap(), Deleted::InUse(_)));
-        let claimed = catalog.claim("w", LEASE).await.unwrap().unwrap();
-        let ended = Ended::Material(material("m"), "m".to_owned());
-        catalog.end(&claimed, &ended).await.unwrap();
-        assert!(matches!(catalog.delete_measurement(lamp).await.unwrap(), Deleted::InUse(_)));
-        let listed = |filter: MaterialFilter| {
-            let catalog = catalog.clone();
-            async move { catalog.materials(&filter, None, 9).await.unwrap().items.len() }
-        };
-        assert_eq!(listed(MaterialFilter { tag: Some("office".to_owned()), ..MaterialFilter::default() }).await, 1);
-        assert_eq!(listed(MaterialFilter { tag: Some("home".to_owned()), ..MaterialFilter::default() }).await, 0);
-        assert_eq!(listed(MaterialFilter { measurement: Some(lamp), ..MaterialFilter::default() }).await, 1);
-        assert_eq!(listed(MaterialFilter { q: Some("OFF".to_owned()), ..MaterialFilter::default() }).await, 1);
-        assert_eq!(catalog.named().await.unwrap().len(), 2);
-        assert_eq!(catalog.delete_material(Digest::of(b"m")).await.unwrap(), Deleted::Done);
-        assert_eq!(catalog.delete_material(Digest::of(b"m")).await.unwrap(), Deleted::Absent);
-        assert_eq!(catalog.delete_measurement(lamp).await.unwrap(), Deleted::Done);
-    }
 }

@@ -4,6 +4,7 @@ use super::page::pattern;
 use super::{Catalog, CatalogError, Cursor, Deleted, Page, Write};
 use crate::domain::Quantity;
 use crate::store::Digest;
+use serde_json::{Map, Value, json};
 use sqlx::Row;
 use sqlx::any::AnyRow;
 
@@ -24,8 +25,8 @@ pub struct NewMaterial {
     pub tags: Vec<String>,
     /// What it was made of.
     pub measurement: Digest,
-    /// JSON: the manifest.
-    pub document: String,
+    /// JSON object: the manifest.
+    pub document: Map<String, Value>,
 }
 
 /// A material remembered.
@@ -33,7 +34,7 @@ pub struct NewMaterial {
 pub struct MaterialRow {
     /// Its id.
     pub id: Digest,
-    /// What the user calls it.
+    /// What the user calls it: the last name that a job gave.
     pub name: Option<String>,
     /// The tags, in alphabetical order.
     pub tags: Vec<String>,
@@ -54,7 +55,7 @@ pub struct MaterialFilter {
     pub measurement: Option<Digest>,
     /// With this tag.
     pub tag: Option<String>,
-    /// With this in name or tags.
+    /// With this in one of its names or tags.
     pub q: Option<String>,
 }
 
@@ -75,6 +76,15 @@ impl Catalog {
             Some(row) => Ok(Some(self.read_material(&row).await?)),
             None => Ok(None),
         }
+    }
+
+    /// The name of a material, if there is such a material: the question before any cached answer about it.
+    pub async fn material_name(&self, id: Digest) -> Result<Option<Option<String>>, CatalogError> {
+        let row = sqlx::query("SELECT name FROM materials WHERE id = $1")
+            .bind(id.to_string())
+            .fetch_optional(&self.pool)
+            .await?;
+        Ok(row.map(|row| row.try_get(0)).transpose()?)
     }
 
     /// Materials, newest first.
@@ -152,24 +162,39 @@ impl Catalog {
     }
 }
 
-/// Remembers a material within a transaction. Of equal bytes the first manifest stays; tags and sources add up.
+/// Upper bound on the names, and on the licences, that a material keeps; the oldest go first. Raising it lengthens
+/// documents that many jobs have named differently.
+const MOST_NAMES: usize = 32;
+
+/// Remembers a material within a transaction.
+///
+/// Jobs that give equal bytes share one row. Its manifest, with provenance and time, stays the first job's; name and
+/// licence are those of the last job that gave any; all names, licences, tags and sources add up and stay searchable.
 pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<(), CatalogError> {
     let id = new.id.to_string();
-    let search = new.name.iter().chain(&new.tags).cloned().collect::<Vec<_>>().join("\n").to_lowercase();
-    sqlx::query(
-        "INSERT INTO materials (id, payload, quantity, bytes, name, search, document, created_at) \
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8) ON CONFLICT (id) DO NOTHING",
-    )
-    .bind(id.clone())
-    .bind(new.payload.to_string())
-    .bind(new.quantity.name().to_owned())
-    .bind(new.bytes as i64)
-    .bind(new.name.clone())
-    .bind(search)
-    .bind(new.document.clone())
-    .bind(write.now)
-    .execute(&mut *write.transaction)
-    .await?;
+    let known = sqlx::query("SELECT name, document, created_at FROM materials WHERE id = $1")
+        .bind(id.clone())
+        .fetch_optional(&mut *write.transaction)
+        .await?;
+    let (mut document, mut name, created_at) = match &known {
+        Some(row) => {
+            let text: String = row.try_get("document")?;
+            let document = serde_json::from_str(&text).map_err(|e| CatalogError::Row {
+                table: "materials",
+                id: id.clone(),
+                reason: e.to_string(),
+            })?;
+            (document, row.try_get("name")?, row.try_get("created_at")?)
+        }
+        None => (new.document.clone(), None, write.now),
+    };
+    let names = added(&mut document, "names", name.take(), new.name.clone());
+    name = names.last().cloned();
+    let licence = document.get("licence").and_then(Value::as_str).map(str::to_owned);
+    let given = new.document.get("licence").and_then(Value::as_str).map(str::to_owned);
+    let licences = added(&mut document, "licences", licence, given);
+    document.insert("licence".to_owned(), json!(licences.last()));
+
     sqlx::query("INSERT INTO material_sources (material, measurement) VALUES ($1, $2) ON CONFLICT DO NOTHING")
         .bind(id.clone())
         .bind(new.measurement.to_string())
@@ -182,5 +207,118 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<(), C
             .execute(&mut *write.transaction)
             .await?;
     }
+    let tags = sqlx::query("SELECT tag FROM material_tags WHERE material = $1 ORDER BY tag")
+        .bind(id.clone())
+        .fetch_all(&mut *write.transaction)
+        .await?;
+    let mut words = names;
+    for row in &tags {
+        words.push(row.try_get(0)?);
+    }
+    sqlx::query(
+        "INSERT INTO materials (id, payload, quantity, bytes, name, search, document, created_at) \
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8) ON CONFLICT (id) DO UPDATE SET name = excluded.name, \
+         search = excluded.search, document = excluded.document",
+    )
+    .bind(id)
+    .bind(new.payload.to_string())
+    .bind(new.quantity.name().to_owned())
+    .bind(new.bytes as i64)
+    .bind(name)
+    .bind(words.join("\n").to_lowercase())
+    .bind(Value::Object(document).to_string())
+    .bind(created_at)
+    .execute(&mut *write.transaction)
+    .await?;
     Ok(())
+}
+
+/// Appends `given` to the texts under `key`, each once and the last one given last, and returns them all. `current` is
+/// the only text of a document that has no list yet.
+fn added(document: &mut Map<String, Value>, key: &str, current: Option<String>, given: Option<String>) -> Vec<String> {
+    let listed = document.get(key).and_then(Value::as_array);
+    let mut texts: Vec<String> = match listed {
+        Some(listed) => listed.iter().filter_map(Value::as_str).map(str::to_owned).collect(),
+        None => current.into_iter().collect(),
+    };
+    if let Some(given) = given {
+        texts.retain(|text| *text != given);
+        texts.push(given);
+    }
+    texts.drain(..texts.len().saturating_sub(MOST_NAMES));
+    document.insert(key.to_owned(), json!(texts));
+    texts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalog::{Catalog, testing};
+
+    fn material(name: Option<&str>, licence: Option<&str>, tags: &[&str]) -> NewMaterial {
+        let document = json!({ "licence": licence, "format": "ies" });
+        NewMaterial {
+            id: Digest::of(b"file"),
+            payload: Digest::of(b"payload"),
+            quantity: Quantity::Edf,
+            bytes: 10,
+            name: name.map(str::to_owned),
+            tags: tags.iter().map(|tag| (*tag).to_owned()).collect(),
+            measurement: Digest::of(b"lamp"),
+            document: document.as_object().unwrap().clone(),
+        }
+    }
+
+    async fn remember(catalog: &Catalog, new: &NewMaterial) -> (MaterialRow, Value) {
+        let mut write = catalog.write().await.unwrap();
+        insert(&mut write, new).await.unwrap();
+        write.commit().await.unwrap();
+        let row = catalog.material(new.id).await.unwrap().unwrap();
+        let document = serde_json::from_str(&row.document).unwrap();
+        (row, document)
+    }
+
+    #[tokio::test]
+    async fn a_second_job_with_equal_bytes_adds_what_it_says() {
+        let (catalog, _directory) = testing::catalog().await;
+        let (first, _) = remember(&catalog, &material(Some("Vase"), Some("CC0-1.0"), &["clay"])).await;
+        let (second, document) = remember(&catalog, &material(Some("Büste"), Some("CC-BY-4.0"), &["Museum"])).await;
+        assert_eq!((second.created_ms, second.id), (first.created_ms, first.id));
+        assert_eq!((second.name.as_deref(), &document["licence"]), (Some("Büste"), &json!("CC-BY-4.0")));
+        assert_eq!(document["names"], json!(["Vase", "Büste"]));
+        assert_eq!(document["licences"], json!(["CC0-1.0", "CC-BY-4.0"]));
+        assert_eq!(second.tags, ["Museum", "clay"]);
+        let found = async |q: &str| {
+            let filter = MaterialFilter { q: Some(q.to_owned()), ..MaterialFilter::default() };
+            catalog.materials(&filter, None, 9).await.unwrap().items.len()
+        };
+        for q in ["vase", "BÜSTE", "clay", "museum"] {
+            assert_eq!(found(q).await, 1, "{q}");
+        }
+        // A job that says nothing changes nothing; one that repeats an earlier name makes it the last again.
+        let (third, document) = remember(&catalog, &material(None, None, &[])).await;
+        assert_eq!((third.name.as_deref(), &document["licence"]), (Some("Büste"), &json!("CC-BY-4.0")));
+        let (fourth, document) = remember(&catalog, &material(Some("Vase"), None, &[])).await;
+        assert_eq!((fourth.name.as_deref(), &document["names"]), (Some("Vase"), &json!(["Büste", "Vase"])));
+        assert_eq!(catalog.material_name(first.id).await.unwrap(), Some(Some("Vase".to_owned())));
+        assert_eq!(catalog.material_name(Digest::of(b"other")).await.unwrap(), None);
+    }
+
+    #[tokio::test]
+    async fn a_row_of_before_keeps_its_name_and_lists_are_bounded() {
+        let (catalog, _directory) = testing::catalog().await;
+        remember(&catalog, &material(Some("Vase"), Some("CC0-1.0"), &[])).await;
+        let old = r#"{"licence":"CC0-1.0","format":"ies"}"#;
+        let update = sqlx::query("UPDATE materials SET document = $1").bind(old).execute(&catalog.pool);
+        update.await.unwrap();
+        let (_, document) = remember(&catalog, &material(Some("Bust"), None, &[])).await;
+        assert_eq!((&document["names"], &document["licences"]), (&json!(["Vase", "Bust"]), &json!(["CC0-1.0"])));
+        for i in 0..2 * MOST_NAMES {
+            remember(&catalog, &material(Some(&format!("name {i}")), None, &[])).await;
+        }
+        let row = catalog.material(Digest::of(b"file")).await.unwrap().unwrap();
+        let document: Value = serde_json::from_str(&row.document).unwrap();
+        assert_eq!(document["names"].as_array().unwrap().len(), MOST_NAMES);
+        assert_eq!(row.name.as_deref(), Some("name 63"));
+    }
 }

@@ -1,6 +1,7 @@
 //! Rows of measurements: what was uploaded and what was understood of it.
 
 use super::page::pattern;
+use super::pins::unpin;
 use super::{Catalog, CatalogError, Cursor, Page};
 use crate::domain::Quantity;
 use crate::store::Digest;
@@ -62,7 +63,18 @@ pub struct MeasurementFilter {
     pub q: Option<String>,
 }
 
-/// What became of a wish to delete.
+/// Outcome of remembering a measurement.
+#[derive(Clone, Debug)]
+pub enum Added {
+    /// The row, and whether it is new.
+    Row(MeasurementRow, bool),
+    /// The spectrum it stands on was deleted meanwhile; nothing was written.
+    NoSpectrum,
+    /// The pin has run out, so a sweep may have taken the content; nothing was written. Publish the content again.
+    Unpinned,
+}
+
+/// Outcome of a deletion.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Deleted {
     /// It is gone; its bytes go with the next sweep.
@@ -80,23 +92,19 @@ macro_rules! columns {
 }
 
 impl Catalog {
-    /// Remembers a measurement whose content is published and pinned by `pin_holder`; the pin ends. Returns the row and
-    /// whether it is new.
-    ///
-    /// `None` if the spectrum it stands on was deleted meanwhile.
-    pub async fn add_measurement(
-        &self,
-        new: &NewMeasurement,
-        pin_holder: &str,
-    ) -> Result<Option<(MeasurementRow, bool)>, CatalogError> {
+    /// Remembers a measurement whose content is published and pinned by `pin_holder`; the pin ends.
+    pub async fn add_measurement(&self, new: &NewMeasurement, pin_holder: &str) -> Result<Added, CatalogError> {
         let mut write = self.write().await?;
+        if !unpin(&mut write, new.content, pin_holder).await? {
+            return Ok(Added::Unpinned);
+        }
         if let Some(spectrum) = new.spectrum {
             let there = sqlx::query("SELECT 1 FROM measurements WHERE id = $1")
                 .bind(spectrum.to_string())
                 .fetch_optional(&mut *write.transaction)
                 .await?;
             if there.is_none() {
-                return Ok(None);
+                return Ok(Added::NoSpectrum);
             }
         }
         let search = [new.name.as_deref(), new.file_name.as_deref(), Some(&new.format)]
@@ -124,18 +132,13 @@ impl Catalog {
         .execute(&mut *write.transaction)
         .await?
         .rows_affected();
-        sqlx::query("DELETE FROM pins WHERE digest = $1 AND holder = $2")
-            .bind(new.content.to_string())
-            .bind(pin_holder)
-            .execute(&mut *write.transaction)
-            .await?;
         let row = sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE id = $1"))
             .bind(new.id.to_string())
             .fetch_one(&mut *write.transaction)
             .await?;
         let row = read(&row)?;
         write.commit().await?;
-        Ok(Some((row, inserted == 1)))
+        Ok(Added::Row(row, inserted == 1))
     }
 
     /// One measurement.
@@ -220,30 +223,16 @@ fn read(row: &AnyRow) -> Result<MeasurementRow, CatalogError> {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
-    use crate::catalog::testing;
-
-    pub(crate) fn new(text: &str) -> NewMeasurement {
-        NewMeasurement {
-            id: Digest::of(text.as_bytes()),
-            content: Digest::of(text.as_bytes()),
-            spectrum: None,
-            name: Some(text.to_owned()),
-            file_name: None,
-            bytes: text.len() as u64,
-            format: "ies".to_owned(),
-            quantity: Some(Quantity::Edf),
-            document: "{}".to_owned(),
-        }
-    }
+    use crate::catalog::testing::{self, add, measurement};
 
     #[tokio::test]
     async fn the_same_measurement_is_known_the_second_time() {
         let (catalog, _directory) = testing::catalog().await;
-        let (row, fresh) = catalog.add_measurement(&new("lamp"), "test").await.unwrap().unwrap();
+        let (row, fresh) = add(&catalog, &measurement("lamp")).await;
         assert!(fresh && row.bytes == 4 && row.name.as_deref() == Some("lamp"));
-        assert!(!catalog.add_measurement(&new("lamp"), "test").await.unwrap().unwrap().1);
+        assert!(!add(&catalog, &measurement("lamp")).await.1);
         assert_eq!(catalog.measurement(row.id).await.unwrap().unwrap().content, row.content);
         assert_eq!(catalog.delete_measurement(row.id).await.unwrap(), Deleted::Done);
         assert_eq!(catalog.delete_measurement(row.id).await.unwrap(), Deleted::Absent);
@@ -253,7 +242,7 @@ pub(super) mod tests {
     async fn pages_cover_the_list_without_repetition() {
         let (catalog, _directory) = testing::catalog().await;
         for i in 0..7 {
-            catalog.add_measurement(&new(&format!("lamp {i} 50%")), "test").await.unwrap();
+            add(&catalog, &measurement(&format!("lamp {i} 50%"))).await;
         }
         let (mut seen, mut cursor) = (Vec::new(), None);
         loop {
@@ -279,11 +268,11 @@ pub(super) mod tests {
     #[tokio::test]
     async fn a_spectrum_in_use_stays() {
         let (catalog, _directory) = testing::catalog().await;
-        let (spectrum, _) = catalog.add_measurement(&new("spd"), "test").await.unwrap().unwrap();
-        let joined = NewMeasurement { spectrum: Some(spectrum.id), ..new("lamp") };
-        catalog.add_measurement(&joined, "test").await.unwrap().unwrap();
+        let (spectrum, _) = add(&catalog, &measurement("spd")).await;
+        add(&catalog, &NewMeasurement { spectrum: Some(spectrum.id), ..measurement("lamp") }).await;
         assert!(matches!(catalog.delete_measurement(spectrum.id).await.unwrap(), Deleted::InUse(_)));
-        let orphan = NewMeasurement { spectrum: Some(Digest::of(b"gone")), ..new("other") };
-        assert!(catalog.add_measurement(&orphan, "test").await.unwrap().is_none());
+        let orphan = NewMeasurement { spectrum: Some(Digest::of(b"gone")), ..measurement("other") };
+        catalog.pin(orphan.content, "test", std::time::Duration::from_mins(1)).await.unwrap();
+        assert!(matches!(catalog.add_measurement(&orphan, "test").await.unwrap(), Added::NoSpectrum));
     }
 }

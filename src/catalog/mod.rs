@@ -4,26 +4,29 @@
 //! (the clock, and how rows are locked while a job is claimed). Writes on SQLite begin with `BEGIN IMMEDIATE`, so that a
 //! transaction never has to give up because it read before it wrote.
 
+#[cfg(test)]
+mod job_tests;
 mod jobs;
 mod materials;
 mod measurements;
 mod page;
 mod pins;
+mod ready;
+mod schema;
 
-pub use jobs::{Beat, Claimed, Ended, Enqueued, JobRow, JobState, NewJob};
+pub use jobs::{Beat, Claimed, Ended, Ending, Enqueued, JobRow, JobState, NewJob};
 pub use materials::{MaterialFilter, MaterialRow, NewMaterial};
-pub use measurements::{Deleted, MeasurementFilter, MeasurementRow, NewMeasurement};
+pub use measurements::{Added, Deleted, MeasurementFilter, MeasurementRow, NewMeasurement};
 pub use page::{Cursor, NotACursor, Page};
+pub use pins::Namer;
 
 use sqlx::any::{AnyPoolOptions, install_default_drivers};
-use sqlx::migrate::Migrator;
+use sqlx::migrate::MigrateError;
 use sqlx::{Any, AnyPool, Executor, Row, Transaction};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::{Mutex, OwnedMutexGuard};
-
-static MIGRATIONS: Migrator = sqlx::migrate!("./migrations");
 
 /// Now, in ms of the Unix epoch, by the database's own clock: workers on several hosts share it.
 const CLOCK: &str = "SELECT CAST(ROUND((julianday('now') - 2440587.5) * 86400000.0) AS BIGINT)";
@@ -31,12 +34,22 @@ const CLOCK: &str = "SELECT CAST(ROUND((julianday('now') - 2440587.5) * 86400000
 /// Rows that another worker is claiming are skipped; SQLite has one writer at a time and needs nothing.
 const SKIP_LOCKED: &str = "";
 
+/// Statements that make a connection wait for others, and its commits durable. Waiting comes first: the switch to WAL
+/// itself needs the lock.
+const PRAGMAS: [&str; 3] = ["PRAGMA busy_timeout = 20000", "PRAGMA journal_mode = WAL", "PRAGMA synchronous = FULL"];
+
+/// Query of the texts in a parameter that holds a JSON array: `Any` has no arrays of its own.
+fn each(parameter: &str) -> String {
+    format!("SELECT value FROM json_each({parameter})")
+}
+
 /// The catalog; cheap to clone.
 #[derive(Clone, Debug)]
 pub struct Catalog {
     pool: AnyPool,
     /// One writer of this process at a time: waiting here is fair, SQLite's busy handler is not.
     turn: Arc<Mutex<()>>,
+    readiness: Arc<ready::Readiness>,
 }
 
 /// Why the catalog did not answer.
@@ -47,7 +60,18 @@ pub enum CatalogError {
     Sql(#[from] sqlx::Error),
     /// The schema is not this version's.
     #[error("database schema: {0}")]
-    Migrate(#[from] sqlx::migrate::MigrateError),
+    Migrate(#[from] MigrateError),
+    /// The file cannot serve as the catalog.
+    #[error("catalog {}: {reason}", file.display())]
+    Unusable {
+        /// The file.
+        file: PathBuf,
+        /// The fault, and what to do about it.
+        reason: String,
+    },
+    /// Another program has held the write lock for longer than a writer should.
+    #[error("the catalog is locked: another program has been writing to it for a while; end that program")]
+    Locked,
     /// A row holds what this version never writes.
     #[error("{table} row {id}: {reason}")]
     Row {
@@ -77,45 +101,42 @@ impl Catalog {
     /// Opens it, brings the schema up to date and says how many migrations that took.
     pub async fn migrate(file: &Path) -> Result<(Self, usize), CatalogError> {
         install_default_drivers();
+        let url = url(file)?;
+        ready::check(file, &url).await?;
         let pool = AnyPoolOptions::new()
             .max_connections(8)
             .acquire_timeout(Duration::from_secs(30))
             .after_connect(|connection, _| {
                 Box::pin(async move {
-                    // Waiting comes first: the switch to WAL itself needs the lock.
-                    connection.execute("PRAGMA busy_timeout = 20000").await?;
-                    connection.execute("PRAGMA journal_mode = WAL").await?;
-                    connection.execute("PRAGMA synchronous = FULL").await?;
+                    for pragma in PRAGMAS {
+                        connection.execute(pragma).await?;
+                    }
                     Ok(())
                 })
             })
-            .connect(&url(file)?)
+            .connect(&url)
             .await?;
-        let catalog = Self { pool, turn: Arc::default() };
+        let catalog = Self { pool, turn: Arc::default(), readiness: Arc::new(ready::Readiness::new(url)) };
         let before = catalog.applied().await;
         // Two processes may start at once; the second finds the tables of the first and looks again.
-        let mut tries = 0;
-        while let Err(error) = MIGRATIONS.run(&catalog.pool).await {
+        let migrations = schema::migrator();
+        let (mut tries, start) = (0, Instant::now());
+        while let Err(error) = migrations.run(&catalog.pool).await {
             tries += 1;
-            if tries == 10
-                || !matches!(
-                    error,
-                    sqlx::migrate::MigrateError::ExecuteMigration(..) | sqlx::migrate::MigrateError::Execute(_)
-                )
-            {
-                return Err(error.into());
+            let last = tries == 10;
+            match error {
+                MigrateError::Execute(error) | MigrateError::ExecuteMigration(error, _)
+                    if last || ready::is_hopeless(&error, start) =>
+                {
+                    return Err(ready::unusable(file, error));
+                }
+                MigrateError::Execute(_) | MigrateError::ExecuteMigration(..) => {}
+                other => return Err(other.into()),
             }
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
         let after = catalog.applied().await;
         Ok((catalog, after.saturating_sub(before)))
-    }
-
-    /// Checks that the database answers and can be written.
-    pub async fn ping(&self) -> Result<(), CatalogError> {
-        let mut write = self.write().await?;
-        sqlx::query("DELETE FROM pins WHERE expires_at < 0").execute(&mut *write.transaction).await?;
-        write.commit().await
     }
 
     /// Ends all connections.
@@ -132,6 +153,7 @@ impl Catalog {
     async fn write(&self) -> Result<Write, CatalogError> {
         let turn = Arc::clone(&self.turn).lock_owned().await;
         let mut transaction = self.pool.begin_with("BEGIN IMMEDIATE").await?;
+        self.readiness.wrote();
         let now = sqlx::query(CLOCK).fetch_one(&mut *transaction).await?.try_get(0)?;
         Ok(Write { transaction, now, _turn: turn })
     }
@@ -162,12 +184,49 @@ fn url(file: &Path) -> Result<String, CatalogError> {
 #[cfg(test)]
 pub(crate) mod testing {
     use super::*;
+    use crate::domain::Quantity;
+    use crate::store::Digest;
 
     /// A catalog in a directory with an awkward name.
     pub(crate) async fn catalog() -> (Catalog, tempfile::TempDir) {
         let directory = tempfile::Builder::new().prefix("odd name %?#").tempdir().unwrap();
         let catalog = Catalog::open(&directory.path().join("catalog.sqlite")).await.unwrap();
         (catalog, directory)
+    }
+
+    /// A lamp whose content is `text`.
+    pub(crate) fn measurement(text: &str) -> NewMeasurement {
+        NewMeasurement {
+            id: Digest::of(text.as_bytes()),
+            content: Digest::of(text.as_bytes()),
+            spectrum: None,
+            name: Some(text.to_owned()),
+            file_name: None,
+            bytes: text.len() as u64,
+            format: "ies".to_owned(),
+            quantity: Some(Quantity::Edf),
+            document: "{}".to_owned(),
+        }
+    }
+
+    /// Pins and adds it, as an upload does.
+    pub(crate) async fn add(catalog: &Catalog, new: &NewMeasurement) -> (MeasurementRow, bool) {
+        catalog.pin(new.content, "test", Duration::from_mins(1)).await.unwrap();
+        match catalog.add_measurement(new, "test").await.unwrap() {
+            Added::Row(row, fresh) => (row, fresh),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// Lets every pin run out now.
+    pub(crate) async fn expire_pins(catalog: &Catalog) {
+        sqlx::query("UPDATE pins SET expires_at = 0").execute(&catalog.pool).await.unwrap();
+    }
+
+    /// Number of rows of a table.
+    pub(crate) async fn count(catalog: &Catalog, table: &str) -> i64 {
+        let query = sqlx::AssertSqlSafe(format!("SELECT COUNT(*) FROM {table}"));
+        sqlx::query(query).fetch_one(&catalog.pool).await.unwrap().try_get(0).unwrap()
     }
 }
 

@@ -1,13 +1,36 @@
-//! Digests that are about to be named: whoever publishes pins first, and a sweep removes a blob only while it holds
-//! the write lock and has seen neither a row nor a pin that names it.
+//! Digests that are about to be named: a publisher pins first, names within the time of its pin or publishes again, and
+//! a sweep takes a blob's name away only while it holds the write lock and has seen neither a row nor a live pin for it.
+//!
+//! ```text
+//! publisher: pin ─ publish ─ [ pin still live? row in, pin out ]     [ … ]: one write transaction
+//! sweep:     [ no row, no live pin? retire ] ─ remove the bytes
+//! ```
+//!
+//! The two transactions exclude each other. If the publisher's comes first, the sweep sees the row. If the sweep's comes
+//! first, the pin had run out, so the publisher is refused and publishes again. The bytes are removed after the
+//! transaction, under a name that nobody publishes to, so that a slow removal delays no writer and a late one hits
+//! nothing that was published since.
 
-use super::{Catalog, CatalogError};
+use super::{Catalog, CatalogError, Write};
 use crate::store::Digest;
+use sqlx::Row;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+/// Kind of row that refers to the bytes of a digest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Namer {
+    /// A material, whose file they are.
+    Material,
+    /// A job, whose report they are.
+    Report,
+    /// A measurement, whose content they are.
+    Measurement,
+}
+
 impl Catalog {
-    /// Keeps sweeps away from `digest` for `time`, or until a row names it and [`Catalog::unpin`] is called.
+    /// Keeps sweeps away from `digest` for `time`, or until [`Catalog::add_measurement`] or [`Catalog::end`] names it. A pin
+    /// of the same holder is renewed.
     pub async fn pin(&self, digest: Digest, holder: &str, time: Duration) -> Result<(), CatalogError> {
         let mut write = self.write().await?;
         let until = write.now.saturating_add(time.as_millis() as i64);
@@ -23,23 +46,15 @@ impl Catalog {
         write.commit().await
     }
 
-    /// Ends a pin.
-    pub async fn unpin(&self, digest: Digest, holder: &str) -> Result<(), CatalogError> {
-        let mut write = self.write().await?;
-        sqlx::query("DELETE FROM pins WHERE digest = $1 AND holder = $2")
-            .bind(digest.to_string())
-            .bind(holder)
-            .execute(&mut *write.transaction)
-            .await?;
-        write.commit().await
-    }
-
-    /// Runs `remove` while nobody can begin to name `digest`, if nothing names it now; returns whether it ran.
-    pub async fn unless_named<E>(
+    /// Runs `retire` while nobody can begin to name `digest`, if no row and no live pin names it; returns its result.
+    ///
+    /// Every writer waits for `retire`, so it must be short. It is a plain call and not a future: it can neither be
+    /// dropped half-way nor outlive the transaction.
+    pub async fn unless_named<T>(
         &self,
         digest: Digest,
-        remove: impl Future<Output = Result<(), E>>,
-    ) -> Result<Result<bool, E>, CatalogError> {
+        retire: impl FnOnce() -> T + Send,
+    ) -> Result<Option<T>, CatalogError> {
         let mut write = self.write().await?;
         let named = sqlx::query(
             "SELECT 1 FROM measurements WHERE content = $1 \
@@ -51,18 +66,16 @@ impl Catalog {
         .bind(write.now)
         .fetch_optional(&mut *write.transaction)
         .await?;
-        if named.is_some() {
-            return Ok(Ok(false));
-        }
-        let removed = remove.await;
-        sqlx::query("DELETE FROM pins WHERE expires_at <= $1").bind(write.now).execute(&mut *write.transaction).await?;
-        write.commit().await?;
-        Ok(removed.map(|()| true))
+        let retired = named.is_none().then(retire);
+        // Nothing was written; the lock must be free before the caller goes on to slow work.
+        write.transaction.rollback().await?;
+        Ok(retired)
     }
 
-    /// Forgets idempotency keys older than `age`.
+    /// Forgets idempotency keys older than `age`, and pins that have run out.
     pub async fn forget_keys(&self, age: Duration) -> Result<(), CatalogError> {
         let mut write = self.write().await?;
+        sqlx::query("DELETE FROM pins WHERE expires_at <= $1").bind(write.now).execute(&mut *write.transaction).await?;
         sqlx::query("DELETE FROM idempotency_keys WHERE created_at < $1")
             .bind(write.now.saturating_sub(age.as_millis() as i64))
             .execute(&mut *write.transaction)
@@ -70,9 +83,26 @@ impl Catalog {
         write.commit().await
     }
 
+    /// The kind of row that names `digest`, if there is one: the bytes of any other digest are nobody's to read.
+    pub async fn namer(&self, digest: Digest) -> Result<Option<Namer>, CatalogError> {
+        let row = sqlx::query(
+            "SELECT 1 AS kind FROM materials WHERE id = $1 \
+             UNION ALL SELECT 2 FROM jobs WHERE report = $1 \
+             UNION ALL SELECT 3 FROM measurements WHERE content = $1 ORDER BY kind LIMIT 1",
+        )
+        .bind(digest.to_string())
+        .fetch_optional(&self.pool)
+        .await?;
+        let kind = row.map(|row| row.try_get::<i64, _>(0)).transpose()?;
+        Ok(kind.map(|kind| match kind {
+            1 => Namer::Material,
+            2 => Namer::Report,
+            _ => Namer::Measurement,
+        }))
+    }
+
     /// Every digest that a row names, with what names it.
     pub async fn named(&self) -> Result<BTreeMap<Digest, String>, CatalogError> {
-        use sqlx::Row;
         let rows = sqlx::query(
             "SELECT content, 'measurement ' || id FROM measurements UNION ALL SELECT id, 'material ' || id FROM materials \
              UNION ALL SELECT report, 'job ' || id FROM jobs WHERE report IS NOT NULL",
@@ -93,25 +123,49 @@ impl Catalog {
     }
 }
 
+/// Takes the pin out that kept `digest` while it was published; `false` if it has run out, so that a sweep may have taken
+/// the blob and nothing may name it.
+pub(super) async fn unpin(write: &mut Write, digest: Digest, holder: &str) -> Result<bool, CatalogError> {
+    let live = sqlx::query("DELETE FROM pins WHERE digest = $1 AND holder = $2 AND expires_at > $3")
+        .bind(digest.to_string())
+        .bind(holder.to_owned())
+        .bind(write.now)
+        .execute(&mut *write.transaction)
+        .await?;
+    Ok(live.rows_affected() == 1)
+}
+
 #[cfg(test)]
 mod tests {
-    use crate::catalog::testing;
-    use crate::store::Digest;
-    use std::time::Duration;
-
-    fn nothing() -> std::future::Ready<Result<(), ()>> {
-        std::future::ready(Ok(()))
-    }
+    use super::*;
+    use crate::catalog::{Added, testing};
 
     #[tokio::test]
     async fn pinned_digests_are_left_alone_until_they_expire() {
         let (catalog, _directory) = testing::catalog().await;
         let digest = Digest::of(b"about to be named");
-        assert_eq!(catalog.unless_named(digest, nothing()).await.unwrap(), Ok(true));
+        assert_eq!(catalog.unless_named(digest, || 1).await.unwrap(), Some(1));
         catalog.pin(digest, "a", Duration::from_mins(1)).await.unwrap();
         catalog.pin(digest, "b", Duration::ZERO).await.unwrap();
-        assert_eq!(catalog.unless_named(digest, nothing()).await.unwrap(), Ok(false));
-        catalog.unpin(digest, "a").await.unwrap();
-        assert_eq!(catalog.unless_named(digest, nothing()).await.unwrap(), Ok(true));
+        assert_eq!(catalog.unless_named(digest, || 2).await.unwrap(), None);
+        catalog.pin(digest, "a", Duration::ZERO).await.unwrap();
+        assert_eq!(catalog.unless_named(digest, || 3).await.unwrap(), Some(3));
+        catalog.forget_keys(Duration::from_hours(1)).await.unwrap();
+        assert_eq!(testing::count(&catalog, "pins").await, 0);
+    }
+
+    #[tokio::test]
+    async fn a_row_is_refused_once_its_pin_has_run_out() {
+        let (catalog, _directory) = testing::catalog().await;
+        let lamp = testing::measurement("lamp");
+        assert!(matches!(catalog.add_measurement(&lamp, "a").await.unwrap(), Added::Unpinned), "never pinned");
+        catalog.pin(lamp.content, "a", Duration::ZERO).await.unwrap();
+        assert!(matches!(catalog.add_measurement(&lamp, "a").await.unwrap(), Added::Unpinned));
+        assert!(catalog.measurement(lamp.id).await.unwrap().is_none());
+        catalog.pin(lamp.content, "b", Duration::from_mins(1)).await.unwrap();
+        assert!(matches!(catalog.add_measurement(&lamp, "a").await.unwrap(), Added::Unpinned), "another's pin");
+        assert!(matches!(catalog.add_measurement(&lamp, "b").await.unwrap(), Added::Row(_, true)));
+        assert_eq!(catalog.namer(lamp.content).await.unwrap(), Some(Namer::Measurement));
+        assert_eq!(catalog.namer(Digest::of(b"other")).await.unwrap(), None);
     }
 }

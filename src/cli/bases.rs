@@ -24,13 +24,18 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
             basis.name.to_owned(),
             space(basis.space).to_owned(),
             basis.family.to_owned(),
-            basis.analysis_length.to_string(),
-            basis.synthesis_length.to_string(),
-            basis.vanishing_moments.to_string(),
+            taps(basis.analysis_length),
+            taps(basis.synthesis_length),
+            if basis.analysis_length == 0 { "-".to_owned() } else { basis.vanishing_moments.to_string() },
             properties.join(" "),
         ]);
     }
     print(&table.render())
+}
+
+/// The length of a filter; the data's own basis has none.
+fn taps(length: usize) -> String {
+    if length == 0 { "-".to_owned() } else { length.to_string() }
 }
 
 fn space(space: Space) -> &'static str {

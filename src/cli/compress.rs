@@ -2,12 +2,14 @@
 
 use super::failure::Failure;
 use super::input::MeasurementArgs;
-use super::output::{print, print_json, write_file};
+use super::output::{print, print_json, warn, write_file};
 use super::report::compressed_sheet;
 use super::request::{RequestArgs, ThreadsArgs};
 use crate::domain::Progress;
+use crate::formats::NoteKind;
 use crate::pipeline::{self, Report};
 use indicatif::{ProgressBar, ProgressStyle};
+use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -51,6 +53,12 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let outcome = outcome.map_err(|error| Failure::from(error).about(&args.measurement.input))?;
     let seconds = start.elapsed().as_secs_f64();
     write_file(&args.output, &outcome.bytes)?;
+    // A terminal shows the report's own lines; whoever reads it elsewhere would miss them.
+    if args.json || !std::io::stdout().is_terminal() {
+        for note in outcome.report.notes.iter().filter(|note| note.kind == NoteKind::Warning) {
+            warn(&note.message);
+        }
+    }
     if args.json {
         return print_json(&Answer { report: &outcome.report, seconds });
     }

@@ -5,6 +5,7 @@ use super::health::reason;
 use super::output::{Table, count, per_cent, print, three_digits};
 use super::runtime::{block_on, stop_signal};
 use super::serve;
+use crate::api::Stop;
 use reqwest::{Client, RequestBuilder, Response, StatusCode};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
@@ -12,7 +13,7 @@ use std::time::{Duration, Instant};
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
-    serve: serve::Args,
+    site: serve::Site,
     /// Stop after the table
     #[arg(long, hide = true)]
     once: bool,
@@ -81,18 +82,18 @@ struct Outcome {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     block_on(async {
         let stop = stop_signal()?;
-        let server = serve::bind(&args.serve).await?;
+        let server = serve::bind(args.site.config()).await?;
         let base = format!("http://{}", super::health::reachable(&server.address().to_string()));
         print(&format!(
             "listening on http://{}, data in {}\n\n",
             server.address(),
-            args.serve.data.directory.display()
+            args.site.data.directory.display()
         ))?;
         let (end, ended) = tokio::sync::oneshot::channel::<()>();
         let mut service = tokio::spawn(server.run(async move {
             tokio::select! {
-                () = stop => {}
-                _ = ended => {}
+                how = stop => how,
+                _ = ended => Stop::AtOnce,
             }
         }));
         let shown = tokio::select! {

@@ -66,7 +66,7 @@ impl fmt::Display for Failure {
 }
 
 /// `text` with every run of white space and control characters as one space.
-pub(crate) fn one_line(text: &str) -> String {
+pub fn one_line(text: &str) -> String {
     let words = text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|word| !word.is_empty());
     words.collect::<Vec<_>>().join(" ")
 }

@@ -1,8 +1,8 @@
 //! Files in: the measurement, its spectrum and its manifest, read within a limit, and what the user says about them.
 
 use super::failure::Failure;
-use crate::domain::{Quantity, Unit};
-use crate::formats::{Interpretation, Normalization};
+use crate::domain::Unit;
+use crate::formats::{Interpretation, Normalization, StatedQuantity};
 use crate::pipeline::Input;
 use std::fs::File;
 use std::io::{ErrorKind, Read};
@@ -22,9 +22,10 @@ pub(crate) struct MeasurementArgs {
     /// A spectrum to join with a luminaire
     #[arg(long, value_name = "SPD")]
     spectrum: Option<PathBuf>,
-    /// The quantity, where the file does not say: spectrum, reflectance, edf, brdf, btdf, bsdf or phase
+    /// The quantity, where the file does not say: spectrum, reflectance, edf, brdf, btdf, bsdf, phase, or
+    /// reflectance-factor (BRF, HCRF: divided by pi, which makes it a BRDF in 1/sr)
     #[arg(long)]
-    quantity: Option<Quantity>,
+    quantity: Option<StatedQuantity>,
     /// The unit of a value, e.g. 1/sr, cd, mW/sr
     #[arg(long)]
     unit: Option<Unit>,

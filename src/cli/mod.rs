@@ -17,6 +17,7 @@ mod gc;
 mod health;
 mod input;
 mod inspect;
+mod log;
 mod migrate;
 mod openapi;
 mod output;
@@ -31,9 +32,10 @@ mod request;
 mod runtime;
 mod sample;
 mod serve;
+mod settings;
 mod viewing;
 
-pub use failure::Failure;
+pub use failure::{Failure, one_line};
 
 use std::ffi::OsString;
 
@@ -129,12 +131,13 @@ impl Cli {
         })
     }
 
-    /// The least severe messages that are logged where `RUST_LOG` does not say.
-    pub fn log_level(&self) -> &'static str {
-        match self.command {
+    /// Begins the log on stderr; `RUST_LOG` filters it, else the service logs every request and other commands warn.
+    pub fn start_log(&self) {
+        let level = match self.command {
             Command::Serve(_) => "info",
             _ => "warn",
-        }
+        };
+        log::start(self.log_format, level);
     }
 
     /// Does what was asked.

@@ -1,6 +1,6 @@
 //! What a command hands back: files replaced whole, JSON on one line, tables for people.
 
-use super::failure::Failure;
+use super::failure::{Failure, one_line};
 use super::input::describe;
 use serde::Serialize;
 use std::fs::{File, Permissions};
@@ -45,6 +45,11 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
         ErrorKind::BrokenPipe => Failure::Closed,
         _ => Failure::Failed(format!("cannot write to stdout: {}", describe(&error))),
     })
+}
+
+/// Prints one line on stderr that warns of what was done all the same. A closed stderr has nobody to warn.
+pub(crate) fn warn(message: &str) {
+    let _ = writeln!(std::io::stderr(), "wavelume: warning: {}", one_line(message));
 }
 
 /// Prints `value` as one line of JSON.

@@ -1,6 +1,8 @@
 //! The asynchronous runtime of the commands that need one, and the signals that end them.
 
 use super::failure::Failure;
+use crate::api::Stop;
+use std::io::IsTerminal;
 use tokio::signal::unix::{SignalKind, signal};
 
 /// Runs `work` to its end.
@@ -9,15 +11,27 @@ pub(crate) fn block_on<T>(work: impl Future<Output = Result<T, Failure>>) -> Res
     runtime.map_err(|error| Failure::failed(format!("cannot start the runtime: {error}")))?.block_on(work)
 }
 
-/// Resolves at the first SIGTERM or SIGINT. Installed when called, not when first polled.
-pub(crate) fn stop_signal() -> Result<impl Future<Output = ()> + Send + 'static, Failure> {
+/// Resolves at the first signal that ends the service: SIGTERM with a notice, SIGINT at once. SIGHUP ends a service whose
+/// terminal was closed, at once too, and is ignored by one that has no terminal. Handlers are installed by the call, not
+/// by the first poll, and stay: no later signal ends the drain.
+pub(crate) fn stop_signal() -> Result<impl Future<Output = Stop> + Send + 'static, Failure> {
     let install = |kind| signal(kind).map_err(|error| Failure::failed(format!("cannot listen for signals: {error}")));
     let mut terminate = install(SignalKind::terminate())?;
     let mut interrupt = install(SignalKind::interrupt())?;
+    let mut hangup = install(SignalKind::hangup())?;
+    let on_terminal = std::io::stdin().is_terminal() || std::io::stderr().is_terminal();
     Ok(async move {
-        tokio::select! {
-            _ = terminate.recv() => {}
-            _ = interrupt.recv() => {}
+        loop {
+            tokio::select! {
+                _ = terminate.recv() => return Stop::Announced,
+                _ = interrupt.recv() => return Stop::AtOnce,
+                _ = hangup.recv() => {
+                    if on_terminal {
+                        return Stop::AtOnce;
+                    }
+                    tracing::info!("SIGHUP is ignored: settings are read at the start; SIGTERM stops the service");
+                }
+            }
         }
     })
 }

@@ -3,27 +3,57 @@
 use super::failure::Failure;
 use super::output::print;
 use super::runtime::{block_on, stop_signal};
-use crate::api::{ServeConfig, ServeError, Server};
+use super::settings::Settings;
+use crate::api::{ServeConfig, ServeError, Server, raise_descriptor_limit};
 use std::io::ErrorKind;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-/// Where the data are and where to listen.
+/// The service with every number that bounds it.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "`--help` lists every limit; docs/settings.md has them as a table")]
+pub(crate) struct Args {
+    #[command(flatten)]
+    site: Site,
+    #[command(flatten)]
+    settings: Settings,
+}
+
+/// Data directory and address of a service.
 #[derive(Debug, clap::Args)]
 #[group(id = "service")]
-pub(crate) struct Args {
+pub(crate) struct Site {
     #[command(flatten)]
     pub(crate) data: DataArgs,
     /// The address to listen on; port 0 takes a free one
-    #[arg(long, value_name = "ADDR", default_value = DEFAULT_LISTEN)]
+    #[arg(long, value_name = "ADDR", default_value = DEFAULT_LISTEN, env = "WAVELUME_LISTEN", hide_env_values = true)]
     pub(crate) listen: SocketAddr,
+    /// A host name that requests may name beside localhost and loopback addresses; again for each. On an address that is
+    /// not loopback every host is answered where none is given
+    #[arg(long = "name", value_name = "HOST", env = "WAVELUME_NAMES", value_delimiter = ',', hide_env_values = true)]
+    pub(crate) names: Vec<String>,
+    /// An origin whose pages may read: `SCHEME://HOST` or `SCHEME://HOST:PORT`; again for each
+    #[arg(
+        long = "origin",
+        value_name = "ORIGIN",
+        env = "WAVELUME_ORIGINS",
+        value_delimiter = ',',
+        hide_env_values = true
+    )]
+    pub(crate) origins: Vec<String>,
 }
 
 /// The data directory.
 #[derive(Debug, clap::Args)]
 pub(crate) struct DataArgs {
     /// The data directory; made where it is missing
-    #[arg(long = "data", value_name = "DIR", default_value = "./wavelume-data")]
+    #[arg(
+        long = "data",
+        value_name = "DIR",
+        default_value = "./wavelume-data",
+        env = "WAVELUME_DATA",
+        hide_env_values = true
+    )]
     pub(crate) directory: PathBuf,
 }
 
@@ -33,15 +63,29 @@ pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:8080";
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     block_on(async {
         let stop = stop_signal()?;
-        let server = bind(args).await?;
+        let mut config = args.site.config();
+        args.settings.apply(&mut config.work);
+        let server = bind(config).await?;
         print(&format!("listening on http://{}\n", server.address()))?;
         server.run(stop).await.map_err(Failure::failed)
     })
 }
 
+impl Site {
+    /// The configuration of a service with the default limits.
+    pub(crate) fn config(&self) -> ServeConfig {
+        let mut config = ServeConfig::new(&self.data.directory, self.listen);
+        config.names.clone_from(&self.names);
+        config.origins.clone_from(&self.origins);
+        config
+    }
+}
+
 /// Opens the data directory and takes the address.
-pub(crate) async fn bind(args: &Args) -> Result<Server, Failure> {
-    Server::bind(ServeConfig::new(&args.data.directory, args.listen)).await.map_err(|error| match &error {
+pub(crate) async fn bind(config: ServeConfig) -> Result<Server, Failure> {
+    raise_descriptor_limit();
+    Server::bind(config).await.map_err(|error| match &error {
+        ServeError::Setting(_) => Failure::usage(error),
         ServeError::Listen { address, source } if source.kind() == ErrorKind::AddrInUse => {
             Failure::failed(format!("{address} is already taken; choose another address with --listen ADDR"))
         }

@@ -100,7 +100,9 @@ pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
     let mut r = chunk.reader();
     let index = LevelIndex::read(&mut r, finest, chunk.length)?;
     let Some(entry) = index.entries.get(usize::from(level)) else {
-        let reason = format!("there is no level {level} in a material of random access, expected {finest}");
+        let reason = format!(
+            "there is no level {level} in a material of random access or of samples near the end of float32, expected {finest}"
+        );
         return Err(CodecError::Malformed { at: bytes.len(), reason });
     };
     // A level is what its own bytes say, however many follow.

@@ -1,11 +1,12 @@
 //! Puts a material's file together, decodes it again, and writes the errors of what was decoded into its header.
 
-use super::decode::samples_behind;
+use super::decode::{open, samples_behind};
 use super::header::Header;
 use super::light::Light;
 use super::rd::levels;
+use super::refusal;
 use super::rows::lanes;
-use super::{CompressError, Compressed, Ranked};
+use super::{CompressError, Compressed, Effort, Ranked};
 use crate::codec::{ChunkKind, Class, Encoder, code_classes, write_container, write_text};
 use crate::domain::{Axis, ErrorReport, Measurement};
 
@@ -60,7 +61,8 @@ impl Parts {
     }
 }
 
-/// Decodes `parts`, measures the errors, and writes the file that carries them.
+/// Decodes `parts`, measures the errors, and writes the file that carries them. A file that no reader would take, because a
+/// sample is beyond float32 or a number of the header is out of its range, is refused here.
 pub(crate) fn finish(
     mut parts: Parts,
     measurement: &Measurement,
@@ -68,7 +70,10 @@ pub(crate) fn finish(
 ) -> Result<Compressed, CompressError> {
     let decoded = levels::insert_and_decode(&mut parts, measurement)
         .and_then(|whole| samples_behind(&parts.header, |kind| parts.chunk(kind), whole))
-        .map_err(|e| CompressError::Unreachable(format!("the file just written does not decode: {e}")))?;
+        .map_err(|e| refusal::undecodable(&parts.header, &e.to_string()))?;
+    if let Some(at) = decoded.iter().position(|sample| sample.is_infinite()) {
+        return Err(refusal::beyond_float32(&parts.header, at, measurement.tensor.samples()[at]));
+    }
     let floor = f64::from(parts.header.floor);
     parts.header.errors = ErrorReport::measure(measurement.tensor.samples(), &decoded, floor);
     let light = Light::of(measurement.quantity, measurement.tensor.axes());
@@ -76,9 +81,10 @@ pub(crate) fn finish(
     drop(decoded);
     let metadata = metadata_with_labels(&parts.header.axes, metadata);
     let bytes = assemble(&parts, metadata.as_deref());
+    open(&bytes).map_err(|e| refusal::undecodable(&parts.header, &e.to_string()))?;
     let mut summary = parts.header.summary(metadata);
     summary.axes = measurement.tensor.axes().to_vec();
     let ranking =
         vec![Ranked { basis: summary.basis.clone(), bytes: bytes.len() as u64, er_l2: Some(summary.errors.er_l2) }];
-    Ok(Compressed { bytes, summary, light, colour: None, ranking, noise: None })
+    Ok(Compressed { bytes, summary, light, colour: None, ranking, noise: None, effort: Effort::default() })
 }

@@ -30,6 +30,10 @@ pub(crate) fn fill(axes: &[Axis], values: &mut [f32]) {
     for axis in triangles {
         fill_axis(axis, values);
     }
+    // Means of samples near the end of float32 may have gone beyond it.
+    for value in values.iter_mut().filter(|v| v.is_infinite()) {
+        *value = value.clamp(f32::MIN, f32::MAX);
+    }
     let (sum, count) =
         values.iter().filter(|v| !v.is_nan()).fold((0.0, 0_u64), |(sum, n), &v| (sum + f64::from(v), n + 1));
     let mean = if count == 0 { 0.0 } else { (sum / count as f64) as f32 };

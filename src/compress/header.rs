@@ -324,6 +324,9 @@ impl Header {
     }
 }
 
+/// Bytes that a header takes more where unscored samples have errors.
+pub(crate) const UNSCORED_BYTES: usize = 3;
+
 /// Bits of an f32 that a stated error leaves out.
 const STATED_SHIFT: u32 = 8;
 /// The largest error that can be stated.

@@ -7,6 +7,7 @@
 //! * `lossless`: every bit of every sample.
 
 mod decode;
+mod effort;
 mod exponential;
 mod file;
 mod fill;
@@ -19,6 +20,7 @@ mod noise;
 mod promise;
 mod ranking;
 mod rd;
+mod refusal;
 mod rows;
 mod scales;
 mod search;
@@ -31,15 +33,19 @@ pub use crate::codec::CodecError as DecodeError;
 pub use decode::{
     Decoded, DecodedBlock, LevelInfo, decode, decode_block, decode_level, inspect, levels, payload_digest,
 };
+pub use effort::Effort;
 pub(crate) use kept::Kept;
 pub use light::LightReport;
 pub use noise::{Noise, estimate as estimate_noise};
 pub use target::{DeltaE, Target};
 
+pub use promise::shortfall;
+
 use crate::codec::MAGIC;
 use crate::domain::colour::ColourReport;
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress, Quantity, Sampling, Unit};
 use crate::transform::{AxisTransform, LineBasis, SphereBasis};
+use effort::Tally;
 use serde::Serialize;
 
 /// How coefficients are chosen and coded.
@@ -111,6 +117,8 @@ pub struct Compressed {
     pub ranking: Vec<Ranked>,
     /// The noise of the measurement, where it can be told; it decides nothing.
     pub noise: Option<Noise>,
+    /// The trials that the search took.
+    pub effort: Effort,
 }
 
 /// One basis that competed.
@@ -182,20 +190,23 @@ pub fn compress(
     let text = file::metadata_with_labels(measurement.tensor.axes(), settings.metadata.as_deref());
     if let Some(text) = text.filter(|text| text.len() > decode::MAX_METADATA) {
         let found = text.len();
-        return Err(CompressError::Setting(format!("metadata has {found} bytes, expected at most 16 MiB")));
+        return Err(CompressError::Setting(format!(
+            "metadata has {found} bytes, expected at most 16 MiB; leave it out (--no-metadata, \"metadata\": false)"
+        )));
     }
     let settings = &Settings { target: stateable(settings.target)?, ..settings.clone() };
     let policy = if settings.target == Target::Lossless { Policy::Lossless } else { settings.policy };
     let floor = absolute_floor(measurement, settings);
+    let tally = Tally::default();
     let bases = match policy {
         Policy::Lossless => Vec::new(),
         _ if settings.random_access => vec![SpectralBasis::Klt],
-        _ => ranking::candidates(measurement, settings, progress)?,
+        _ => ranking::candidates(measurement, settings, (progress, &tally))?,
     };
     let mut compressed = match policy {
-        Policy::Rd => rd::compress(measurement, settings, &bases, floor, progress)?,
+        Policy::Rd => rd::compress(measurement, settings, &bases, floor, (progress, &tally))?,
         Policy::Conventional | Policy::Generic | Policy::Adaptive => {
-            thresholded::compress(measurement, settings, &bases, floor, progress)?
+            thresholded::compress(measurement, settings, &bases, floor, (progress, &tally))?
         }
         Policy::Lossless => lossless::compress(measurement, settings, floor, progress)?,
     };
@@ -203,6 +214,7 @@ pub fn compress(
     compressed.colour = promise::colour(measurement, settings.target, &compressed.bytes)?;
     promise::keep(settings, floor, &compressed)?;
     compressed.noise = estimate_noise(measurement, floor);
+    compressed.effort = tally.effort();
     Ok(compressed)
 }
 
@@ -210,12 +222,17 @@ fn check(settings: &Settings) -> Result<(), CompressError> {
     let refuse = |message: String| Err(CompressError::Setting(message));
     settings.target.check().or_else(refuse)?;
     if settings.policy == Policy::Lossless && settings.target != Target::Lossless {
-        return refuse("policy lossless has no error to aim at: use the target lossless".to_owned());
+        return refuse(
+            "policy lossless keeps every bit and has no error to aim at: ask for lossless instead of another target"
+                .to_owned(),
+        );
     }
     if let Some(floor) = settings.floor
         && !(floor > 0.0 && floor < 1.0)
     {
-        return refuse(format!("floor is {floor}, expected a fraction of the maximum between 0 and 1"));
+        return refuse(format!(
+            "floor is {floor}, expected a fraction of the largest sample, more than 0 and less than 1 (0.01 is 1 %)"
+        ));
     }
     let basis = SpectralBasis::named(&settings.basis);
     if settings.basis != "auto" && basis.is_none() {
@@ -223,12 +240,15 @@ fn check(settings: &Settings) -> Result<(), CompressError> {
         return refuse(format!("unknown basis `{}`, expected auto, klt, identity or one of {known}", settings.basis));
     }
     if basis == Some(SpectralBasis::Klt) && settings.policy != Policy::Rd {
-        return refuse(format!("basis klt: the {} policy has fixed bases only", settings.policy));
+        return refuse(format!(
+            "basis klt is for policy rd; policy {} takes auto, identity or a wavelet",
+            settings.policy
+        ));
     }
     if let Some(metadata) = &settings.metadata
         && !matches!(serde_json::from_str(metadata), Ok(serde_json::Value::Object(_)))
     {
-        return refuse("metadata is no JSON object".to_owned());
+        return refuse("metadata is no JSON object, expected text such as {\"name\": \"value\"}".to_owned());
     }
     Ok(())
 }
@@ -237,7 +257,10 @@ fn check(settings: &Settings) -> Result<(), CompressError> {
 fn stateable(target: Target) -> Result<Target, CompressError> {
     let kept = |error: f64| match header::rounded_down(error) {
         kept if kept > 0.0 => Ok(kept),
-        _ => Err(CompressError::Unreachable(format!("an error of {error} is below what a file can state"))),
+        _ => Err(CompressError::Unreachable(format!(
+            "{} {error:e} is below 3.6e-43, the smallest error that a file can state; ask for a larger one, or lossless",
+            target.bound().map_or("the error", |bound| bound.name)
+        ))),
     };
     Ok(match target {
         Target::ErL2(error) => Target::ErL2(kept(error)?),

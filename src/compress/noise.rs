@@ -24,6 +24,7 @@
 
 use super::Target;
 use super::logarithm::logarithms;
+use super::refusal::two_digits_up;
 use crate::domain::{Axis, Measurement};
 use basis::{Basis, Place};
 use rayon::prelude::*;
@@ -75,16 +76,6 @@ impl Noise {
             )
         })
     }
-}
-
-/// A positive number rounded up to two digits.
-fn two_digits_up(value: f64) -> f64 {
-    let places = 1 - libm::floor(libm::log10(value)) as i32;
-    // A power of ten that is exact, so that the quotient is the f64 nearest to two decimal digits.
-    let scale = (0..places.unsigned_abs()).fold(1.0, |scale: f64, _| scale * 10.0);
-    // What is a hair above two digits is those two digits.
-    let up = |x: f64| libm::ceil(x - 1e-9);
-    if places >= 0 { up(value * scale) / scale } else { up(value / scale) * scale }
 }
 
 /// Blocks that are looked at.

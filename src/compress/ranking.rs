@@ -1,11 +1,18 @@
 //! Which bases compete along wavelength.
 //!
-//! At a wanted ratio or size every basis competes: all of them on small measurements; on large ones all on a sample of
-//! spectra, and the best few on the whole. At a wanted error the three that serve nearly all data compete.
+//! At a wanted ratio or size every wavelet competes: by its coefficients, or (policy conventional) by its error with as many
+//! of them, on the whole of small measurements and on a sample of spectra of large ones; the best few are then tried on
+//! the whole.
+//! At a wanted error the three that serve nearly all data compete.
 
+use super::effort::Tally;
+use super::fill::fill;
+use super::scales::Scales;
+use super::values::Values;
 use super::{CompressError, Policy, Settings, SpectralBasis, Target, thresholded};
+use crate::codec::write_text;
 use crate::domain::{Axis, Measurement, Progress, Silent, Tensor};
-use crate::transform::LineBasis;
+use crate::transform::{LineBasis, Plan, SphereBasis, Weights};
 use rayon::prelude::*;
 
 /// Wavelengths up to which the data's own basis is tried without being asked for.
@@ -14,14 +21,24 @@ const MOST_FOR_KLT: usize = 4096;
 const LEAST_FOR_KLT: usize = 32;
 /// Samples up to which every basis is tried on the whole.
 const SMALL: usize = 1 << 13;
-/// How many of the sample's best are tried on the whole.
-const FINALISTS: usize = 3;
+/// Bases that are tried on the whole of a large measurement. Raising it costs a search each.
+const FINALISTS: usize = 4;
+/// Bases that are tried on the whole of a small one: once each for a ratio, once each and a few searched for a size. Raising
+/// them costs trials: a size takes at most four times those of an error.
+const SMALL_FINALISTS: usize = 11;
+const SMALL_FINALISTS_OF_A_RATIO: usize = 42;
+/// The same where a count takes a trial of each space's thresholds.
+const SPACES_FINALISTS_OF_A_RATIO: usize = 24;
+/// Bytes of a small file that are no coefficients: magic, header and checksums.
+const HEADER: usize = 44;
+/// Bytes of a coefficient that is kept exactly, with its place.
+const BYTES_OF_A_FLOAT: f64 = 4.5;
 
 /// The bases to try along wavelength.
 pub(crate) fn candidates(
     measurement: &Measurement,
     settings: &Settings,
-    progress: &dyn Progress,
+    (progress, tally): (&dyn Progress, &Tally),
 ) -> Result<Vec<SpectralBasis>, CompressError> {
     if let Some(basis) = SpectralBasis::named(&settings.basis) {
         return Ok(vec![basis]);
@@ -37,10 +54,17 @@ pub(crate) fn candidates(
         // Nothing is tried that seldom wins.
         Target::Step(_) if own => Vec::new(),
         Target::Step(_) => vec![LineBasis::BIOR44],
-        Target::Ratio(_) | Target::Bytes(_) if measurement.tensor.len() <= SMALL => LineBasis::distinct().collect(),
-        Target::Ratio(ratio) => finalists(measurement, wavelengths, ratio, progress)?,
+        // Kept exactly, coefficients are counted without a search: every basis is tried.
+        Target::Ratio(_) if settings.policy == Policy::Conventional && measurement.tensor.len() <= SMALL => {
+            LineBasis::distinct().collect()
+        }
+        Target::Ratio(ratio) => finalists(measurement, settings, wavelengths, ratio, (progress, tally))?,
         Target::Bytes(bytes) => {
-            finalists(measurement, wavelengths, measurement.tensor.len() as f64 / bytes.max(1) as f64, progress)?
+            let bytes_each = if settings.policy == Policy::Rd { 1.0 } else { BYTES_OF_A_FLOAT };
+            let metadata = settings.metadata.as_deref().map_or(0, |text| write_text(text).len());
+            let coefficients = bytes.saturating_sub((HEADER + metadata) as u64).max(8);
+            let ratio = measurement.tensor.len() as f64 * bytes_each / coefficients as f64;
+            finalists(measurement, settings, wavelengths, ratio, (progress, tally))?
         }
         _ => vec![LineBasis::BIOR44, LineBasis::BIOR22, LineBasis::HAAR],
     };
@@ -48,47 +72,78 @@ pub(crate) fn candidates(
     Ok(own.then_some(SpectralBasis::Klt).into_iter().chain(wavelets).collect())
 }
 
-/// The bases of least error on a sample of spectra.
+/// The bases of least error, on the whole or on a sample of spectra.
 fn finalists(
     measurement: &Measurement,
+    settings: &Settings,
     wavelengths: usize,
     ratio: f64,
-    progress: &dyn Progress,
+    (progress, tally): (&dyn Progress, &Tally),
 ) -> Result<Vec<LineBasis>, CompressError> {
+    let small = measurement.tensor.len() <= SMALL;
+    let sample = if small { measurement.clone() } else { sample_of(measurement, wavelengths)? };
+    // Along wavelength alone there is less to gain than along all axes together.
+    let ratio = if small { ratio.max(1.0) } else { ratio.clamp(2.0, (wavelengths as f64 / 4.0).max(2.0)) };
+    let bases = LineBasis::distinct().collect::<Vec<_>>();
+    // A trial of each is less than the search of an error where one threshold is sought; thresholds of each space cost more.
+    let mut tried: Vec<(f64, LineBasis)> = if settings.policy == Policy::Conventional {
+        let settings = Settings { target: Target::Ratio(ratio), ..settings.clone() };
+        let error = |basis: LineBasis| {
+            let bases = [SpectralBasis::Line(basis)];
+            let file = thresholded::compress(&sample, &settings, &bases, 0.0, (&Silent, tally)).ok()?;
+            Some((file.summary.errors.er_l2, basis))
+        };
+        bases.into_par_iter().filter_map(error).collect()
+    } else {
+        let logs = logarithms(&sample);
+        let lost = |basis: LineBasis| Some((lost_logarithms(&sample, &logs, basis, ratio)?, basis));
+        bases.into_par_iter().filter_map(lost).collect()
+    };
+    progress.step(0.2)?;
+    tried.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.code().cmp(&b.1.code())));
+    let count = match settings.target {
+        Target::Ratio(_) if small && matches!(settings.policy, Policy::Generic | Policy::Adaptive) => {
+            SPACES_FINALISTS_OF_A_RATIO
+        }
+        _ if !small || settings.policy != Policy::Rd => FINALISTS,
+        Target::Ratio(_) => SMALL_FINALISTS_OF_A_RATIO,
+        _ => SMALL_FINALISTS,
+    };
+    let mut best: Vec<LineBasis> = tried.into_iter().take(count).map(|(_, basis)| basis).collect();
+    if !best.contains(&LineBasis::BIOR44) {
+        best.push(LineBasis::BIOR44);
+    }
+    Ok(best)
+}
+
+/// Spectra of a large measurement, evenly chosen: [`SMALL`] samples or a few more.
+fn sample_of(measurement: &Measurement, wavelengths: usize) -> Result<Measurement, CompressError> {
     let spectra: Vec<&[f32]> = measurement.tensor.samples().chunks_exact(wavelengths).collect();
     let stride = spectra.len().div_ceil((SMALL / wavelengths).max(1));
     let sample: Vec<f32> = spectra.iter().step_by(stride).flat_map(|spectrum| spectrum.iter().copied()).collect();
     let spectral = measurement.tensor.axes().last().cloned();
     let axes = [Axis::Index { count: sample.len() / wavelengths, labels: Vec::new() }];
-    let unfit = |e: String| CompressError::Setting(format!("a sample of spectra: {e}"));
+    let unfit = |e: String| CompressError::Setting(format!("a sample of the spectra does not make a measurement: {e}"));
     let tensor = Tensor::new(axes.into_iter().chain(spectral).collect(), sample).map_err(|e| unfit(e.to_string()))?;
-    let sample = Measurement { tensor, ..measurement.clone() };
-    // Along wavelength alone there is less to gain than along all axes together.
-    let target = Target::Ratio(ratio.clamp(2.0, (wavelengths as f64 / 4.0).max(2.0)));
-    let tried: Vec<(f64, LineBasis)> = LineBasis::distinct()
-        .collect::<Vec<_>>()
-        .into_par_iter()
-        .filter_map(|basis| {
-            let settings = Settings {
-                target,
-                policy: Policy::Conventional,
-                basis: basis.name().to_owned(),
-                floor: None,
-                albedo_error: None,
-                metadata: None,
-                random_access: false,
-            };
-            let compressed =
-                thresholded::compress(&sample, &settings, &[SpectralBasis::Line(basis)], 0.0, &Silent).ok()?;
-            Some((compressed.summary.errors.er_l2, basis))
-        })
-        .collect();
-    progress.step(0.2)?;
-    let mut tried = tried;
-    tried.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.code().cmp(&b.1.code())));
-    let mut best: Vec<LineBasis> = tried.into_iter().take(FINALISTS).map(|(_, basis)| basis).collect();
-    if !best.contains(&LineBasis::BIOR44) {
-        best.push(LineBasis::BIOR44);
-    }
-    Ok(best)
+    Ok(Measurement { tensor, ..measurement.clone() })
+}
+
+/// Logarithms of the magnitudes of samples, smooth where there are none.
+fn logarithms(measurement: &Measurement) -> Vec<f32> {
+    let values = Values::Logarithms;
+    let of = |&s: &f32| values.wanted(s, values.class_of(s, 0.0), 0.0) as f32;
+    let mut logs: Vec<f32> = measurement.tensor.samples().iter().map(of).collect();
+    fill(measurement.tensor.axes(), &mut logs);
+    logs
+}
+
+/// Energy that logarithms lose where one coefficient is kept for `ratio` of them; nothing is coded or reconstructed for it.
+fn lost_logarithms(measurement: &Measurement, logs: &[f32], basis: LineBasis, ratio: f64) -> Option<f64> {
+    let axes = measurement.tensor.axes();
+    let sphere = SphereBasis::Orthonormal(Weights::Count);
+    let transforms: Vec<_> = axes.iter().map(|axis| SpectralBasis::Line(basis).transform_of(axis, sphere)).collect();
+    let plan = Plan::new(axes, &transforms).ok()?;
+    let mut coefficients = logs.to_vec();
+    plan.forward(&mut coefficients);
+    Some(Scales::new(axes, &plan).lost((logs.len() as f64 / ratio) as usize, &coefficients))
 }

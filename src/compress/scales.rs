@@ -98,6 +98,30 @@ impl Scales {
         self.count(coefficients, |c, scale| quantise(c, scale, inverse) != 0)
     }
 
+    /// The normalised magnitude that `count` coefficients reach, 0 where there are no more of them.
+    pub(crate) fn threshold_of_count(&self, count: usize, coefficients: &[f32]) -> f32 {
+        let mut magnitudes = vec![0.0; coefficients.len()];
+        self.for_each(coefficients, &mut magnitudes, |&c, scale, m| *m = c.abs() * scale.norm);
+        let Some(last) = count.checked_sub(1).filter(|&last| last < magnitudes.len()) else {
+            return if count == 0 { f32::MAX } else { 0.0 };
+        };
+        *magnitudes.select_nth_unstable_by(last, |a, b| b.total_cmp(a)).1
+    }
+
+    /// The energy that coefficients lose where `count` of them are kept, quantised with the step that keeps so many: the
+    /// squared error of the samples, as far as the basis is orthonormal.
+    pub(crate) fn lost(&self, count: usize, coefficients: &[f32]) -> f64 {
+        let least = self.threshold_of_count(count, coefficients);
+        let step = (least / (0.5 + DEAD_ZONE)).clamp(f32::MIN_POSITIVE, f32::MAX);
+        let mut lost = vec![0.0_f64; coefficients.len()];
+        let inverse = 1.0 / step;
+        self.for_each(coefficients, &mut lost, |&c, scale, lost| {
+            let error = f64::from(c - dequantise(quantise(c, scale, inverse), scale, step)) * f64::from(scale.norm);
+            *lost = error * error;
+        });
+        lost.iter().sum()
+    }
+
     fn count(&self, coefficients: &[f32], counts: impl Fn(f32, Scale) -> bool + Sync) -> u64 {
         let n = self.lanes.len();
         let rows = self.rows.par_iter().zip(coefficients.par_chunks_exact(n));

@@ -65,7 +65,7 @@ impl Bound {
 /// Relative errors above this say nothing.
 const MOST_RELATIVE: f64 = 10.0;
 /// Steps below this are below what float32 logarithms hold.
-const LEAST_STEP: f64 = 1e-6;
+pub(crate) const LEAST_STEP: f64 = 1e-6;
 /// From black to white.
 const MOST_DELTA_E: f64 = 100.0;
 

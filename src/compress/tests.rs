@@ -6,6 +6,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 mod damage;
+mod extremes;
+mod sizes;
 mod targets;
 
 pub(super) fn mesh(domain: Domain, level: u8) -> Axis {
@@ -260,7 +262,8 @@ fn every_basis_competes_at_a_wanted_ratio_and_the_ranking_is_the_same_on_any_thr
         };
         let (one, two) = (run(1), run(2));
         assert_eq!((&one.bytes, &one.ranking), (&two.bytes, &two.ranking));
-        assert!(one.ranking.len() > 90, "{}", one.ranking.len());
+        let tried = if policy == Policy::Rd { 40 } else { 90 };
+        assert!(one.ranking.len() > tried, "{}", one.ranking.len());
         assert_eq!(one.ranking[0].basis, one.summary.basis);
         assert!(one.ranking.is_sorted_by(|a, b| a.er_l2 <= b.er_l2));
         let named = Settings { basis: "bior4.4".to_owned(), ..settings(Target::Ratio(8.0), policy) };

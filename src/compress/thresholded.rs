@@ -5,13 +5,15 @@
 //! exactly (float32), so the only error is that of what was dropped.
 
 use super::decode::plan_of;
+use super::effort::Tally;
 use super::file::{Parts, assemble, classes_chunk, finish, metadata_with_labels};
 use super::fill::fill;
-use super::header::Header;
+use super::header::{Header, UNSCORED_BYTES};
+use super::refusal;
 use super::rows::{clear_uncoded, coding_order};
 use super::scales::Scales;
-use super::search::largest;
-use super::selection::{GenericTransform, Rule};
+use super::search::{Notch, Until, finest_fitting, largest};
+use super::selection::{GenericTransform, Rule, Search};
 use super::target::Bound;
 use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target};
 use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Payload, Rows, code_coefficients};
@@ -20,6 +22,8 @@ use crate::transform::{AxisTransform, Plan, SphereBasis};
 
 /// Bisections of the threshold.
 const REFINEMENTS: u32 = 12;
+/// Files of at least this part of the bytes allowed end the search of a count.
+const ENOUGH: f64 = 0.99;
 
 /// Compresses with every candidate basis and keeps the best: the smallest file, or the least error at a given size.
 pub(crate) fn compress(
@@ -27,7 +31,7 @@ pub(crate) fn compress(
     settings: &Settings,
     bases: &[SpectralBasis],
     floor: f32,
-    progress: &dyn Progress,
+    (progress, tally): (&dyn Progress, &Tally),
 ) -> Result<Compressed, CompressError> {
     let rule = match settings.policy {
         Policy::Generic => Rule::Generic,
@@ -41,15 +45,29 @@ pub(crate) fn compress(
     let classes_coded = classes_chunk(axes, &mut classes);
     fill(axes, &mut samples);
     let mut found: Vec<Compressed> = Vec::new();
+    let mut refused = Vec::new();
     for (i, &basis) in bases.iter().enumerate() {
         progress.step(0.05 + 0.9 * i as f64 / bases.len() as f64)?;
-        let work = Work::new(measurement, &samples, basis, settings, floor, (&classes, classes_coded.clone()))?;
-        let parts = match rule {
-            Rule::Conventional => work.parts(work.find_threshold(progress)?),
-            _ => work.find_generic(&samples, rule, progress)?,
+        let file = || {
+            let work =
+                Work::new(measurement, &samples, basis, settings, (floor, tally), (&classes, classes_coded.clone()))?;
+            let parts = match rule {
+                Rule::Conventional => work.parts(work.find_threshold(progress)?),
+                _ => work.find_generic(&samples, rule, progress)?,
+            };
+            drop(work);
+            tally.add(samples.len());
+            finish(parts, measurement, settings.metadata.as_deref())
         };
-        drop(work);
-        found.push(finish(parts, measurement, settings.metadata.as_deref())?);
+        match file() {
+            Ok(file) => found.push(file),
+            // Another basis may reach the target.
+            Err(CompressError::Unreachable(text)) => refused.push((0.0, text)),
+            Err(other) => return Err(other),
+        }
+    }
+    if found.is_empty() {
+        return Err(refusal::nothing_reaches(refused));
     }
     best(found, settings.target)
 }
@@ -72,7 +90,7 @@ fn best(mut found: Vec<Compressed>, target: Target) -> Result<Compressed, Compre
             er_l2: Some(c.summary.errors.er_l2),
         })
         .collect();
-    let best = found.into_iter().next().ok_or_else(|| CompressError::Setting("no basis to try".to_owned()))?;
+    let best = found.into_iter().next().ok_or_else(|| CompressError::Setting(refusal::NOTHING_TO_TRY.to_owned()))?;
     Ok(Compressed { ranking, ..best })
 }
 
@@ -85,7 +103,9 @@ struct Work<'a> {
     rows: Rows,
     coefficients: Vec<f32>,
     classes: Option<(ChunkKind, Vec<u8>)>,
+    basis: SpectralBasis,
     floor: f32,
+    tally: &'a Tally,
 }
 
 impl<'a> Work<'a> {
@@ -94,7 +114,7 @@ impl<'a> Work<'a> {
         samples: &[f32],
         basis: SpectralBasis,
         settings: &'a Settings,
-        floor: f32,
+        (floor, tally): (f32, &'a Tally),
         (classes, classes_coded): (&[Class], Option<(ChunkKind, Vec<u8>)>),
     ) -> Result<Self, CompressError> {
         let axes = measurement.tensor.axes();
@@ -106,7 +126,10 @@ impl<'a> Work<'a> {
         let rows = coding_order(axes, &plan, classes_coded.is_some().then_some(classes));
         clear_uncoded(&rows, &mut coefficients);
         let classes = classes_coded;
-        Ok(Self { measurement, settings, plan, transforms, scales, rows, coefficients, classes, floor })
+        if coefficients.iter().any(|c| !c.is_finite()) {
+            return Err(refusal::transform_overflows(settings.policy, basis, measurement));
+        }
+        Ok(Self { measurement, settings, plan, transforms, scales, rows, coefficients, classes, basis, floor, tally })
     }
 
     /// What the target bounds, but for lossless, which no threshold is.
@@ -118,9 +141,11 @@ impl<'a> Work<'a> {
         let n = self.coefficients.len() as f64;
         match (self.settings.target, self.bound()) {
             (Target::Ratio(ratio), _) => self.least_threshold(progress, |t| self.kept(t) as f64 <= n / ratio),
-            (Target::Bytes(bytes), _) => self.least_threshold(progress, |t| self.file_size(t) as u64 <= bytes),
+            (Target::Bytes(bytes), _) => self.threshold_of_size(progress, bytes),
             (_, Some(bound)) => self.largest_threshold(progress, |errors| bound.keeps(errors)),
-            (_, None) => Err(CompressError::Setting("the conventional policy does not know this target".to_owned())),
+            (_, None) => {
+                Err(CompressError::Setting("policy conventional cannot aim at this target; use policy rd".to_owned()))
+            }
         }
     }
 
@@ -135,6 +160,7 @@ impl<'a> Work<'a> {
             if progress.is_cancelled() {
                 return Err(CompressError::from(Cancelled));
             }
+            self.tally.add(decoded.len());
             self.scales.threshold(threshold as f32, &self.coefficients, &mut decoded);
             self.plan.inverse(&mut decoded);
             for (value, &s) in decoded.iter_mut().zip(self.measurement.tensor.samples()) {
@@ -153,9 +179,9 @@ impl<'a> Work<'a> {
         // Over the bit patterns of positive floats, which are in the order of the floats.
         let (mut low, mut high) = (0_u32, f32::MAX.to_bits());
         if !fits(f32::MAX) {
-            let smallest = self.file_size(f32::MAX);
-            let text = format!("no file is that small: without any coefficient it has {smallest} bytes");
-            return Err(CompressError::Unreachable(text));
+            let kept = self.kept(f32::MAX) as f64;
+            let of = (self.coefficients.len(), self.basis);
+            return Err(refusal::too_large(self.settings.target, kept, of, false));
         }
         while low < high {
             if progress.is_cancelled() {
@@ -169,6 +195,29 @@ impl<'a> Work<'a> {
             }
         }
         Ok(f32::from_bits(low))
+    }
+
+    /// The least threshold on the lattice of notches whose file has at most `bytes`.
+    fn threshold_of_size(&self, progress: &dyn Progress, bytes: u64) -> Result<f32, CompressError> {
+        let size = |at: Notch| {
+            if progress.is_cancelled() {
+                return Err(CompressError::from(Cancelled));
+            }
+            Ok(self.file_size(at.value()) as f64)
+        };
+        // A kept coefficient takes some four bytes.
+        let start = self.scales.threshold_of_count((bytes / 4) as usize, &self.coefficients);
+        match finest_fitting((Notch::below(start), Notch::FINEST), (bytes as f64, Until::Close), size)? {
+            Some(at) => Ok(at.value()),
+            None => Err(self.too_large()),
+        }
+    }
+
+    /// Refusal of bytes that no file has.
+    fn too_large(&self) -> CompressError {
+        let smallest = self.size_of(&self.parts_of(vec![0.0; self.coefficients.len()])) as f64;
+        let of = (self.coefficients.len(), self.basis);
+        refusal::too_large(self.settings.target, smallest, of, self.settings.metadata.is_some())
     }
 
     /// A threshold to start from: 1 % of the mean magnitude of a sample.
@@ -187,8 +236,12 @@ impl<'a> Work<'a> {
     }
 
     fn size_of(&self, parts: &Parts) -> usize {
+        self.tally.add(self.coefficients.len());
         let metadata = metadata_with_labels(self.measurement.tensor.axes(), self.settings.metadata.as_deref());
-        assemble(parts, metadata.as_deref()).len()
+        let errors = &parts.header.errors;
+        let unscored = errors.zero_samples + errors.negative_samples + errors.below_floor_samples > 0;
+        // The decoded file states an error for these, which is not known yet.
+        assemble(parts, metadata.as_deref()).len() + if unscored { UNSCORED_BYTES } else { 0 }
     }
 
     /// What generic thresholds keep.
@@ -198,6 +251,7 @@ impl<'a> Work<'a> {
             .map_err(|e| CompressError::Setting(e.to_string()))?;
         let original = self.measurement.tensor.samples();
         let errors = |decoded: &[f32]| {
+            self.tally.add(decoded.len());
             let masked: Vec<f32> =
                 original.iter().zip(decoded).map(|(s, &d)| if s.is_nan() { f32::NAN } else { d }).collect();
             ErrorReport::measure(original, &masked, f64::from(self.floor))
@@ -209,23 +263,8 @@ impl<'a> Work<'a> {
         let search = match self.settings.target {
             Target::Ratio(ratio) => Some(transform.search_count((count as f64 / ratio) as usize, rule, &er_l2)),
             Target::Bytes(bytes) => {
-                // The largest count whose file fits.
-                let (mut low, mut high) = (0, count);
-                let mut best = None;
-                while low < high && !progress.is_cancelled() {
-                    let middle = low + (high - low).div_ceil(2);
-                    let found = transform.search_count(middle, rule, &er_l2);
-                    if self.size_of(&self.parts_of(found.coefficients.clone())) as u64 <= bytes {
-                        best = Some(found);
-                        low = middle;
-                    } else {
-                        high = middle - 1;
-                    }
-                    if high - low <= count / 256 {
-                        break;
-                    }
-                }
-                best
+                let search = |count| transform.search_count(count, rule, &er_l2);
+                self.largest_count(bytes, count, search, progress)
             }
             _ => self.bound().and_then(|bound| {
                 let figure = |decoded: &[f32]| {
@@ -237,19 +276,78 @@ impl<'a> Work<'a> {
         if progress.is_cancelled() {
             return Err(Cancelled.into());
         }
-        let search = search.ok_or_else(|| {
-            CompressError::Unreachable("no thresholds reach the target: ask for a larger error or lossless".to_owned())
+        let search = search.ok_or_else(|| match self.bound() {
+            Some(bound) => {
+                let closest = (bound.figure)(&errors(&all(&transform)));
+                refusal::cannot_follow((bound.name, bound.at_most), closest, (self.basis, true))
+            }
+            None => self.too_large(),
         })?;
         if let Target::Ratio(ratio) = self.settings.target
             && search.kept as f64 > count as f64 / ratio
         {
             // √d is 0 where a function is constant: no threshold drops anything there.
-            let text = format!("ratio {ratio}: the adaptive rule keeps {} coefficients of constant data", search.kept);
+            let text = format!(
+                "ratio {ratio}: the adaptive rule keeps {} of {count} coefficients, those of functions that are constant; ask \
+                 for ratio {} or less, or for another policy",
+                search.kept,
+                refusal::shown((count as f64 / search.kept.max(1) as f64).floor())
+            );
             return Err(CompressError::Unreachable(text));
         }
         let mut kept = search.coefficients;
         clear_uncoded(&self.rows, &mut kept);
         Ok(self.parts_of(kept))
+    }
+
+    /// Selection of the largest count of coefficients whose file has at most `bytes`; `None` if no file has.
+    fn largest_count(
+        &self,
+        bytes: u64,
+        count: usize,
+        search: impl Fn(usize) -> Search,
+        progress: &dyn Progress,
+    ) -> Option<Search> {
+        let size = |found: &Search| self.size_of(&self.parts_of(found.coefficients.clone())) as u64;
+        let none = self.size_of(&self.parts_of(vec![0.0; count])) as u64;
+        if none > bytes {
+            return None;
+        }
+        // Sizes are nearly straight lines over the count: the next one tried is where the line meets the bytes.
+        let (mut low, mut high) = ((0, none), None::<(usize, u64)>);
+        let mut best = None;
+        let mut middle = ((bytes - none) / 4) as usize;
+        while !progress.is_cancelled() {
+            let most = high.map_or(count, |(at, _)| at - 1);
+            if low.0 >= most && best.is_some() {
+                break;
+            }
+            middle = middle.clamp((low.0 + 1).min(most), most);
+            let found = search(middle);
+            let found_size = size(&found);
+            if found_size <= bytes {
+                low = (middle, found_size);
+                best = Some(found);
+                if found_size as f64 >= ENOUGH * bytes as f64 {
+                    break;
+                }
+            } else {
+                high = Some((middle, found_size));
+            }
+            if high.is_some_and(|(at, _)| at - low.0 <= count / 256) || most == 0 || high.is_some_and(|(at, _)| at <= 1)
+            {
+                break;
+            }
+            middle = match high {
+                Some((at, there)) => {
+                    let part = (bytes - low.1) as f64 / (there - low.1) as f64;
+                    // Never so near to an end that little is learnt.
+                    low.0 + ((at - low.0) as f64 * part.clamp(0.1, 0.9)) as usize
+                }
+                None => (1.05 * low.0 as f64 * (bytes - none) as f64 / (low.1 - none).max(1) as f64) as usize,
+            };
+        }
+        best.or_else(|| (!progress.is_cancelled()).then(|| search(0)))
     }
 
     fn parts(&self, threshold: f32) -> Parts {
@@ -262,6 +360,13 @@ impl<'a> Work<'a> {
         let plan = (self.settings.policy, self.transforms.as_slice());
         parts_of(self.measurement, plan, self.floor, self.classes.clone(), &self.rows, kept)
     }
+}
+
+/// The samples of all coefficients.
+fn all(transform: &GenericTransform) -> Vec<f32> {
+    let mut decoded = transform.coefficients().to_vec();
+    transform.plan().inverse(&mut decoded);
+    decoded
 }
 
 /// The file's chunks for the coefficients that are kept, the others 0.

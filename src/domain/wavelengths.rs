@@ -100,7 +100,7 @@ impl WavelengthGrid {
         }
         let steps = ((stop - start) / step + 1e-9).floor();
         if steps >= MAX_WAVELENGTHS as f64 {
-            return Err(WavelengthError::TooMany { found: steps as usize + 1 });
+            return Err(WavelengthError::TooMany { found: (steps as usize).saturating_add(1) });
         }
         Self::even(start, step, steps as usize + 1)
     }
@@ -198,7 +198,9 @@ mod tests {
         for bad in ["", "380:750", "750:380:5", "380:750:0", "380:750:-5", "a:b:c", "nan:750:5", "-5:10:1"] {
             assert!(WavelengthGrid::parse_range(bad).is_err(), "{bad}");
         }
-        assert!(matches!(WavelengthGrid::parse_range("1:1e12:1"), Err(WavelengthError::TooMany { .. })));
+        for many in ["1:1e12:1", "1:1e300:1e-300", "1:1e308:1"] {
+            assert!(matches!(WavelengthGrid::parse_range(many), Err(WavelengthError::TooMany { .. })), "{many}");
+        }
     }
 
     #[test]

@@ -1,13 +1,28 @@
 //! The samples of a decoded material as a `NumPy` array.
 
+use super::fits::unused;
 use super::measure::AddedError;
-use super::{ExportError, ExportFormat, ExportOptions, Exported, Summary, check_size};
-use crate::domain::{ErrorReport, Measurement};
+use super::{ExportError, ExportFormat, ExportOptions, Exported, Summary, check_size, setting};
+use crate::domain::{Axis, ErrorReport, Measurement};
+use crate::evaluate::EvaluateError;
 use crate::formats::{self, FormatError, FormatErrorKind, Interpretation, Samples, manifest_of, write_npy};
+
+/// Refuses options that do nothing for files of every sample, such as `npy`. `name` is the format's.
+pub fn check_whole(measurement: &Measurement, name: &str, options: &ExportOptions) -> Result<(), ExportError> {
+    unused(name, options, |_| false)?;
+    let Some(index) = &options.index else { return Ok(()) };
+    let axes = measurement.tensor.axes().iter().filter(|axis| matches!(axis, Axis::Index { .. })).count();
+    if index.len() != axes {
+        let message = format!("{} indices, expected {axes}: one for each index axis", index.len());
+        return Err(EvaluateError::Unfit(message).into());
+    }
+    setting(format!("the option `index` does nothing for {name}, which holds every entry"))
+}
 
 /// Writes the samples of `measurement`, NaN = masked; [`manifest_of`] gives the manifest that goes beside them.
 pub fn array(measurement: &Measurement, options: &ExportOptions) -> Result<Exported, ExportError> {
     let tensor = &measurement.tensor;
+    check_whole(measurement, ExportFormat::Npy.name(), options)?;
     check_size(tensor.len().checked_mul(4), options, "decode a coarser level of it")?;
     let shape = tensor.shape();
     let bytes = write_npy(&shape, tensor.samples());

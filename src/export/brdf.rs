@@ -131,7 +131,7 @@ fn compare(
     draws: Draws,
     quantity: Option<Quantity>,
 ) -> Result<AddedError, FormatError> {
-    let how = Interpretation { quantity, ..Interpretation::default() };
+    let how = Interpretation { quantity: quantity.map(Into::into), ..Interpretation::default() };
     let Acquisition { samples, format, .. } = formats::read(&written.bytes, &how)?;
     let material = |wi: Option<Direction>, wo: Direction, values: &mut [f64]| subject.at(wi, wo, values);
     let channels = subject.channels();

@@ -11,7 +11,6 @@ pub fn fitting(material: &Material) -> Vec<ExportFormat> {
 
 /// Refuses a format that does not hold the material, and options that do nothing or do not fit.
 pub(super) fn check(material: &Material, format: ExportFormat, options: &ExportOptions) -> Result<(), ExportError> {
-    use ExportFormat::{Eulumdat, Lm63, Mbsdf, Rgl, Tabphase};
     if let Some(holds) = why_not(material, format) {
         let names: Vec<&str> = fitting(material).into_iter().map(ExportFormat::name).collect();
         let message = format!(
@@ -21,19 +20,30 @@ pub(super) fn check(material: &Material, format: ExportFormat, options: &ExportO
         );
         return Err(ExportError::Unfit(message));
     }
+    unused(format.name(), options, |formats| formats.contains(&format))?;
+    if options.step.is_some_and(|step| !(0.1..=45.0).contains(&step)) {
+        return setting("step, expected 0.1 to 45 degrees");
+    }
+    index(material, format, options)
+}
+
+/// Refuses an option that does nothing: `knows` says whether the format is among those that the option is for.
+pub(super) fn unused(
+    format: &str,
+    options: &ExportOptions,
+    knows: impl Fn(&[ExportFormat]) -> bool,
+) -> Result<(), ExportError> {
+    use ExportFormat::{Eulumdat, Lm63, Mbsdf, Rgl, Tabphase};
     let given: [(&str, bool, &[ExportFormat]); 4] = [
         ("side", options.side.is_some(), &[Rgl, Mbsdf, Tabphase]),
         ("step", options.step.is_some(), &[Rgl, Lm63, Eulumdat]),
         ("rgb", options.rgb, &[Rgl]),
         ("wavelength", options.wavelength.is_some(), &[Tabphase]),
     ];
-    if let Some((name, ..)) = given.iter().find(|(_, given, formats)| *given && !formats.contains(&format)) {
-        return setting(format!("the option `{name}` does nothing for {format}"));
+    match given.iter().find(|(_, given, formats)| *given && !knows(formats)) {
+        Some((name, ..)) => setting(format!("the option `{name}` does nothing for {format}")),
+        None => Ok(()),
     }
-    if options.step.is_some_and(|step| !(0.1..=45.0).contains(&step)) {
-        return setting("step, expected 0.1 to 45 degrees");
-    }
-    index(material, format, options)
 }
 
 /// Checks the entry asked for; where the material has none it is empty.

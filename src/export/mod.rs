@@ -37,7 +37,7 @@ mod subject;
 #[cfg(test)]
 mod tests;
 
-pub use array::array;
+pub use array::{array, check_whole};
 pub use fits::fitting;
 pub use measure::{AddedError, PAIRS};
 
@@ -125,7 +125,7 @@ impl ExportFormat {
 /// What replaces the rules; an option that a format does not know is refused.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExportOptions {
-    /// One entry for each leading index axis; `csv` without it has them all.
+    /// One entry for each leading index axis; `csv` without it has them all, `npy` always.
     pub index: Option<Vec<usize>>,
     /// `rgl`: nodes along a side; `mbsdf`: polar angles; `tabphase`: cosines.
     pub side: Option<usize>,

@@ -75,7 +75,7 @@ fn finish(
 ) -> Result<Exported, ExportError> {
     // A spectrum is kept as it stands, a reflectance might be taken as percent.
     let how = Interpretation {
-        quantity: Some(Quantity::Spectrum),
+        quantity: Some(Quantity::Spectrum.into()),
         wavelength_unit: Some("nm".to_owned()),
         ..Interpretation::default()
     };

@@ -233,6 +233,12 @@ fn arrays_are_the_samples() {
     assert_eq!((made.about.error.er_l2, made.about.resolution.as_str()), (0.0, "9 × 64 samples"));
     let small = ExportOptions { most_bytes: 100, ..defaults() };
     assert!(matches!(kind(array(&measurement, &small)), ExportError::OverLimit(_)));
+    let entry = |index: &[usize]| ExportOptions { index: Some(index.to_vec()), ..defaults() };
+    let error = kind(array(&measurement, &entry(&[99])));
+    assert!(matches!(&error, ExportError::Evaluate(_)) && error.to_string().contains("expected 0"), "{error}");
+    assert!(matches!(kind(array(&measurement, &entry(&[]))), ExportError::Setting(_)));
+    let dense = ExportOptions { side: Some(8), ..defaults() };
+    assert!(matches!(kind(array(&measurement, &dense)), ExportError::Setting(_)));
     assert!(matches!(kind(export(&opened, ExportFormat::Npy, &defaults())), ExportError::Setting(_)));
 }
 

@@ -75,7 +75,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     if how.unit.is_some_and(|unit| unit != Unit::PerSteradian) {
         return needs("a unit was asked for that this format does not have, expected 1/sr".to_owned());
     }
-    if let Some(quantity) = how.quantity.filter(|&quantity| quantity != Quantity::Brdf) {
+    if let Some(quantity) = how.quantity().filter(|&quantity| quantity != Quantity::Brdf) {
         return needs(format!("quantity {quantity} was asked for, expected brdf, which the file holds"));
     }
     let mut report = ParseReport::default();
@@ -206,12 +206,14 @@ impl DirectionalFunction for Table {
     }
 }
 
-fn about_z([x, y, z]: Vector, angle: f64) -> Vector {
+/// A vector turned about `z`, counter-clockwise seen from its tip.
+pub(super) fn about_z([x, y, z]: Vector, angle: f64) -> Vector {
     let (sin, cos) = libm::sincos(angle);
     [cos * x - sin * y, sin * x + cos * y, z]
 }
 
-fn about_y([x, y, z]: Vector, angle: f64) -> Vector {
+/// A vector turned about `y`: from `z` towards `x`.
+pub(super) fn about_y([x, y, z]: Vector, angle: f64) -> Vector {
     let (sin, cos) = libm::sincos(angle);
     [cos * x + sin * z, y, cos * z - sin * x]
 }
@@ -408,7 +410,7 @@ mod tests {
         let other = refusal(&other);
         assert_eq!(other.kind, Unsupported);
         assert!(other.message.contains("MERL table of 90 × 2 × 1"), "{other}");
-        let asked = Interpretation { quantity: Some(Quantity::Btdf), ..Interpretation::default() };
+        let asked = Interpretation { quantity: Some(Quantity::Btdf.into()), ..Interpretation::default() };
         let asked = super::super::read(&file(180, false, |_| 1.0), &asked).unwrap_err();
         assert_eq!(asked.kind, NeedsOption);
         let asked = Interpretation { unit: Some(crate::domain::Unit::Candela), ..Interpretation::default() };

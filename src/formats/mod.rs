@@ -1,6 +1,7 @@
 //! Bytes of instruments and archives to measurements: one file a format, one visible table, probing by content.
 
 mod acquisition;
+mod alta;
 mod analytic;
 mod archive;
 mod azimuth;
@@ -18,6 +19,7 @@ mod planes;
 mod radiometric_csv;
 mod rgl;
 mod spectral_table;
+mod stated;
 mod tabphase;
 mod template;
 mod text;
@@ -42,6 +44,7 @@ pub use photometry::attach_spectrum;
 pub use planes::CPlanes;
 pub use rgl::{RglGrid, write_rgl};
 pub use spectral_table::{write_spd, write_spectra};
+pub use stated::StatedQuantity;
 pub use tabphase::{TabulatedPhase, write_tabphase};
 pub use template::{TEMPLATES, Template, template};
 pub(crate) use type_c::flux as flux_of_planes;
@@ -55,7 +58,7 @@ use serde::{Deserialize, Serialize};
 pub struct Interpretation {
     /// The quantity, where the file does not say or says it wrong.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub quantity: Option<Quantity>,
+    pub quantity: Option<StatedQuantity>,
     /// The unit of a value.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<Unit>,
@@ -77,6 +80,18 @@ pub struct Interpretation {
     /// The wavelengths of an array whose manifest says only `"lambda"`: `START:STOP:STEP` in nm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wavelengths: Option<String>,
+}
+
+impl Interpretation {
+    /// The quantity of the measurement that the user asks for.
+    fn quantity(&self) -> Option<Quantity> {
+        self.quantity.map(StatedQuantity::quantity)
+    }
+
+    /// Returns true where the user calls the values reflectance factors.
+    fn is_factor(&self) -> bool {
+        self.quantity.is_some_and(StatedQuantity::is_factor)
+    }
 }
 
 /// One format of the table.
@@ -106,6 +121,7 @@ const TABLE: &[Reader] = &[
     radiometric_csv::READER,
     radiometric_csv::arrow::READER,
     tm27::READER,
+    alta::READER,
     analytic::READER,
     phase_table::READER,
     spectral_table::READER,
@@ -132,6 +148,8 @@ struct Sample<'a> {
 
 /// A probe that is at least this sure goes before the signatures of formats that are not read.
 const SURE: u8 = 50;
+/// The name under which a reader lists that it takes reflectance factors.
+const FACTOR: &str = "quantity reflectance-factor";
 const HEAD_BYTES: usize = 1 << 16;
 
 /// Formats that are only written.
@@ -148,7 +166,7 @@ pub fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatErr
     if bytes.is_empty() {
         return Err(unrecognised("the file is empty, expected a measurement".to_owned()));
     }
-    let sample = Sample { bytes, head: text::head(bytes, HEAD_BYTES), quantity: how.quantity };
+    let sample = Sample { bytes, head: text::head(bytes, HEAD_BYTES), quantity: how.quantity() };
     let reader = probed(&sample).map_err(|message| FormatError::new(FormatErrorKind::Unsupported, "", message))?;
     let Some(reader) = reader else {
         let known: Vec<&str> = TABLE.iter().map(|reader| reader.about.name).collect();
@@ -192,6 +210,7 @@ fn refuse_idle_options(reader: &Reader, how: &Interpretation) -> Result<(), Form
         ("axes", how.axes.is_some()),
         ("normalization", how.normalization.is_some()),
         ("member", how.member.is_some()),
+        (FACTOR, how.is_factor()),
     ];
     match given.iter().find(|(name, given)| *given && !reader.options.contains(name)) {
         None => Ok(()),

@@ -3,7 +3,8 @@
 use super::text::snippet;
 use super::turned::turn;
 use super::{
-    Acquisition, Format, FormatError, FormatErrorKind, Interpretation, NoteKind, ParseReport, Reader, Sample, manifest,
+    Acquisition, FACTOR, Format, FormatError, FormatErrorKind, Interpretation, NoteKind, ParseReport, Reader, Sample,
+    manifest,
 };
 use crate::domain::first_where;
 use crate::domain::limits::{MAX_AXES, MAX_SAMPLES};
@@ -18,7 +19,7 @@ pub(super) const READER: Reader = Reader {
         reads: true,
         writes: true,
     },
-    options: &["axes"],
+    options: &["axes", FACTOR],
     probe: |sample: &Sample<'_>| if sample.bytes.starts_with(MAGIC) { 100 } else { 0 },
     read,
 };

@@ -22,10 +22,12 @@ pub(super) struct Token<'a> {
 }
 
 impl Source {
-    /// Decodes UTF-8 or UTF-16 by byte order mark, else UTF-8 if valid, else Windows-1252; cuts a DOS end-of-file mark.
+    /// Decodes UTF-8 or UTF-16 by byte order mark, UTF-16 without one, else UTF-8 if valid, else Windows-1252. NUL, with
+    /// which instruments pad their fields, becomes a blank; a DOS end-of-file mark is cut.
     pub(super) fn decode(bytes: &[u8], format: &'static str) -> Self {
         let (text, encoding) = decode(bytes);
-        let mut text = text.into_owned();
+        let mut text =
+            if memchr::memchr(0, text.as_bytes()).is_some() { text.replace('\0', " ") } else { text.into_owned() };
         let kept = text.trim_end_matches(|c: char| c == '\u{1a}' || c == '\0' || c.is_whitespace()).len();
         if let Some(mark) = text[kept..].find('\u{1a}') {
             text.truncate(kept + mark);
@@ -305,11 +307,36 @@ pub(super) fn head(bytes: &[u8], longest: usize) -> String {
     decode(whole_characters).0.into_owned()
 }
 
+/// Returns true for text, padded with NUL or not: no other control characters than those of lines and pages.
+pub(super) fn is_text(head: &str) -> bool {
+    head.bytes().all(|byte| byte >= b' ' || matches!(byte, 0 | b'\t'..=b'\r' | 0x1a))
+}
+
+/// The encoding of UTF-16 text without a byte order mark: printable ASCII whose other bytes are all NUL.
+pub(super) fn unmarked_utf16(bytes: &[u8]) -> Option<&'static encoding_rs::Encoding> {
+    const LOOKED_AT: usize = 512;
+    const FEWEST: usize = 8;
+    let (pairs, _) = bytes[..bytes.len().min(2 * LOOKED_AT)].as_chunks::<2>();
+    let is_plain = |byte: u8| matches!(byte, b' '..=b'~' | b'\t' | b'\n' | b'\r');
+    let plain = |side: usize| pairs.iter().filter(|pair| is_plain(pair[side]) && pair[1 - side] == 0).count();
+    let enough = |count: usize| pairs.len() >= FEWEST && 10 * count >= 9 * pairs.len();
+    if enough(plain(0)) {
+        Some(encoding_rs::UTF_16LE)
+    } else if enough(plain(1)) {
+        Some(encoding_rs::UTF_16BE)
+    } else {
+        None
+    }
+}
+
 fn decode(bytes: &[u8]) -> (Cow<'_, str>, &'static str) {
     if let Some((encoding, mark)) = encoding_rs::Encoding::for_bom(bytes) {
         let (text, _) = encoding.decode_without_bom_handling(&bytes[mark..]);
         let name = if encoding == encoding_rs::UTF_8 { "UTF-8" } else { encoding.name() };
         return (text, name);
+    }
+    if let Some(encoding) = unmarked_utf16(bytes) {
+        return (encoding.decode_without_bom_handling(bytes).0, encoding.name());
     }
     unmarked(bytes)
 }
@@ -344,6 +371,22 @@ mod tests {
         ] {
             assert_eq!(Source::decode(&bytes, "t").text(), text);
         }
+    }
+
+    #[test]
+    fn padding_is_blank_and_text_in_two_bytes_needs_no_mark() {
+        assert_eq!(Source::decode(b"ab\0\0c\n1\t2\0\n", "t").text(), "ab  c\n1\t2 \n");
+        let text = "Wavelength\tirradiance\n350\t0.1\n";
+        for little in [true, false] {
+            let source = Source::decode(&utf16(text, little)[2..], "t");
+            assert_eq!((source.text(), source.odd_encoding().is_some()), (text, true));
+        }
+        for binary in
+            [&[0; 64][..], &[90, 0, 0, 0, 90, 0, 0, 0, 180, 0, 0, 0, 1, 2, 3, 4], b"350\t0.1\0\0\0\0\0\0\0\0\0\0"]
+        {
+            assert!(unmarked_utf16(binary).is_none(), "{binary:?}");
+        }
+        assert!(is_text("350\t0.1\0\0\r\n") && !is_text("350\u{1}"));
     }
 
     #[test]

@@ -90,7 +90,7 @@ fn meaning(
             (Quantity::Spectrum, Unit::Relative)
         }
     };
-    match how.quantity {
+    match how.quantity() {
         None => Ok((quantity, how.unit.unwrap_or(unit))),
         Some(asked @ (Quantity::Spectrum | Quantity::Reflectance)) => {
             if asked != quantity {
@@ -353,7 +353,7 @@ mod tests {
             let read = plain(&document(name, &datum("500", "0.5"))).unwrap();
             assert_eq!((read.quantity, read.unit), (quantity, unit));
         }
-        let how = Interpretation { quantity: Some(Quantity::Edf), ..Interpretation::default() };
+        let how = Interpretation { quantity: Some(Quantity::Edf.into()), ..Interpretation::default() };
         let text = document("relative", &datum("500", "0.5"));
         assert_eq!(crate::formats::read(text.as_bytes(), &how).unwrap_err().kind, FormatErrorKind::NeedsOption);
     }

@@ -117,8 +117,7 @@ impl Archive {
         self.sweep_stale(Limits::default().stale, &|| false).await
     }
 
-    /// A sweep that ends early when `stopped`, but never in the middle of a removal: a removal that outlives its write
-    /// lock could hit bytes that were published again.
+    /// A sweep that ends early when `stopped`.
     pub(crate) async fn sweep_stale(
         &self,
         stale: Duration,
@@ -127,7 +126,7 @@ impl Archive {
         let staging = self.staging.clone();
         let removed_staging =
             tokio::task::spawn_blocking(move || staging.sweep(stale)).await.map_err(|e| StoreError::Io(e.into()))??;
-        // The mark. Without it nothing is removed; with it each removal is decided again under the write lock.
+        // The mark spares named blobs a look each; each other one is decided about under the write lock.
         let named = self.catalog.named().await?;
         let mut report = SweepReport { removed_staging, ..SweepReport::default() };
         let mut blobs = self.store.list();
@@ -135,9 +134,17 @@ impl Archive {
             if stopped() {
                 return Ok(report);
             }
-            if named.contains_key(&digest) || !self.catalog.unless_named(digest, self.store.remove(digest)).await?? {
+            if named.contains_key(&digest) {
                 report.kept_blobs += 1;
-            } else {
+                continue;
+            }
+            let Some(retired) = self.catalog.unless_named(digest, || self.store.retire(digest)).await? else {
+                report.kept_blobs += 1;
+                continue;
+            };
+            // Another sweep may have been quicker.
+            if let Some(retired) = retired? {
+                self.store.discard(retired).await?;
                 report.removed_blobs += 1;
                 report.removed_bytes += bytes;
             }
@@ -177,7 +184,12 @@ impl Archive {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::Digest;
+    use crate::store::{Digest, Retired, Staged};
+    use bytes::Bytes;
+    use futures::future::BoxFuture;
+    use futures::stream::BoxStream;
+    use std::ops::Range;
+    use tokio::sync::Semaphore;
 
     async fn publish(archive: &Archive, bytes: &[u8]) -> Digest {
         let staged = archive.staging.stage(bytes).unwrap();
@@ -195,6 +207,80 @@ mod tests {
         assert_eq!((report.removed_blobs, report.removed_bytes, report.kept_blobs), (1, 4, 1));
         assert_eq!(archive.store.size(lost).await.unwrap(), None);
         assert_eq!(archive.store.size(pinned).await.unwrap(), Some(6));
+    }
+
+    /// A store that does not finish a removal before it is told to.
+    #[derive(Debug)]
+    struct Slow {
+        store: Arc<dyn Store>,
+        begun: Semaphore,
+        may_end: Semaphore,
+    }
+
+    impl Store for Slow {
+        fn publish<'a>(&'a self, staged: &'a Staged) -> BoxFuture<'a, Result<(), StoreError>> {
+            self.store.publish(staged)
+        }
+
+        fn size(&self, digest: Digest) -> BoxFuture<'_, Result<Option<u64>, StoreError>> {
+            self.store.size(digest)
+        }
+
+        fn read(&self, digest: Digest, range: Range<u64>) -> BoxFuture<'_, Result<Bytes, StoreError>> {
+            self.store.read(digest, range)
+        }
+
+        fn list(&self) -> BoxStream<'_, Result<(Digest, u64), StoreError>> {
+            self.store.list()
+        }
+
+        fn retire(&self, digest: Digest) -> Result<Option<Retired>, StoreError> {
+            self.store.retire(digest)
+        }
+
+        fn discard(&self, retired: Retired) -> BoxFuture<'_, Result<(), StoreError>> {
+            Box::pin(async move {
+                self.begun.add_permits(1);
+                self.may_end.acquire().await.unwrap().forget();
+                self.store.discard(retired).await
+            })
+        }
+    }
+
+    #[tokio::test]
+    async fn writers_and_publishers_go_on_while_a_removal_takes_long() {
+        let data = tempfile::tempdir().unwrap();
+        let plain = Archive::open(data.path()).await.unwrap();
+        let digest = publish(&plain, b"deleted").await;
+        let (begun, may_end) = (Semaphore::new(0), Semaphore::new(0));
+        let slow = Arc::new(Slow { store: Arc::clone(&plain.store), begun, may_end });
+        let archive = Archive { store: Arc::clone(&slow) as Arc<dyn Store>, ..plain.clone() };
+        let sweep = tokio::spawn(async move { archive.sweep().await.unwrap() });
+        slow.begun.acquire().await.unwrap().forget();
+
+        // While the bytes are being removed they are uploaded again, through this process and another one.
+        let another = Archive::open(data.path()).await.unwrap();
+        for (archive, holder) in [(&plain, "a"), (&another, "b")] {
+            let pin = archive.catalog.pin(digest, holder, Duration::from_mins(1));
+            tokio::time::timeout(Duration::from_secs(10), pin).await.expect("a writer waits for a removal").unwrap();
+            archive.catalog.ping().await.unwrap();
+        }
+        assert_eq!(plain.store.size(digest).await.unwrap(), None);
+        publish(&plain, b"deleted").await;
+        slow.may_end.add_permits(1);
+        assert_eq!(sweep.await.unwrap().removed_blobs, 1);
+        assert_eq!(plain.store.get(digest).await.unwrap(), b"deleted".as_slice(), "a late removal hits nothing new");
+    }
+
+    #[tokio::test]
+    async fn what_a_sweep_was_killed_over_goes_with_the_next() {
+        let data = tempfile::tempdir().unwrap();
+        let archive = Archive::open(data.path()).await.unwrap();
+        let digest = publish(&archive, b"deleted").await;
+        drop(archive.store.retire(digest).unwrap().unwrap());
+        let swept = archive.sweep_stale(Duration::ZERO, &|| false).await.unwrap();
+        assert_eq!((swept.removed_staging, swept.removed_blobs), (1, 0));
+        assert_eq!(std::fs::read_dir(data.path().join("staging")).unwrap().count(), 0);
     }
 
     #[tokio::test]

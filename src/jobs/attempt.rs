@@ -1,11 +1,11 @@
 //! What the attempts at every kind of job share: how they fail, and how the bytes they made are published.
 
 use super::engine::Engine;
-use super::ingest::PIN;
 use super::maths::MathsError;
 use super::problem::{Code, JobProblem};
-use crate::catalog::CatalogError;
-use crate::store::{Digest, StoreError};
+use super::publish::{PublishError, Published};
+use crate::catalog::{CatalogError, Ended};
+use crate::store::StoreError;
 
 /// Why an attempt made nothing.
 pub(crate) enum Failure {
@@ -15,18 +15,30 @@ pub(crate) enum Failure {
     Passing(String),
     /// It was asked to stop.
     Stopped,
+    /// The job, or its measurement, says what only a newer version understands: a newer worker must take it.
+    Newer(String),
 }
 
-/// Publishes what a job made: its digest, and the holder of the pin that keeps it until a row names it.
-pub(super) async fn publish(engine: &Engine, bytes: Vec<u8>) -> Result<(Digest, String), Failure> {
+/// A successful attempt: its end, and the published bytes that the end names.
+pub(crate) struct Made {
+    pub(crate) ended: Ended,
+    pub(crate) published: Published,
+}
+
+/// Publishes what a job made.
+pub(super) async fn publish(engine: &Engine, bytes: Vec<u8>) -> Result<Published, Failure> {
     let staging = engine.archive.staging.clone();
     let staged = tokio::task::spawn_blocking(move || staging.stage(&bytes))
         .await
         .map_err(|e| Failure::Passing(e.to_string()))??;
-    let holder = uuid::Uuid::now_v7().simple().to_string();
-    engine.archive.catalog.pin(staged.digest(), &holder, PIN).await?;
-    engine.archive.store.publish(&staged).await?;
-    Ok((staged.digest(), holder))
+    Ok(Published::new(&engine.archive, staged).await?)
+}
+
+/// The failure to read JSON that was checked when it was written: well-formed JSON that does not fit is a newer
+/// version's, anything else is damaged.
+pub(super) fn unread(what: &str, error: &serde_json::Error) -> Failure {
+    let detail = format!("{what}: {error}");
+    if error.is_data() { Failure::Newer(detail) } else { last(Code::Internal, detail) }
 }
 
 /// A failure that another attempt would have too.
@@ -55,6 +67,15 @@ impl From<StoreError> for Failure {
                 last(Code::Corrupt, "the stored bytes of the measurement are damaged; upload the file again")
             }
             StoreError::Io(_) | StoreError::Objects(_) => Self::Passing(error.to_string()),
+        }
+    }
+}
+
+impl From<PublishError> for Failure {
+    fn from(error: PublishError) -> Self {
+        match error {
+            PublishError::Store(error) => error.into(),
+            PublishError::Catalog(error) => error.into(),
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Idempotent: the same measurement and request give the same bytes, so a second run publishes and names what is there.
 
-use super::attempt::{Failure, last, publish};
+use super::attempt::{Failure, Made, last, publish, unread};
 use super::engine::Engine;
 use super::hub::Control;
 use super::ingest::{IngestError, Options};
@@ -17,9 +17,8 @@ use serde_json::{Map, Value, json};
 use std::sync::Arc;
 
 /// Runs one attempt and publishes what it made.
-pub(crate) async fn run(engine: &Arc<Engine>, request: &str, control: &Arc<Control>) -> Result<Ended, Failure> {
-    let request: CompressRequest =
-        serde_json::from_str(request).map_err(|e| Failure::Final(JobProblem::new(Code::BadSetting, e.to_string())))?;
+pub(crate) async fn run(engine: &Arc<Engine>, request: &str, control: &Arc<Control>) -> Result<Made, Failure> {
+    let request: CompressRequest = serde_json::from_str(request).map_err(|e| unread("request", &e))?;
     let row = engine.archive.catalog.measurement(request.measurement).await?;
     let row = row.ok_or_else(|| {
         let detail = format!("measurement {} was deleted", request.measurement);
@@ -55,10 +54,11 @@ async fn end(
     content: &str,
     options: &Options,
     outcome: Outcome,
-) -> Result<Ended, Failure> {
+) -> Result<Made, Failure> {
     let Outcome { bytes, report } = outcome;
     let size = bytes.len() as u64;
-    let (id, holder) = publish(engine, bytes).await?;
+    let published = publish(engine, bytes).await?;
+    let id = published.digest();
     let payload = report.payload_digest.parse().unwrap_or(id);
     let quantity = report.quantity;
     let mut manifest = match serde_json::to_value(&report) {
@@ -86,9 +86,10 @@ async fn end(
         name: request.name.clone(),
         tags: request.tags.clone(),
         measurement: request.measurement,
-        document: Value::Object(manifest).to_string(),
+        document: manifest,
     };
-    Ok(Ended::Material(Box::new(material), holder))
+    let ended = Ended::Material(Box::new(material), published.holder().to_owned());
+    Ok(Made { ended, published })
 }
 
 /// The options that a measurement was uploaded with.
@@ -99,7 +100,7 @@ fn kept_options(document: &str) -> Result<Options, Failure> {
     }
     serde_json::from_str::<Kept>(document)
         .map(|kept| kept.options)
-        .map_err(|e| Failure::Final(JobProblem::new(Code::Internal, format!("measurement's document: {e}"))))
+        .map_err(|e| unread("document of the measurement", &e))
 }
 
 impl From<PipelineError> for Failure {

@@ -1,5 +1,6 @@
-//! What a service or worker may use: where its data are, how many threads, how large and how long things may be.
+//! Sizes, times and numbers of places of a service or worker, each declared once with its default and its unit.
 
+use super::setting::{Setting, Unit, Value};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -23,74 +24,160 @@ impl WorkConfig {
     }
 }
 
-/// Sizes and times that a request or a job must stay within.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Limits {
-    /// Bytes of a measurement after decoding.
-    pub upload_bytes: u64,
-    /// Decoded bytes per encoded byte, after the first MiB.
-    pub upload_ratio: u64,
-    /// Uploads at the same time.
-    pub uploads: usize,
-    /// Bytes of a JSON body.
-    pub json_bytes: usize,
-    /// Queries that compute at the same time; more wait a little, then get 503.
-    pub queries: usize,
-    /// Exported files that are made, wait to be made or are sent at the same time; more get 503.
-    pub exports: usize,
-    /// Directions or pairs in one batch.
-    pub batch: usize,
-    /// Values in one answer: pairs × wavelengths.
-    pub values: usize,
-    /// Batches that are answered as streams at the same time; more get 503.
-    pub streams: usize,
-    /// Directions drawn in one streamed answer.
-    pub drawn: usize,
-    /// Bytes of opened materials that are kept.
-    pub opened_bytes: u64,
-    /// Bytes of small material files that are kept beside the store.
-    pub content_bytes: u64,
-    /// Jobs that may wait.
-    pub queued_jobs: u64,
-    /// Attempts before a job is dead.
-    pub attempts: u32,
-    /// How long a job stays its worker's without a sign of life.
-    pub lease: Duration,
-    /// The first back-off after a failed attempt; it doubles.
-    pub backoff: Duration,
-    /// How long a client may take for its headers, and between two pieces of a body.
-    pub idle: Duration,
-    /// How long one upload may take.
-    pub upload_time: Duration,
-    /// How long running requests and jobs may take after the signal to stop.
-    pub drain: Duration,
-    /// Age at which a staging file is nobody's.
-    pub stale: Duration,
+/// Declares the fields of [`Limits`] with their defaults, and from the same lines the entries of [`SETTINGS`].
+macro_rules! limits {
+    ($($heading:literal {
+        $($(#[doc = $help:literal])+ $field:ident: $type:ty = $default:expr, $unit:ident >= $least:expr;)+
+    })+) => {
+        /// Limits that a request or a job must stay within.
+        #[derive(Clone, Debug, PartialEq, Eq)]
+        pub struct Limits {
+            $($($(#[doc = $help])+ pub $field: $type,)+)+
+        }
+
+        impl Default for Limits {
+            fn default() -> Self {
+                Self { $($($field: $default,)+)+ }
+            }
+        }
+
+        /// Every number that a person may set, in the order of the documentation.
+        pub const SETTINGS: &[Setting] = &[
+            Setting {
+                field: "workers",
+                heading: "Work",
+                help: "Jobs that this process runs at the same time; 0 leaves them to other processes.",
+                unit: Unit::Count,
+                least: 0,
+                get: |config| config.workers.number(),
+                set: |config, number| Some(config.workers = Value::from_number(number)?),
+            },
+            Setting {
+                field: "threads",
+                heading: "Work",
+                help: "Threads of each pool that computes; 0 takes one per core.",
+                unit: Unit::Count,
+                least: 0,
+                get: |config| config.threads.number(),
+                set: |config, number| Some(config.threads = Value::from_number(number)?),
+            },
+            $($(Setting {
+                field: stringify!($field),
+                heading: $heading,
+                help: concat!($($help),+),
+                unit: Unit::$unit,
+                least: $least,
+                get: |config| config.limits.$field.number(),
+                set: |config, number| Some(config.limits.$field = Value::from_number(number)?),
+            },)+)+
+        ];
+    };
 }
 
-impl Default for Limits {
-    fn default() -> Self {
-        Self {
-            upload_bytes: 256 << 20,
-            upload_ratio: 200,
-            uploads: 16,
-            json_bytes: 64 << 20,
-            queries: 64,
-            exports: 4,
-            batch: 1_000_000,
-            values: 4_000_000,
-            streams: 16,
-            drawn: 1_000_000_000,
-            opened_bytes: 512 << 20,
-            content_bytes: 64 << 20,
-            queued_jobs: 10_000,
-            attempts: 5,
-            lease: Duration::from_secs(30),
-            backoff: Duration::from_secs(2),
-            idle: Duration::from_secs(30),
-            upload_time: Duration::from_mins(15),
-            drain: Duration::from_secs(20),
-            stale: Duration::from_hours(1),
-        }
+limits! {
+    "Work" {
+        /// Jobs that may wait in the queue; further ones get 429.
+        queued_jobs: u64 = 10_000, Count >= 0;
+        /// Attempts at a job whose worker vanished or whose disk failed, before the job is dead.
+        attempts: u32 = 5, Count >= 1;
+        /// Time that a job stays its worker's without a sign of life.
+        lease: Duration = Duration::from_secs(30), Time >= 1000;
+        /// Pause after the first failed attempt; it doubles with each further one.
+        backoff: Duration = Duration::from_secs(2), Time >= 0;
+        /// Age at which a staging file belongs to nobody and is removed.
+        stale: Duration = Duration::from_hours(1), Time >= 1000;
+    }
+    "Connections" {
+        /// Connections held at once, over all addresses; fewer where the limit on descriptors is lower.
+        connections: usize = 2048, Count >= 1;
+        /// Connections held at once by one address (IPv6: one /64).
+        connections_each: usize = 128, Count >= 1;
+        /// Connections beyond those that are still answered, for `/healthz` and `/readyz` alone.
+        health_connections: usize = 64, Count >= 1;
+        /// Such connections of one address.
+        health_connections_each: usize = 4, Count >= 1;
+        /// Requests under way at once, over all addresses; fewer where the limit on descriptors is lower.
+        requests: usize = 1024, Count >= 1;
+        /// Requests under way at once from one address.
+        requests_each: usize = 256, Count >= 1;
+        /// Time that a new connection has for its first bytes, which tell HTTP/1 and HTTP/2 apart.
+        first_bytes: Duration = Duration::from_secs(10), Time >= 100;
+        /// Time without any progress after which a connection is closed: no request, an unfinished header, no piece of a
+        /// body, nothing read of an answer.
+        idle: Duration = Duration::from_secs(30), Time >= 100;
+        /// Size of the request line and headers of one request.
+        header_bytes: usize = 32 << 10, Bytes >= 4096;
+        /// Requests under way at once on one HTTP/2 connection.
+        h2_streams: u32 = 128, Count >= 1;
+        /// Streams of one HTTP/2 connection that the client may have reset before they were looked at; more close it.
+        h2_resets: usize = 20, Count >= 1;
+    }
+    "Uploads and bodies" {
+        /// Size of a measurement after decoding.
+        upload_bytes: u64 = 256 << 20, Bytes >= 1;
+        /// Decoded bytes per encoded byte, after the first MiB.
+        upload_ratio: u64 = 200, Count >= 1;
+        /// Uploads received at once, over all addresses.
+        uploads: usize = 32, Count >= 0;
+        /// Uploads received at once from one address.
+        uploads_each: usize = 8, Count >= 0;
+        /// Time that one upload or JSON body may take.
+        upload_time: Duration = Duration::from_mins(15), Time >= 100;
+        /// Rate at which an upload or a JSON body must arrive, measured over any `body-window` after `body-grace`.
+        body_rate: u64 = 16 << 10, Rate >= 0;
+        /// Time over which `body-rate` is measured.
+        body_window: Duration = Duration::from_secs(30), Time >= 100;
+        /// Time at the beginning of a body that `body-rate` does not count.
+        body_grace: Duration = Duration::from_secs(10), Time >= 0;
+        /// Size of a JSON body.
+        json_bytes: usize = 64 << 20, Bytes >= 1024;
+        /// JSON bodies in memory at once, over all addresses.
+        bodies_bytes: usize = 512 << 20, Bytes >= 1024;
+        /// JSON bodies in memory at once from one address.
+        bodies_bytes_each: usize = 128 << 20, Bytes >= 1024;
+    }
+    "Answers" {
+        /// Queries under way at once, over all addresses, from the request until the last byte of the answer is sent.
+        queries: usize = 256, Count >= 0;
+        /// Queries under way at once from one address; it stays below `queries-waiting`, so that others can wait beside it.
+        queries_each: usize = 32, Count >= 0;
+        /// Queries that wait for a thread at once; further ones get 503.
+        queries_waiting: usize = 64, Count >= 0;
+        /// Directions or pairs in one batch.
+        batch: usize = 1_000_000, Count >= 1;
+        /// Values in one answer: pairs times wavelengths.
+        values: usize = 4_000_000, Count >= 1;
+        /// Directions drawn in one streamed answer.
+        drawn: usize = 1_000_000_000, Count >= 1;
+        /// Batches answered as streams at once, over all addresses.
+        streams: usize = 16, Count >= 0;
+        /// Batches answered as streams at once to one address.
+        streams_each: usize = 4, Count >= 0;
+        /// Exported files made or sent at once, over all addresses.
+        exports: usize = 4, Count >= 0;
+        /// Exported files made or sent at once to one address; one more than that are made at the same time.
+        exports_each: usize = 2, Count >= 0;
+        /// Clients that follow a job at once, by its events or with `Prefer: wait`, over all addresses.
+        followers: usize = 256, Count >= 0;
+        /// Followers from one address; further ones get 429, or with `Prefer: wait` their answer at once.
+        followers_each: usize = 32, Count >= 0;
+        /// Whole answers in memory at once until they are sent, over all addresses.
+        answers_bytes: usize = 1 << 30, Bytes >= 1024;
+        /// Whole answers in memory at once until they are sent, to one address.
+        answers_bytes_each: usize = 256 << 20, Bytes >= 1024;
+    }
+    "Memory" {
+        /// Opened materials that are kept.
+        opened_bytes: u64 = 512 << 20, Bytes >= 0;
+        /// Small material files that are kept beside the store.
+        content_bytes: u64 = 64 << 20, Bytes >= 0;
+    }
+    "Stopping" {
+        /// Time after SIGTERM in which connections are still accepted and `/readyz` says *stopping*, so that a balancer
+        /// turns elsewhere. SIGINT leaves it out.
+        notice: Duration = Duration::from_secs(2), Time >= 0;
+        /// Time that running requests and jobs have to end when the service stops; jobs that do not end go back to the
+        /// queue.
+        drain: Duration = Duration::from_secs(7), Time >= 0;
     }
 }

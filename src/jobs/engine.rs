@@ -7,11 +7,11 @@ use super::hub::Hub;
 use super::maths::{Maths, MathsError};
 use super::presence::Presence;
 use super::request::JobRequest;
-use crate::catalog::{CatalogError, Enqueued, JobRow, NewJob};
+use crate::catalog::{CatalogError, Claimed, Enqueued, JobRow, NewJob};
 use crate::compress::{Decoded, decode};
 use crate::evaluate::{EvaluateError, Material};
 use crate::store::{Digest, StoreError, StoreExt};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// What the workers and the HTTP handlers of one process share.
@@ -25,11 +25,13 @@ pub struct Engine {
     pub(crate) background_light: Maths,
     /// Opening and evaluating: threads of their own, so that a query never waits behind a compression.
     pub(crate) queries: Maths,
-    /// Files for other programs, one after the other.
+    /// Files for other programs, a few at a time.
     pub(crate) exports: Maths,
     pub(crate) hub: Hub,
     pub(crate) presence: Presence,
     opened: moka::future::Cache<Digest, Arc<Material>>,
+    /// Ids of jobs that this version cannot read.
+    newer: Mutex<Vec<String>>,
 }
 
 /// Why a material was not opened.
@@ -64,14 +66,32 @@ impl Engine {
         Ok(Arc::new(Self {
             background: Maths::new("compress", config.threads, workers, workers, Duration::from_hours(1))?,
             background_light: Maths::new("read", config.threads, 0, limits.uploads, PATIENCE)?,
-            queries: Maths::new("query", config.threads, 0, limits.queries, PATIENCE)?,
-            exports: Maths::new("export", config.threads, 1, limits.exports, PATIENCE)?,
+            queries: Maths::new("query", config.threads, 0, limits.queries_waiting, PATIENCE)?,
+            // One more than one address can fill: another address does not wait for it.
+            exports: Maths::new("export", config.threads, limits.exports_each + 1, limits.exports, PATIENCE)?,
             archive,
             limits,
             hub: Hub::new(),
             presence,
             opened,
+            newer: Mutex::default(),
         }))
+    }
+
+    /// Claims the next job that this version may be able to read.
+    pub(crate) async fn claim(&self) -> Result<Option<Claimed>, CatalogError> {
+        let newer = self.newer.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        self.archive.catalog.claim(self.presence.id(), self.limits.lease, &newer).await
+    }
+
+    /// Never claims this job again in this process: it is of a newer version, and a newer worker may take it at once.
+    pub(crate) fn leave_to_newer(&self, job: &str) {
+        let mut newer = self.newer.lock().unwrap_or_else(PoisonError::into_inner);
+        // Jobs of the list end elsewhere: it starts afresh when it is longer than the queue can be.
+        if newer.len() as u64 >= self.limits.queued_jobs {
+            newer.clear();
+        }
+        newer.push(job.to_owned());
     }
 
     /// Queues a job. `idempotency` is the client's key and the digest of its body.
@@ -117,8 +137,8 @@ impl Engine {
         Ok(row)
     }
 
-    /// The opened form of a material that the catalog knows; opened once, however many ask at the same time. One larger
-    /// than the whole cache is opened for each who asks.
+    /// Opened form of a material, opened once however many ask at the same time; one larger than the whole cache is opened
+    /// for each request. The caller has asked the catalog whether the material is still there: the cache does not know.
     pub async fn material(&self, id: Digest) -> Result<Arc<Material>, Arc<OpenError>> {
         let opened = self.opened.entry(id).or_try_insert_with(async move {
             let bytes = self.archive.store.get(id).await?;
@@ -127,8 +147,8 @@ impl Engine {
             Ok(Arc::new(material))
         });
         let opened = opened.await?;
-        // Who deletes closes what is open: what was opened meanwhile would stay.
-        if opened.is_fresh() && !matches!(self.archive.catalog.material(id).await, Ok(Some(_))) {
+        // A deletion evicts what is open; a material that was deleted while it was being opened would stay.
+        if opened.is_fresh() && !matches!(self.archive.catalog.material_name(id).await, Ok(Some(_))) {
             self.opened.invalidate(&id).await;
         }
         Ok(opened.into_value())
@@ -144,11 +164,6 @@ impl Engine {
     pub async fn decoded(&self, id: Digest) -> Result<Decoded, OpenError> {
         let bytes = self.archive.store.get(id).await?;
         Ok(self.queries.run(move || decode(&bytes)).await?.map_err(EvaluateError::from)?)
-    }
-
-    /// The opened form of a material, if it is open.
-    pub(crate) async fn opened(&self, id: Digest) -> Option<Arc<Material>> {
-        self.opened.get(&id).await
     }
 
     /// Forgets the opened form of a deleted material.
@@ -179,7 +194,7 @@ mod tests {
         let first = opened[0].as_ref().unwrap();
         assert!(opened.iter().all(|material| Arc::ptr_eq(material.as_ref().unwrap(), first)));
         // As if it had been deleted while it was opened.
-        assert!(engine.opened(id).await.is_none());
+        assert!(engine.opened.get(&id).await.is_none());
         assert_eq!(engine.open_materials().await, (0, 0));
         assert!(engine.material(Digest::of(b"absent")).await.is_err());
     }

@@ -19,10 +19,16 @@ pub(crate) enum Frame {
     },
 }
 
-/// A frame that this version cannot read.
+/// A frame that this version cannot write or read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("job arguments: {0}")]
-pub(crate) struct FrameError(String);
+pub(crate) enum FrameError {
+    /// Well-formed bytes that hold other things than this version knows: a newer version wrote them.
+    #[error("job arguments of a newer version: {0}")]
+    Newer(String),
+    /// Text that no version writes.
+    #[error("job arguments: {0}")]
+    Damaged(String),
+}
 
 /// Bytes of a frame; a request is a small JSON object.
 const LIMIT: usize = 1 << 20;
@@ -30,9 +36,10 @@ const LIMIT: usize = 1 << 20;
 impl Frame {
     /// The text for the queue.
     pub(crate) fn encode(&self) -> Result<String, FrameError> {
-        let bytes = bincode::serde::encode_to_vec(self, config()).map_err(|error| FrameError(error.to_string()))?;
+        let bytes =
+            bincode::serde::encode_to_vec(self, config()).map_err(|error| FrameError::Damaged(error.to_string()))?;
         if bytes.len() > LIMIT {
-            return Err(FrameError(format!("{} bytes, the limit is {LIMIT}", bytes.len())));
+            return Err(FrameError::Damaged(format!("{} bytes, the limit is {LIMIT}", bytes.len())));
         }
         let mut text = String::with_capacity(2 * bytes.len());
         for byte in bytes {
@@ -45,15 +52,19 @@ impl Frame {
     /// The frame in a text of the queue.
     pub(crate) fn decode(text: &str) -> Result<Self, FrameError> {
         if text.len() > 2 * LIMIT {
-            return Err(FrameError(format!("{} characters, the limit is {}", text.len(), 2 * LIMIT)));
+            return Err(FrameError::Damaged(format!("{} characters, the limit is {}", text.len(), 2 * LIMIT)));
         }
         let digit = |b: u8| char::from(b).to_digit(16).map(|digit| digit as u8);
         let bytes: Option<Vec<u8>> =
             text.as_bytes().chunks(2).map(|pair| Some(digit(pair[0])? << 4 | digit(*pair.get(1)?)?)).collect();
-        let bytes = bytes.ok_or_else(|| FrameError("not hexadecimal".to_owned()))?;
-        let (frame, read) =
-            bincode::serde::decode_from_slice(&bytes, config()).map_err(|error| FrameError(error.to_string()))?;
-        if read == bytes.len() { Ok(frame) } else { Err(FrameError(format!("{} bytes too many", bytes.len() - read))) }
+        let bytes = bytes.ok_or_else(|| FrameError::Damaged("not hexadecimal".to_owned()))?;
+        let (frame, read) = bincode::serde::decode_from_slice(&bytes, config())
+            .map_err(|error| FrameError::Newer(error.to_string()))?;
+        if read == bytes.len() {
+            Ok(frame)
+        } else {
+            Err(FrameError::Newer(format!("{} bytes too many", bytes.len() - read)))
+        }
     }
 }
 
@@ -84,5 +95,15 @@ mod tests {
             assert!(Frame::decode(bad).is_err(), "{bad}");
         }
         assert!(Frame::Compress { request: "x".repeat(LIMIT) }.encode().is_err());
+    }
+
+    #[test]
+    fn what_a_newer_version_may_have_written_is_told_from_damage() {
+        for newer in ["02000000", "0000000002000000000000007b7d00"] {
+            assert!(matches!(Frame::decode(newer), Err(FrameError::Newer(_))), "{newer}");
+        }
+        for damaged in ["zz", "0"] {
+            assert!(matches!(Frame::decode(damaged), Err(FrameError::Damaged(_))), "{damaged}");
+        }
     }
 }

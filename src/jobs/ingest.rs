@@ -3,15 +3,15 @@
 use super::describe::{describe, describe_needy};
 use super::engine::Engine;
 use super::maths::MathsError;
-use crate::catalog::{CatalogError, MeasurementRow, NewMeasurement};
+use super::publish::{PublishError, Published};
+use crate::catalog::{Added, CatalogError, MeasurementRow, NewMeasurement};
 use crate::domain::{Quantity, Unit};
-use crate::formats::{FormatError, FormatErrorKind, Interpretation, Normalization};
+use crate::formats::{FormatError, FormatErrorKind, Interpretation, Normalization, StatedQuantity};
 use crate::pipeline::{self, Input, PipelineError};
 use crate::store::{Digest, Staged, StoreError, StoreExt};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::Duration;
 
 /// What a client says about the bytes it uploads.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -24,16 +24,17 @@ pub struct Upload {
     pub options: Options,
 }
 
-/// How to read the bytes of a measurement; kept in its document.
+/// How to read the bytes of a measurement; kept in its document. An option that this version does not know is an error:
+/// bytes read without it would be read wrongly.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct Options {
     /// The measurement whose content is the spectrum to join.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spectrum: Option<Digest>,
-    /// The quantity, where the file does not say.
+    /// The quantity, where the file does not say; reflectance factors are divided by π.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub quantity: Option<Quantity>,
+    pub quantity: Option<StatedQuantity>,
     /// The unit of a value.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<Unit>,
@@ -74,8 +75,14 @@ pub enum IngestError {
     Catalog(#[from] CatalogError),
 }
 
-/// How long publishing and naming a blob may take before a sweep may take it for nobody's.
-pub(crate) const PIN: Duration = Duration::from_mins(10);
+impl From<PublishError> for IngestError {
+    fn from(error: PublishError) -> Self {
+        match error {
+            PublishError::Store(error) => error.into(),
+            PublishError::Catalog(error) => error.into(),
+        }
+    }
+}
 
 impl Options {
     fn is_default(&self) -> bool {
@@ -132,9 +139,7 @@ impl Engine {
             Some(known) => (staged, Summary::of_known(&known)?),
             None => self.understand(staged, &upload.options).await?,
         };
-        let holder = uuid::Uuid::now_v7().simple().to_string();
-        self.archive.catalog.pin(content, &holder, PIN).await?;
-        self.archive.store.publish(&staged).await?;
+        let mut published = Published::new(&self.archive, staged).await?;
         let new = NewMeasurement {
             id,
             content,
@@ -146,8 +151,13 @@ impl Engine {
             quantity: summary.quantity,
             document: summary.document,
         };
-        let added = self.archive.catalog.add_measurement(&new, &holder).await?;
-        added.ok_or_else(|| IngestError::Spectrum("it was deleted meanwhile".to_owned()))
+        loop {
+            match self.archive.catalog.add_measurement(&new, published.holder()).await? {
+                Added::Row(row, new) => return Ok((row, new)),
+                Added::NoSpectrum => return Err(IngestError::Spectrum("it was deleted meanwhile".to_owned())),
+                Added::Unpinned => published = published.again(&self.archive).await?,
+            }
+        }
     }
 
     async fn understand(self: &Arc<Self>, staged: Staged, options: &Options) -> Result<(Staged, Summary), IngestError> {
@@ -233,7 +243,7 @@ mod tests {
         let none = Options::default();
         assert_eq!(none.identity(content), content);
         let column = Options { column: Some("light \"skin\"".to_owned()), ..none.clone() };
-        let both = Options { quantity: Some(Quantity::Reflectance), ..column.clone() };
+        let both = Options { quantity: Some(Quantity::Reflectance.into()), ..column.clone() };
         let text = format!(
             "{{\"content\":\"{content}\",\"options\":{{\"column\":\"light \\\"skin\\\"\",\"quantity\":\"reflectance\"}}}}"
         );
@@ -250,7 +260,7 @@ mod tests {
             position: None,
             message: "no axes".to_owned(),
         };
-        let said = Options { quantity: Some(Quantity::Brdf), ..Options::default() };
+        let said = Options { quantity: Some(Quantity::Brdf.into()), ..Options::default() };
         assert!(can_wait(&needs("npy"), &said) && can_wait(&needs("csv"), &Options::default()));
         assert!(!can_wait(&needs("csv"), &said));
         let broken = FormatError { kind: FormatErrorKind::Malformed, ..needs("npy") };

@@ -1,5 +1,6 @@
 //! Where the maths run: a bounded pool of threads, a oneshot back, and a limit on how many wait.
 
+use super::turns::Turns;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -10,9 +11,9 @@ use tokio::sync::{Semaphore, oneshot};
 #[derive(Clone, Debug)]
 pub struct Maths {
     pool: Arc<ThreadPool>,
-    /// Who may compute.
-    running: Arc<Semaphore>,
-    /// Who may compute or wait to.
+    /// Turns to compute, handed out client by client.
+    running: Turns,
+    /// Places to compute or to wait for a turn.
     admitted: Arc<Semaphore>,
     patience: Duration,
 }
@@ -42,7 +43,7 @@ impl Maths {
         let at_once = if at_once == 0 { pool.current_num_threads() } else { at_once };
         Ok(Self {
             pool: Arc::new(pool),
-            running: Arc::new(Semaphore::new(at_once)),
+            running: Turns::new(at_once),
             admitted: Arc::new(Semaphore::new(at_once.saturating_add(waiting).min(Semaphore::MAX_PERMITS))),
             patience,
         })
@@ -51,8 +52,7 @@ impl Maths {
     /// Runs `work` on the pool. If the caller goes away the work still ends, and holds its place until then.
     pub async fn run<T: Send + 'static>(&self, work: impl FnOnce() -> T + Send + 'static) -> Result<T, MathsError> {
         let admission = Arc::clone(&self.admitted).try_acquire_owned().map_err(|_| MathsError::Busy)?;
-        let turn = tokio::time::timeout(self.patience, Arc::clone(&self.running).acquire_owned()).await;
-        let Ok(Ok(turn)) = turn else { return Err(MathsError::Busy) };
+        let turn = tokio::time::timeout(self.patience, self.running.take()).await.map_err(|_| MathsError::Busy)?;
         self.spawn((turn, admission), work).await
     }
 
@@ -62,7 +62,7 @@ impl Maths {
         &self,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, MathsError> {
-        let turn = Arc::clone(&self.running).acquire_owned().await.map_err(|_| MathsError::Busy)?;
+        let turn = self.running.take().await;
         self.spawn(turn, work).await
     }
 

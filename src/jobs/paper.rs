@@ -1,6 +1,6 @@
 //! The job that makes the tables of the paper: its report is what `wavelume paper --json` prints.
 
-use super::attempt::{Failure, last, publish};
+use super::attempt::{Failure, Made, last, publish};
 use super::engine::Engine;
 use super::hub::Control;
 use super::problem::Code;
@@ -10,13 +10,14 @@ use crate::paper::{self, PaperError, Table};
 use std::sync::Arc;
 
 /// Runs one attempt and publishes the report.
-pub(crate) async fn run(engine: &Arc<Engine>, tables: Vec<u8>, control: &Arc<Control>) -> Result<Ended, Failure> {
+pub(crate) async fn run(engine: &Arc<Engine>, tables: Vec<u8>, control: &Arc<Control>) -> Result<Made, Failure> {
     let control = Arc::clone(control);
     let tables = engine.background.run(move || make(&tables, &*control)).await??;
     let mut bytes = serde_json::to_vec(&tables).map_err(|e| last(Code::Internal, e))?;
     bytes.push(b'\n');
-    let (report, holder) = publish(engine, bytes).await?;
-    Ok(Ended::Report(report, holder))
+    let published = publish(engine, bytes).await?;
+    let ended = Ended::Report(published.digest(), published.holder().to_owned());
+    Ok(Made { ended, published })
 }
 
 fn make(numbers: &[u8], progress: &dyn Progress) -> Result<Vec<Table>, PaperError> {
@@ -50,7 +51,8 @@ impl From<PaperError> for Failure {
     fn from(error: PaperError) -> Self {
         match error {
             PaperError::Cancelled(_) => Self::Stopped,
-            PaperError::NoSuchTable { .. } => last(Code::BadSetting, error),
+            // The numbers were checked when the job was queued.
+            PaperError::NoSuchTable { .. } => Self::Newer(error.to_string()),
             PaperError::Data(_) => last(Code::Internal, error),
         }
     }

@@ -1,7 +1,7 @@
 //! What a client asks of a job, in the command line's names.
 
 use crate::compress::{Policy, Target};
-use crate::domain::Quantity;
+use crate::formats::StatedQuantity;
 use crate::paper::TABLES;
 use crate::pipeline::{Request, is_false};
 use crate::store::Digest;
@@ -71,9 +71,9 @@ pub struct CompressRequest {
     /// The axes of an array, as its manifest would say.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axes: Option<serde_json::Value>,
-    /// The quantity, where the file does not say.
+    /// The quantity, where the file does not say; `reflectance-factor` (BRF, HCRF) is divided by π: a BRDF.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub quantity: Option<Quantity>,
+    pub quantity: Option<StatedQuantity>,
     /// Whether the file carries its provenance.
     #[serde(default = "yes")]
     pub metadata: bool,
@@ -102,8 +102,9 @@ pub struct PaperRequest {
     pub tables: Option<Vec<i64>>,
 }
 
-/// Characters in a name, licence or tag, and tags on one material.
-const MAX_TEXT: usize = 200;
+/// Characters in a name, file name, licence or tag.
+pub const MAX_TEXT: usize = 200;
+/// Tags on one material.
 const MAX_TAGS: usize = 32;
 
 fn auto() -> String {

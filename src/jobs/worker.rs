@@ -1,13 +1,14 @@
 //! The loops of a working process: claim and run, take back what the dead left, sweep.
 
-use super::attempt::Failure;
+use super::attempt::{Failure, Made};
 use super::compress;
 use super::engine::Engine;
-use super::frame::Frame;
+use super::frame::{Frame, FrameError};
 use super::hub::Control;
 use super::paper;
 use super::problem::{Code, JobProblem};
-use crate::catalog::{Beat, CatalogError, Claimed, Ended, JobState};
+use super::publish::Published;
+use crate::catalog::{Beat, CatalogError, Claimed, Ended, Ending, JobState};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::time::{MissedTickBehavior, interval, sleep};
@@ -44,7 +45,7 @@ async fn working(engine: Arc<Engine>, stop: CancellationToken) {
             () = sleep(pause) => {}
             () = engine.hub.wait_for_job() => {}
         }
-        match engine.archive.catalog.claim(engine.presence.id(), engine.limits.lease).await {
+        match engine.claim().await {
             Ok(Some(job)) => {
                 pause = Duration::ZERO;
                 attempt(&engine, &job, &stop).await;
@@ -69,18 +70,25 @@ async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) 
             match Frame::decode(&job.frame) {
                 Ok(Frame::Compress { request }) => compress::run(&engine, &request, &control).await,
                 Ok(Frame::Paper { tables }) => paper::run(&engine, tables, &control).await,
+                Err(error @ FrameError::Newer(_)) => Err(Failure::Newer(error.to_string())),
                 Err(error) => Err(Failure::Final(JobProblem::new(Code::Internal, error.to_string()))),
             }
         }
     });
+    let mut published = None;
     let ended = match guard(engine, job, &control, running, stop).await {
-        Guarded::Done(Ok(ended)) => ended,
+        Guarded::Done(Ok(made)) => {
+            published = Some(made.published);
+            made.ended
+        }
         Guarded::Done(Err(Failure::Final(problem))) => Ended::Failed(problem.to_json()),
-        Guarded::Done(Err(Failure::Passing(detail))) => Ended::Retry {
-            problem: JobProblem::new(Code::Unavailable, detail).to_json(),
-            delay: engine.limits.backoff.saturating_mul(1 << job.attempts.saturating_sub(1).min(10)),
-            attempts: engine.limits.attempts,
-        },
+        Guarded::Done(Err(Failure::Passing(detail))) => again(engine, job, detail),
+        Guarded::Done(Err(Failure::Newer(detail))) => {
+            engine.leave_to_newer(&job.id);
+            metrics::counter!("wavelume_jobs_left_to_newer_total").increment(1);
+            tracing::warn!(job = job.id, detail, "the job is of a newer version: left to a newer worker");
+            Ended::Released
+        }
         Guarded::Done(Err(Failure::Stopped)) if stop.is_cancelled() => Ended::Released,
         Guarded::Done(Err(Failure::Stopped)) => Ended::Cancelled,
         Guarded::Drained => Ended::Released,
@@ -90,12 +98,12 @@ async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) 
             return;
         }
     };
-    let state = end(engine, job, &ended).await;
+    let (ended, state) = end(engine, job, ended, published).await;
     engine.hub.leave(&job.id);
     let duration_ms = start.elapsed().as_millis() as u64;
     metrics::histogram!("wavelume_job_duration_seconds").record(start.elapsed().as_secs_f64());
     match state {
-        Ok(Some(state)) => {
+        Ok(Ending::Now(state)) => {
             metrics::counter!("wavelume_job_attempts_total", "state" => state.name()).increment(1);
             let reason = match &ended {
                 Ended::Failed(problem) | Ended::Retry { problem, .. } => problem.as_str(),
@@ -108,13 +116,25 @@ async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) 
                 _ => tracing::info!(job = job.id, %state, attempts = job.attempts, duration_ms, reason, "job ended"),
             }
         }
-        Ok(None) => tracing::warn!(job = job.id, duration_ms, "the job was another worker's before it ended here"),
+        // `end` answers an end without a pin itself.
+        Ok(Ending::Lost | Ending::Unpinned) => {
+            tracing::warn!(job = job.id, duration_ms, "the job was another worker's before it ended here");
+        }
         Err(error) => tracing::error!(job = job.id, duration_ms, %error, "the end of a job was not written"),
     }
 }
 
+/// The end of an attempt that failed for a reason that may pass.
+fn again(engine: &Engine, job: &Claimed, detail: String) -> Ended {
+    Ended::Retry {
+        problem: JobProblem::new(Code::Unavailable, detail).to_json(),
+        delay: engine.limits.backoff.saturating_mul(1 << job.attempts.saturating_sub(1).min(10)),
+        attempts: engine.limits.attempts,
+    }
+}
+
 enum Guarded {
-    Done(Result<Ended, Failure>),
+    Done(Result<Made, Failure>),
     Lost,
     Drained,
 }
@@ -124,7 +144,7 @@ async fn guard(
     engine: &Engine,
     job: &Claimed,
     control: &Control,
-    mut running: tokio::task::JoinHandle<Result<Ended, Failure>>,
+    mut running: tokio::task::JoinHandle<Result<Made, Failure>>,
     stop: &CancellationToken,
 ) -> Guarded {
     let mut beats = interval(BEAT.min(engine.limits.lease / 3));
@@ -160,17 +180,36 @@ async fn guard(
     }
 }
 
-/// Writes the end of an attempt; a busy database gets a few chances.
-async fn end(engine: &Engine, job: &Claimed, ended: &Ended) -> Result<Option<JobState>, CatalogError> {
+/// Writes the end of an attempt and returns the end written. A busy database gets a few chances; bytes whose pin ran out
+/// are published again.
+async fn end(
+    engine: &Engine,
+    job: &Claimed,
+    mut ended: Ended,
+    mut published: Option<Published>,
+) -> (Ended, Result<Ending, CatalogError>) {
     let mut pause = Duration::from_millis(100);
     loop {
-        match engine.archive.catalog.end(job, ended).await {
+        match engine.archive.catalog.end(job, &ended).await {
+            Ok(Ending::Unpinned) => {
+                let detail = match published.take() {
+                    Some(before) => match before.again(&engine.archive).await {
+                        Ok(again) => {
+                            published = Some(again);
+                            continue;
+                        }
+                        Err(error) => error.to_string(),
+                    },
+                    None => "the result was not pinned".to_owned(),
+                };
+                ended = again(engine, job, detail);
+            }
             Err(CatalogError::Sql(error)) if pause < Duration::from_secs(3) => {
                 tracing::warn!(job = job.id, %error, "the end of a job is written again");
                 sleep(pause).await;
                 pause *= 2;
             }
-            other => return other,
+            other => return (ended, other),
         }
     }
 }
@@ -227,6 +266,80 @@ async fn sweeping(engine: Arc<Engine>, stop: CancellationToken) {
             ),
             Ok(_) => {}
             Err(error) => tracing::error!(%error, duration_ms, "the sweep failed"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::publish::tests::{Late, SPECTRUM, upload};
+    use super::*;
+    use crate::catalog::{Enqueued, NewJob};
+    use crate::compress::Target;
+    use crate::jobs::{CompressRequest, JobRequest};
+    use crate::store::StoreExt;
+    use serde_json::json;
+
+    /// Claims the only job and runs one attempt at it.
+    async fn attempted(engine: &Arc<Engine>) -> Claimed {
+        let job = engine.claim().await.unwrap().expect("a job waits");
+        attempt(engine, &job, &CancellationToken::new()).await;
+        job
+    }
+
+    async fn queue(engine: &Engine, frame: &str) -> String {
+        let id = uuid::Uuid::now_v7().to_string();
+        let new = NewJob { id: id.clone(), frame: frame.to_owned(), measurement: None, idempotency: None };
+        assert!(matches!(engine.archive.catalog.enqueue(&new, 99).await.unwrap(), Enqueued::New(_)));
+        id
+    }
+
+    #[tokio::test]
+    async fn a_job_of_a_newer_version_waits_for_a_newer_worker() {
+        let (engine, _, _data) = Late::engine(0).await;
+        let measurement = crate::store::Digest::of(b"lamp");
+        let unknown = json!({ "measurement": measurement, "target": { "er_l2": 0.01 }, "denoise": true }).to_string();
+        let frames = [
+            // A third kind of job, a request with another field, and an eighth table.
+            "020000000100000000000000ff".to_owned(),
+            Frame::Compress { request: unknown }.encode().unwrap(),
+            Frame::Paper { tables: vec![8] }.encode().unwrap(),
+        ];
+        for frame in frames {
+            let id = queue(&engine, &frame).await;
+            attempted(&engine).await;
+            let row = engine.archive.catalog.job(&id).await.unwrap().unwrap();
+            assert_eq!((row.state, row.attempts, row.problem), (JobState::Queued, 0, None), "{frame}");
+            assert!(engine.claim().await.unwrap().is_none(), "this process does not take it again");
+            let newer = engine.archive.catalog.claim("newer", LOOK, &[]).await.unwrap().unwrap();
+            assert_eq!((newer.id, newer.attempts), (id.clone(), 1), "a newer worker takes it at once");
+            engine.archive.catalog.cancel(&id).await.unwrap();
+        }
+        let id = queue(&engine, "not hexadecimal").await;
+        attempted(&engine).await;
+        assert_eq!(engine.archive.catalog.job(&id).await.unwrap().unwrap().state, JobState::Failed);
+    }
+
+    #[tokio::test]
+    async fn a_result_whose_pin_ran_out_is_published_again_before_the_job_succeeds() {
+        let (engine, times, _data) = Late::engine(0).await;
+        let staged = engine.archive.staging.stage(SPECTRUM).unwrap();
+        let (row, _) = engine.ingest(staged, upload()).await.unwrap();
+        let request = json!({ "measurement": row.id, "target": Target::ErL2(0.01) });
+        let request: CompressRequest = serde_json::from_value(request).unwrap();
+        for (late, expected) in [(2, JobState::Succeeded), (99, JobState::Queued)] {
+            times.store(late, std::sync::atomic::Ordering::Relaxed);
+            let request = JobRequest::Compress(Box::new(request.clone()));
+            let Enqueued::New(job) = engine.enqueue(&request, None).await.unwrap() else { panic!() };
+            attempted(&engine).await;
+            let job = engine.job(&job.id).await.unwrap().unwrap();
+            assert_eq!(job.state, expected, "{job:?}");
+            assert_eq!(engine.archive.check().await.unwrap().faults, []);
+            if let Some(material) = job.material {
+                engine.archive.store.get(material).await.unwrap();
+                engine.archive.catalog.delete_material(material).await.unwrap();
+                engine.archive.sweep().await.unwrap();
+            }
         }
     }
 }

@@ -171,8 +171,8 @@ pub struct Report {
     pub noise: Option<Noise>,
     /// What the cells stand on.
     pub coverage: Coverage,
-    /// Everything a parser assumed, filled or skipped, and warnings where the target lies below the noise and where incoming
-    /// directions are too sparse for the lobe.
+    /// Everything a parser assumed, filled or skipped, and warnings: a ratio that the file falls short of, a target below the
+    /// noise, incoming directions too sparse for the lobe.
     pub notes: Vec<Note>,
     /// The levels of the last triangle axis that the first bytes of the file hold, coarse first; at least the finest.
     pub levels: Vec<LevelInfo>,
@@ -297,11 +297,15 @@ fn report(
     compressed: &compress::Compressed,
 ) -> Report {
     let summary = &compressed.summary;
-    let samples = samples as f64;
     // Samples on their final axes are the tensor's own: there is nothing more to measure.
     let projected = matches!(acquisition.samples, formats::Samples::Grid(_) | formats::Samples::Scattered(_));
-    let warnings = [compressed.noise.and_then(|noise| noise.warning(target)), sparse(&compressed.bytes).ok().flatten()];
+    let warnings = [
+        compress::shortfall(target, samples as u64, compressed),
+        compressed.noise.and_then(|noise| noise.warning(target)),
+        sparse(&compressed.bytes).ok().flatten(),
+    ];
     let warnings = warnings.into_iter().flatten().map(|message| Note { kind: NoteKind::Warning, message });
+    let samples = samples as f64;
     let decoded = projected.then(|| compress::decode(&compressed.bytes).ok()).flatten();
     Report {
         digest: digest(&compressed.bytes),

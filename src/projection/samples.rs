@@ -107,8 +107,8 @@ pub(super) fn coarseness(
     let (target, found) = (request.target(), error_at_samples(acquisition, measurement)?.er_l2);
     (found > 0.5 * target).then(|| {
         format!(
-            "cells by the spacing of the samples represent them to er(L2) {:.3} %, more than half of the {} % asked for: \
-             finer levels, by name, come closer",
+            "projection alone costs er(L2) {:.3} % at the file's samples, more than half of the {} % asked for: give a finer \
+             outgoing_level (or incoming_level)",
             100.0 * found,
             100.0 * target
         )

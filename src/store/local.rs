@@ -1,6 +1,6 @@
 //! Blobs in a local directory: `blobs/ab/b3-ab…`, published by a rename that is on stable storage when it returns.
 
-use super::{Digest, Staged, Staging, Store, StoreError};
+use super::{Digest, Retired, Staged, Staging, Store, StoreError};
 use bytes::Bytes;
 use futures::future::BoxFuture;
 use futures::stream::{BoxStream, StreamExt};
@@ -8,7 +8,7 @@ use object_store::local::LocalFileSystem;
 use object_store::path::Path as Key;
 use object_store::{ObjectStore, ObjectStoreExt};
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 const PREFIX: &str = "blobs";
 
@@ -19,6 +19,8 @@ const STAGING: &str = "staging";
 #[derive(Clone, Debug)]
 pub struct LocalStore {
     objects: LocalFileSystem,
+    root: PathBuf,
+    staging: Staging,
 }
 
 impl LocalStore {
@@ -27,7 +29,8 @@ impl LocalStore {
         std::fs::create_dir_all(root.join(PREFIX))?;
         std::fs::create_dir_all(root.join(STAGING))?;
         let objects = LocalFileSystem::new_with_prefix(root)?.with_fsync(true);
-        Ok((Self { objects }, Staging::new(root.join(STAGING))))
+        let staging = Staging::new(root.join(STAGING));
+        Ok((Self { objects, root: root.to_owned(), staging: staging.clone() }, staging))
     }
 
     fn absent(digest: Digest, error: object_store::Error) -> StoreError {
@@ -92,12 +95,14 @@ impl Store for LocalStore {
             .boxed()
     }
 
-    fn remove(&self, digest: Digest) -> BoxFuture<'_, Result<(), StoreError>> {
+    fn retire(&self, digest: Digest) -> Result<Option<Retired>, StoreError> {
+        self.staging.take_in(&self.root.join(key(digest).as_ref()))
+    }
+
+    fn discard(&self, retired: Retired) -> BoxFuture<'_, Result<(), StoreError>> {
         Box::pin(async move {
-            match self.objects.delete(&key(digest)).await {
-                Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
-                Err(error) => Err(error.into()),
-            }
+            let freed = tokio::task::spawn_blocking(move || retired.discard()).await;
+            Ok(freed.map_err(std::io::Error::other)??)
         })
     }
 }

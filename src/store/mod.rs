@@ -11,7 +11,7 @@ mod staging;
 
 pub use digest::{Digest, NotADigest};
 pub use local::LocalStore;
-pub use staging::{Staged, StagedWriter, Staging};
+pub use staging::{Retired, Staged, StagedWriter, Staging};
 
 use bytes::Bytes;
 use futures::future::BoxFuture;
@@ -65,7 +65,11 @@ pub enum StoreError {
 /// * `read` returns exactly the bytes of `range` or fails, [`StoreError::Range`] if they are not inside the blob. It
 ///   does not verify the digest: [`StoreExt::get`] does.
 /// * `list` names every blob that was there during the whole listing, and nothing that is not a whole blob.
-/// * `remove` of an absent blob succeeds. Readers that have begun may fail afterwards, but never get other bytes.
+/// * A blob is removed in two steps. `retire` takes its name away at once: one metadata operation, no waiting, so it may
+///   run inside a database transaction; it is done when it returns, and a later `publish` of the digest makes a new blob.
+///   `discard` frees the bytes, may take long, and cannot touch a blob published after `retire`. A crash between the two
+///   leaves bytes without a name, which [`Staging::sweep`] removes. Readers that have begun may fail afterwards, but
+///   never get other bytes.
 /// * All calls may be made at any time from any thread or process.
 pub trait Store: Send + Sync + fmt::Debug {
     /// Makes staged bytes durable under their digest.
@@ -76,8 +80,10 @@ pub trait Store: Send + Sync + fmt::Debug {
     fn read(&self, digest: Digest, range: Range<u64>) -> BoxFuture<'_, Result<Bytes, StoreError>>;
     /// Every blob and its size, in no order.
     fn list(&self) -> BoxStream<'_, Result<(Digest, u64), StoreError>>;
-    /// Removes a blob.
-    fn remove(&self, digest: Digest) -> BoxFuture<'_, Result<(), StoreError>>;
+    /// Takes the name of a blob away; `None` if there is no such blob. Blocking, for one rename.
+    fn retire(&self, digest: Digest) -> Result<Option<Retired>, StoreError>;
+    /// Frees the bytes of a retired blob.
+    fn discard(&self, retired: Retired) -> BoxFuture<'_, Result<(), StoreError>>;
 }
 
 /// What every store can do by its contract.
@@ -160,7 +166,7 @@ pub(crate) mod contract {
         assert_eq!(store.size(absent).await.unwrap(), None);
         assert!(matches!(store.read(absent, 0..1).await, Err(StoreError::NotFound(_))));
         assert!(matches!(store.get(absent).await, Err(StoreError::NotFound(_))));
-        store.remove(absent).await.unwrap();
+        assert_eq!(store.retire(absent).unwrap(), None);
 
         let large: Vec<u8> = (0..WHOLE as u32 + 70_000).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
         for bytes in [b"".as_slice(), b"x", &[7; 1000], &large] {
@@ -181,8 +187,14 @@ pub(crate) mod contract {
             assert!(matches!(store.read(digest, 0..size + 1).await, Err(StoreError::Range { .. })));
         }
         assert_eq!(store.list().try_collect::<Vec<_>>().await.unwrap().len(), 4);
-        store.remove(Digest::of(b"x")).await.unwrap();
-        assert_eq!(store.size(Digest::of(b"x")).await.unwrap(), None);
+        let x = Digest::of(b"x");
+        let retired = store.retire(x).unwrap().unwrap();
+        assert_eq!(store.size(x).await.unwrap(), None);
+        assert_eq!(store.list().try_collect::<Vec<_>>().await.unwrap().len(), 3);
+        store.publish(&staging.stage(b"x").unwrap()).await.unwrap();
+        store.discard(retired).await.unwrap();
+        assert_eq!(store.get(x).await.unwrap(), b"x".as_slice(), "published after it was retired");
+        store.discard(store.retire(x).unwrap().unwrap()).await.unwrap();
         assert_eq!(store.list().try_collect::<Vec<_>>().await.unwrap().len(), 3);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{Digest, StoreError};
 use std::fs::{self, File, OpenOptions};
-use std::io::{Read, Write};
+use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -29,6 +29,10 @@ pub struct Staged {
     bytes: u64,
     path: TemporaryPath,
 }
+
+/// A blob that has lost its name and waits to be removed. Forgetting it is safe: [`Staging::sweep`] removes it as stale.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Retired(PathBuf);
 
 #[derive(Debug)]
 struct TemporaryPath(PathBuf);
@@ -60,6 +64,32 @@ impl Staging {
         writer.finish()
     }
 
+    /// Stages the bytes of `staged` again, also after it was published and its blob removed. Blocking.
+    pub fn stage_again(&self, staged: &Staged) -> Result<Staged, StoreError> {
+        // The open file keeps its bytes whatever became of its name.
+        let mut from = staged.file.try_clone()?;
+        from.rewind()?;
+        let mut writer = self.begin()?;
+        let mut piece = vec![0; 1 << 20];
+        loop {
+            let read = from.read(&mut piece)?;
+            if read == 0 {
+                return writer.finish();
+            }
+            writer.write(&piece[..read])?;
+        }
+    }
+
+    /// Moves `file` here under a name of its own; `None` if it is absent. Blocking, for one rename.
+    pub(super) fn take_in(&self, file: &Path) -> Result<Option<Retired>, StoreError> {
+        let path = self.directory.join(format!("retired-{}", uuid::Uuid::now_v7().simple()));
+        match fs::rename(file, &path) {
+            Ok(()) => Ok(Some(Retired(path))),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(error.into()),
+        }
+    }
+
     /// Removes files that were last written more than `older_than` ago and returns how many. Blocking.
     pub fn sweep(&self, older_than: Duration) -> Result<u64, StoreError> {
         let now = SystemTime::now();
@@ -73,6 +103,16 @@ impl Staging {
             }
         }
         Ok(removed)
+    }
+}
+
+impl Retired {
+    /// Removes the file; one that is gone already is fine. Blocking.
+    pub(super) fn discard(self) -> io::Result<()> {
+        match fs::remove_file(self.0) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -151,6 +191,18 @@ mod tests {
         assert!(path.exists());
         drop(staged);
         assert!(!path.exists());
+    }
+
+    #[test]
+    fn bytes_are_staged_again_after_their_file_is_gone() {
+        let directory = tempfile::tempdir().unwrap();
+        let staging = Staging::new(directory.path());
+        let staged = staging.stage(b"wavelume").unwrap();
+        fs::remove_file(staged.path()).unwrap();
+        let again = staging.stage_again(&staged).unwrap();
+        assert_eq!((again.digest(), again.bytes()), (staged.digest(), 8));
+        assert_eq!(again.read().unwrap(), b"wavelume");
+        assert_eq!(staging.stage_again(&again).unwrap().read().unwrap(), b"wavelume");
     }
 
     #[test]

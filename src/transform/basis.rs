@@ -60,7 +60,7 @@ pub struct BasisInfo {
     pub space: Space,
     /// Its family.
     pub family: &'static str,
-    /// Taps of the analysis low-pass filter; on the sphere the children it reads.
+    /// Taps of the analysis low-pass filter; on the sphere the children it reads; 0 for the data's own basis.
     pub analysis_length: usize,
     /// Taps of the synthesis low-pass filter; on the sphere the children it writes.
     pub synthesis_length: usize,
@@ -107,6 +107,22 @@ static ORTHONORMAL_COUNT: BasisInfo = sphere(
     "Householder reflection of (1/2, 1/2, 1/2, 1/2); after Lessig & Fiume 2008 with equal areas",
 );
 
+/// The spectral basis that is no table of filters.
+static KLT: BasisInfo = BasisInfo {
+    name: "klt",
+    space: Space::Line,
+    family: "the data's own",
+    analysis_length: 0,
+    synthesis_length: 0,
+    vanishing_moments: 0,
+    symmetric: false,
+    orthogonal: true,
+    reconstruction_error: 0.0,
+    boundary: None,
+    source: "Karhunen–Loève: the mean and up to 24 principal components of the measurement's own spectra, stored with the \
+             material; policy rd, wavelength axis",
+};
+
 impl SphereBasis {
     /// Every basis on the sphere.
     pub const ALL: &'static [Self] =
@@ -138,10 +154,10 @@ impl AxisTransform {
     }
 }
 
-/// Every basis there is, lines first.
+/// Every basis there is: wavelets on lines, the data's own basis, and those on the sphere.
 pub fn bases() -> Vec<BasisInfo> {
     let lines = LineBasis::all().map(|basis| basis.info().clone());
-    lines.chain(SphereBasis::ALL.iter().map(|basis| basis.info().clone())).collect()
+    lines.chain([KLT.clone()]).chain(SphereBasis::ALL.iter().map(|basis| basis.info().clone())).collect()
 }
 
 #[cfg(test)]
@@ -153,7 +169,7 @@ mod tests {
         let mut names: Vec<_> = bases().iter().map(|basis| basis.name).collect();
         names.sort_unstable();
         names.dedup();
-        assert_eq!(names.len(), LineBasis::all().len() + SphereBasis::ALL.len());
+        assert_eq!(names.len(), LineBasis::all().len() + 1 + SphereBasis::ALL.len());
     }
 
     #[test]
@@ -163,5 +179,7 @@ mod tests {
         assert_eq!(named("bior4.4")["analysis_length"], 9);
         assert_eq!(named("bior4.4")["boundary"], "whole-sample");
         assert_eq!(named("bio-haar")["space"], "sphere");
+        assert_eq!((&named("klt")["space"], &named("klt")["orthogonal"]), (&"line".into(), &true.into()));
+        assert!(named("klt")["source"].as_str().unwrap().contains("principal components"));
     }
 }

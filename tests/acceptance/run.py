@@ -184,7 +184,8 @@ def hostile(scratch):
         "garbage.wlm": b"\x89WLM" + np.random.default_rng(8).bytes(500),
         "huge.mbsdf": b"NVIDIA ARC MBSDF V1\n" + struct.pack("<4I", 0xFFFFFFFF, 0xFFFFFFFF, 0xFFFFFFFF, 3),
         "angles.ies": b"IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 999999999 999999999 1 2 0 0 0\n1 1 0\n0 1 2\n",
-        "nan.csv": b"wavelength_nm,value\n400,1\n410,nan\n420,3\n",
+        "nan.csv": b"wavelength_nm,value\n400,nan\n410,--\n420,\n",
+        "words.csv": b"wavelength_nm,value\n400,1\n410,bright\n420,3\n",
         "backwards.csv": b"wavelength_nm,value\n420,1\n410,2\n400,3\n410,4\n",
     }
     for name, content in made.items():

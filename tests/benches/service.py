@@ -149,7 +149,7 @@ def batch(server, material, rounds):
 def send(address, path, body, expected):
     """Seconds for a body out and its answer in, both at the same time."""
     head = (
-        f"POST {path} HTTP/1.1\r\nhost: bench\r\ncontent-type: application/octet-stream\r\n"
+        f"POST {path} HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/octet-stream\r\n"
         f"content-length: {len(body)}\r\nconnection: close\r\n\r\n"
     ).encode()
     with socket.create_connection(address) as stream:
@@ -175,9 +175,9 @@ def latency(server, material, seconds, rounds):
     server.call(material + "/spectrum?wi=30,0&wo=45,170")
     one = json.dumps({"wi": [[30, 0]], "wo": [[45, 170]]})
     requests = {
-        "GET /healthz, for comparison": "GET /healthz HTTP/1.1\r\nhost: bench\r\n\r\n",
-        "GET spectrum": f"GET {material}/spectrum?wi=30,0&wo=45,170 HTTP/1.1\r\nhost: bench\r\n\r\n",
-        "POST evaluate": f"POST {material}/evaluate HTTP/1.1\r\nhost: bench\r\ncontent-type: application/json\r\n"
+        "GET /healthz, for comparison": "GET /healthz HTTP/1.1\r\nhost: localhost\r\n\r\n",
+        "GET spectrum": f"GET {material}/spectrum?wi=30,0&wo=45,170 HTTP/1.1\r\nhost: localhost\r\n\r\n",
+        "POST evaluate": f"POST {material}/evaluate HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\n"
         f"content-length: {len(one)}\r\n\r\n{one}",
     }
     print(f"| one spectrum as JSON, {RATE} requests/s | p50, ms | p99, ms | largest, ms |")

@@ -80,6 +80,63 @@ fn a_promise_below_the_noise_is_kept_and_warned_of() {
     assert!(text.contains("max_relative_error 0.01 lies below the noise"), "{text}");
 }
 
+/// Writes an array with its manifest; returns its path.
+fn array(dir: &tempfile::TempDir, name: &str, (quantity, axes): (&str, &str), samples: &[f32]) -> String {
+    let input = at(dir, &format!("{name}.npy"));
+    fs::write(&input, npy(&[samples.len()], samples)).unwrap();
+    fs::write(
+        at(dir, &format!("{name}.axes.json")),
+        format!(r#"{{"quantity":"{quantity}","unit":"relative","axes":{axes}}}"#),
+    )
+    .unwrap();
+    input
+}
+
+#[test]
+fn huge_samples_come_back_or_are_refused_with_a_remedy() {
+    let dir = workshop();
+    let out = at(&dir, "huge.wlm");
+    let samples: Vec<f32> = (0..40).map(|i| 10_f32.powf(30.0 + 0.2 * i as f32).min(3.4e38)).collect();
+    let input = array(&dir, "huge", ("spectrum", r#"["lambda:380:10:40"]"#), &samples);
+    for target in [["--ratio", "8"], ["--ratio", "100"], ["--bytes", "200"], ["--bytes", "1000000"], ["--step", "8"]] {
+        for policy in ["rd", "conventional", "generic", "adaptive"] {
+            let _ = fs::remove_file(&out);
+            let line = [&["compress", &input, "-o", &out, "--no-metadata", "--policy", policy], &target[..]].concat();
+            let run = super::wavelume(&line);
+            if run.status.code() == Some(0) {
+                done(&["decode", &out, "-o", &at(&dir, "back.npy")]);
+            } else {
+                let text = String::from_utf8(run.stderr).unwrap();
+                assert!(text.contains("; use ") || text.contains("; ask for "), "{line:?}: {text}");
+                assert!(!Path::new(&out).exists(), "{line:?}");
+            }
+        }
+    }
+    // Logarithms of samples this large resolve 1e-5 or so in float32; more bytes do no harm.
+    let report = json(&["compress", &input, "-o", &out, "--json", "--bytes", "1000000"]);
+    assert!(report["er_l2"].as_f64().unwrap() < 2e-5, "{report}");
+    done(&["compress", &input, "-o", &out, "--max-absolute-error", "1e300"]);
+    done(&["decode", &out, "-o", &at(&dir, "back.npy")]);
+}
+
+#[test]
+fn a_ratio_that_is_not_reached_is_said_once_in_report_json_and_stderr() {
+    let dir = workshop();
+    let out = at(&dir, "few.wlm");
+    let samples: Vec<f32> = (0..40).map(|i| 1.0 + (i as f32 * 0.3).sin() * 0.5).collect();
+    let input = array(&dir, "few", ("spectrum", r#"["lambda:380:10:40"]"#), &samples);
+    for (ratio, says) in [("1000", "ratio 1000 is more than the 40 samples"), ("8", "ratio 8 is kept in samples")] {
+        let line = ["compress", &input, "-o", &out, "--ratio", ratio];
+        let run = super::wavelume(&line);
+        let (report, warned) = (String::from_utf8(run.stdout).unwrap(), String::from_utf8(run.stderr).unwrap());
+        assert_eq!((report.matches(says).count(), warned.matches(says).count()), (1, 1), "{report}{warned}");
+        let run = super::wavelume(&[&line[..], &["--json"]].concat());
+        let report: Value = serde_json::from_slice(&run.stdout).unwrap();
+        assert_eq!(report["notes"].to_string().matches(says).count(), 1, "{report}");
+        assert_eq!(String::from_utf8(run.stderr).unwrap().matches(says).count(), 1);
+    }
+}
+
 #[test]
 fn every_promise_is_kept_on_the_decoded_file() {
     let dir = workshop();
@@ -158,7 +215,7 @@ fn colours_are_promised_and_reported() {
         "{refusal}"
     );
     let refusal = refused(2, &[&line[..], &["--policy", "conventional"]].concat());
-    assert!(refusal.contains("expected policy rd"), "{refusal}");
+    assert!(refusal.contains("use policy rd"), "{refusal}");
 }
 
 #[test]

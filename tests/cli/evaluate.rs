@@ -57,7 +57,7 @@ fn samples_are_drawn_from_the_seed() {
 
 #[test]
 fn what_is_known_is_listed() {
-    for (command, name) in [("bases", "bior4.4"), ("formats", "npy")] {
+    for (command, name) in [("bases", "bior4.4"), ("bases", "klt"), ("formats", "npy")] {
         let known = json(&[command, "--json"]);
         assert!(known.as_array().unwrap().iter().any(|one| one["name"] == name), "{known}");
         assert!(done(&[command]).contains(name));

@@ -1,7 +1,8 @@
 //! The service as a user starts it: ready, drained on a signal, its data looked after, the demo.
 
 use super::{at, done, json, refused};
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpStream};
 use std::process::{Child, Command, Stdio};
 
 /// A service that is stopped with the test.
@@ -12,10 +13,20 @@ struct Service {
 
 impl Service {
     fn start(data: &str) -> Self {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_wavelume"))
+        Self::start_with("", data, &[], Stdio::null())
+    }
+
+    /// A service under `limits`, which is shell, with further `options`.
+    fn start_with(limits: &str, data: &str, options: &[&str], log: Stdio) -> Self {
+        let mut child = Command::new("sh")
+            .args(["-c", &format!("{limits}\nexec \"$0\" \"$@\""), env!("CARGO_BIN_EXE_wavelume")])
             .args(["serve", "--data", data, "--listen", "127.0.0.1:0"])
+            .args(options)
+            // A terminal would make the service end with it.
+            .stdin(Stdio::null())
+            .env_remove("RUST_LOG")
             .stdout(Stdio::piped())
-            .stderr(Stdio::null())
+            .stderr(log)
             .spawn()
             .unwrap();
         let mut line = String::new();
@@ -24,9 +35,21 @@ impl Service {
         Self { child, address }
     }
 
-    fn signal(mut self, name: &str) -> Option<i32> {
+    fn send(&self, name: &str) {
         let sent = Command::new("kill").args([name, &self.child.id().to_string()]).status().unwrap();
         assert!(sent.success());
+    }
+
+    /// The whole answer to `GET path`, or why there is none.
+    fn get(&self, path: &str) -> std::io::Result<String> {
+        let mut stream = TcpStream::connect(&self.address)?;
+        write!(stream, "GET {path} HTTP/1.1\r\nhost: {}\r\nconnection: close\r\n\r\n", self.address)?;
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).map(|_| answer)
+    }
+
+    fn signal(mut self, name: &str) -> Option<i32> {
+        self.send(name);
         self.child.wait().unwrap().code()
     }
 }
@@ -51,6 +74,141 @@ fn serve_listens_is_healthy_and_drains_on_a_signal() {
     assert_eq!(service.signal("-TERM"), Some(0));
     refused(1, &["health", "--listen", &address]);
     assert_eq!(Service::start(&at(&dir, "data")).signal("-INT"), Some(0));
+}
+
+#[test]
+fn a_log_in_a_file_has_bounded_lines_without_colours() {
+    for format in ["human", "json"] {
+        let dir = tempfile::tempdir().unwrap();
+        let log = at(&dir, "log");
+        let file = std::fs::File::create(&log).unwrap();
+        let service = Service::start_with("", &at(&dir, "data"), &["--log-format", format], file.into());
+        let path = format!("/{}", "p".repeat(9_000));
+        let id = "i".repeat(9_000);
+        let words = format!(
+            "{} {path} HTTP/1.1\r\nhost: localhost\r\nrequest-id: {id}\r\nconnection: close\r\n\r\n",
+            "M".repeat(9_000)
+        );
+        let mut stream = TcpStream::connect(&service.address).unwrap();
+        stream.write_all(words.as_bytes()).unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 404") && answer.len() < 5_000, "{}", &answer[..answer.len().min(300)]);
+        assert_eq!(service.signal("-TERM"), Some(0));
+        let log = std::fs::read_to_string(&log).unwrap();
+        assert!(log.contains("request answered") && log.contains("ppp") && log.contains("MMM"), "{log}");
+        for line in log.lines() {
+            assert!(line.len() < 2_000 && !line.contains(char::is_control), "{line:?}");
+        }
+    }
+}
+
+#[test]
+fn names_and_origins_are_given_by_flags_and_environment() {
+    let dir = tempfile::tempdir().unwrap();
+    let ask = |service: &Service, host: &str| {
+        let mut stream = TcpStream::connect(&service.address).unwrap();
+        let words = format!(
+            "GET /healthz HTTP/1.1\r\nhost: {host}\r\norigin: https://app.example.org\r\nconnection: close\r\n\r\n"
+        );
+        stream.write_all(words.as_bytes()).unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    };
+    let options = ["--name", "lab.example.org", "--name", "b.example", "--origin", "https://app.example.org"];
+    let service = Service::start_with("", &at(&dir, "data"), &options, Stdio::null());
+    for host in ["lab.example.org", "b.example:80", "localhost"] {
+        let answer = ask(&service, host);
+        assert!(
+            answer.starts_with("HTTP/1.1 200") && answer.contains("access-control-allow-origin: https://app"),
+            "{answer}"
+        );
+    }
+    assert!(ask(&service, "c.example").starts_with("HTTP/1.1 421"));
+    let wrong = refused(2, &["serve", "--data", &at(&dir, "other"), "--listen", "127.0.0.1:0", "--origin", "*"]);
+    assert!(wrong.contains("--origin: found `*`, expected SCHEME://HOST"), "{wrong}");
+    let environment = Command::new(env!("CARGO_BIN_EXE_wavelume"))
+        .args(["serve", "--data", &at(&dir, "other"), "--listen", "127.0.0.1:0"])
+        .env("WAVELUME_NAMES", "lab.example.org,http://x")
+        .output()
+        .unwrap();
+    assert_eq!(environment.status.code(), Some(2));
+    assert!(String::from_utf8(environment.stderr).unwrap().contains("--name: found `http://x`"));
+}
+
+#[test]
+fn a_stopping_service_says_so_while_it_still_answers_and_a_hangup_is_no_stop() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut service = Service::start_with("", &at(&dir, "data"), &["--notice", "4s"], Stdio::null());
+    service.send("-HUP");
+    assert!(service.get("/readyz").unwrap().starts_with("HTTP/1.1 200"));
+    service.send("-TERM");
+    loop {
+        let answer = service.get("/readyz").unwrap();
+        if answer.starts_with("HTTP/1.1 503") {
+            assert!(answer.contains("stopping"), "{answer}");
+            break;
+        }
+    }
+    assert!(service.get("/v1/formats").unwrap().starts_with("HTTP/1.1 200"), "requests are answered meanwhile");
+    assert_eq!(service.child.wait().unwrap().code(), Some(0));
+}
+
+#[test]
+fn settings_are_read_from_flags_and_from_the_environment() {
+    let dir = tempfile::tempdir().unwrap();
+    let limits = "export WAVELUME_UPLOAD_BYTES=100 WAVELUME_JSON_BYTES=2KiB";
+    let service = Service::start_with(limits, &at(&dir, "data"), &["--json-bytes", "1KiB"], Stdio::null());
+    let post = |path: &str, media: &str, length: usize| {
+        let mut stream = TcpStream::connect(&service.address).unwrap();
+        let head = format!(
+            "POST {path} HTTP/1.1\r\nhost: {}\r\ncontent-type: {media}\r\nconnection: close\r\n",
+            service.address
+        );
+        write!(stream, "{head}content-length: {length}\r\n\r\n{}", " ".repeat(length)).unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    };
+    assert!(post("/v1/measurements", "text/plain", 101).contains("may have 100 bytes"));
+    assert!(post("/v1/jobs", "application/json", 1025).contains("may have 1024 bytes"));
+    assert_eq!(service.signal("-INT"), Some(0));
+    let wrong = refused(2, &["serve", "--data", &at(&dir, "data"), "--idle", "soon"]);
+    assert!(wrong.contains("--idle") && wrong.contains("30s"), "{wrong}");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn the_limit_on_descriptors_is_raised_and_places_are_fitted_to_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let service = Service::start_with("ulimit -S -n 256", &at(&dir, "raised"), &[], Stdio::null());
+    let limits = std::fs::read_to_string(format!("/proc/{}/limits", service.child.id())).unwrap();
+    let line = limits.lines().find(|line| line.starts_with("Max open files")).unwrap();
+    let numbers: Vec<&str> = line.split_whitespace().skip(3).take(2).collect();
+    assert_eq!(numbers[0], numbers[1], "{line}");
+    drop(service);
+
+    let service = Service::start_with("ulimit -n 400", &at(&dir, "low"), &[], Stdio::null());
+    let to: SocketAddr = service.address.parse().unwrap();
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let connect = |last: u8| {
+        runtime.block_on(async {
+            let socket = tokio::net::TcpSocket::new_v4().unwrap();
+            socket.bind((Ipv4Addr::new(127, 0, 0, last), 0).into()).unwrap();
+            socket.connect(to).await.unwrap()
+        })
+    };
+    // More connections than there are descriptors, from four addresses.
+    let held: Vec<_> = (0_u16..480).map(|i| connect(2 + (i % 4) as u8)).collect();
+    for path in ["/healthz", "/readyz"] {
+        assert!(service.get(path).unwrap().starts_with("HTTP/1.1 200"), "{path}");
+    }
+    drop(held);
+    while !service.get("/v1/measurements").is_ok_and(|answer| answer.starts_with("HTTP/1.1 200")) {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    assert_eq!(service.signal("-INT"), Some(0));
 }
 
 #[test]

@@ -10,10 +10,15 @@
 #[path = "../service/mod.rs"]
 mod service;
 
+mod access;
 mod content;
+mod crowd;
 mod exports;
+mod frames;
+mod hostile;
 mod jobs;
 mod queries;
+mod state;
 mod streams;
 mod uploads;
 mod views;

@@ -319,7 +319,7 @@ async fn huge_counts_cost_nothing() {
     for length in [(1_u64 << 60).to_string(), (u64::MAX - 15).to_string()] {
         let mut stream = tokio::net::TcpStream::connect(&address).await.unwrap();
         let head = format!(
-            "POST {}/evaluate HTTP/1.1\r\nhost: x\r\ncontent-type: {FLOATS}\r\ncontent-length: {length}\r\n\r\n",
+            "POST {}/evaluate HTTP/1.1\r\nhost: localhost\r\ncontent-type: {FLOATS}\r\ncontent-length: {length}\r\n\r\n",
             asked.path
         );
         stream.write_all(&[head.as_bytes(), &packed(&pairs(1))].concat()).await.unwrap();
@@ -354,7 +354,7 @@ async fn a_client_that_does_not_read_is_not_read_from_and_nobody_waits_for_it() 
     let address = asked.service.base.trim_start_matches("http://").to_owned();
     let (mut input, mut output) = tokio::net::TcpStream::connect(&address).await.unwrap().into_split();
     let head = format!(
-        "POST {}/evaluate HTTP/1.1\r\nhost: x\r\ncontent-type: {FLOATS}\r\ncontent-length: {}\r\n\r\n",
+        "POST {}/evaluate HTTP/1.1\r\nhost: localhost\r\ncontent-type: {FLOATS}\r\ncontent-length: {}\r\n\r\n",
         asked.path,
         1_u64 << 40
     );

@@ -28,7 +28,9 @@ async fn the_root_says_what_this_is_and_how_it_is() {
     assert_eq!(axes["quantity"], "brdf");
     assert_eq!(service.get("/v1/formats/lm-63/template").send().await.unwrap().status(), 404);
     let bases: Value = service.get("/v1/bases").send().await.unwrap().json().await.unwrap();
-    assert!(bases.as_array().unwrap().iter().any(|basis| basis["name"] == "bior4.4"));
+    for name in ["bior4.4", "klt"] {
+        assert!(bases.as_array().unwrap().iter().any(|basis| basis["name"] == name), "{name}");
+    }
     service.stop().await;
 }
 
@@ -48,19 +50,6 @@ async fn whatever_goes_wrong_is_a_problem() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn other_origins_read_and_do_not_write() {
-    let data = tempfile::tempdir().unwrap();
-    let service = Service::start(config(data.path())).await;
-    let read = service.get("/v1/formats").header("origin", "https://example.org").send().await.unwrap();
-    assert_eq!(read.headers()["access-control-allow-origin"], "*");
-    let write = service.post("/v1/measurements").header("origin", "https://example.org").body(D65);
-    problem(write, 403, "cross-origin-write").await;
-    let own = service.post("/v1/measurements").header("origin", &service.base).body(D65).send().await.unwrap();
-    assert_eq!(own.status(), StatusCode::CREATED);
-    service.stop().await;
-}
-
-#[tokio::test(flavor = "multi_thread")]
 async fn slow_and_broken_clients_are_not_waited_for() {
     let data = tempfile::tempdir().unwrap();
     let mut config = config(data.path());
@@ -74,13 +63,13 @@ async fn slow_and_broken_clients_are_not_waited_for() {
         let _ = stream.read_to_end(&mut answer).await;
         String::from_utf8_lossy(&answer).into_owned()
     };
-    let half_a_body = b"POST /v1/measurements HTTP/1.1\r\nhost: x\r\ncontent-length: 1000\r\n\r\nhalf";
+    let half_a_body = b"POST /v1/measurements HTTP/1.1\r\nhost: localhost\r\ncontent-length: 1000\r\n\r\nhalf";
     assert!(talk(half_a_body).await.contains("urn:wavelume:problem:too-slow"));
     let half_a_header = b"POST /v1/measurements HTTP/1.1\r\nho";
     let answer = talk(half_a_header).await;
     assert!(answer.is_empty() || answer.starts_with("HTTP/1.1 408"), "{answer}");
     let oversize =
-        b"POST /v1/measurements HTTP/1.1\r\nhost: x\r\nconnection: close\r\ncontent-length: 99999999999\r\n\r\n";
+        b"POST /v1/measurements HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\ncontent-length: 99999999999\r\n\r\n";
     assert!(talk(oversize).await.contains("urn:wavelume:problem:too-large"));
 
     let mut stream = tokio::net::TcpStream::connect(&address).await.unwrap();
@@ -90,7 +79,7 @@ async fn slow_and_broken_clients_are_not_waited_for() {
     let large = npy(&[100, 1024, 75]);
     let path = service.upload("", large.clone()).await["links"]["content"].as_str().unwrap().to_owned();
     let mut deaf = tokio::net::TcpStream::connect(&address).await.unwrap();
-    deaf.write_all(format!("GET {path} HTTP/1.1\r\nhost: x\r\n\r\n").as_bytes()).await.unwrap();
+    deaf.write_all(format!("GET {path} HTTP/1.1\r\nhost: localhost\r\n\r\n").as_bytes()).await.unwrap();
     tokio::time::sleep(Duration::from_secs(2)).await;
     let mut heard = Vec::new();
     let _ = deaf.read_to_end(&mut heard).await;

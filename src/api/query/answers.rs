@@ -1,5 +1,6 @@
 //! Answers of a batch as JSON, as lines, and as little-endian f32.
 
+use super::super::schemas::{Angles, UnitName};
 use super::media::Encoding;
 use super::question::Question;
 use crate::domain::Unit;
@@ -27,7 +28,7 @@ pub(super) struct SpectrumAnswer {
     /// One a wavelength; null where masked.
     #[schema(value_type = Vec<Option<f32>>)]
     pub(super) values: Vec<f32>,
-    #[schema(value_type = String)]
+    #[schema(value_type = UnitName)]
     pub(super) unit: Unit,
 }
 
@@ -40,7 +41,7 @@ pub(super) struct EvaluateAnswer {
     /// `[pair][wavelength]`; null where masked.
     #[schema(value_type = Vec<Vec<Option<f32>>>)]
     values: Rows,
-    #[schema(value_type = String)]
+    #[schema(value_type = UnitName)]
     unit: Unit,
 }
 
@@ -79,6 +80,7 @@ pub(super) struct PdfAnswer {
 #[schema(as = Samples)]
 pub(super) struct SampleAnswer {
     /// `[θ, φ]` in degrees; null where nothing is emitted or reflected.
+    #[schema(value_type = Vec<Option<Angles>>)]
     directions: Vec<Option<[f64; 2]>>,
     /// In sr⁻¹.
     pdf: Vec<f64>,

@@ -1,7 +1,9 @@
 //! Batches by POST: what each asks for, and the three encodings it comes in.
 
 use super::super::extract::{Id, JsonBytes, Query, declared_length, linger, parse_json};
+use super::super::places::Peer;
 use super::super::problem::{Kind, Problem};
+use super::super::schemas::{Angles, Binary, DigestText, Lines, OneOrMoreAngles};
 use super::super::state::App;
 use super::answers::{AlbedosAnswer, EvaluateAnswer, PdfAnswer, SampleAnswer};
 use super::blocks::{Cutter, Source, cut_off};
@@ -30,9 +32,11 @@ use utoipa::ToSchema;
 struct EvaluateRequest {
     /// Incoming, for quantities that have one.
     #[serde(default)]
+    #[schema(value_type = Option<Vec<Angles>>)]
     wi: Option<Vec<[f64; 2]>>,
     /// Outgoing, for quantities that have one.
     #[serde(default)]
+    #[schema(value_type = Option<Vec<Angles>>)]
     wo: Option<Vec<[f64; 2]>>,
     /// In nm; the material's own if nothing is said.
     #[serde(default)]
@@ -54,11 +58,14 @@ struct EvaluateRequest {
 struct PdfRequest {
     /// Incoming, for quantities that have one.
     #[serde(default)]
+    #[schema(value_type = Option<Vec<Angles>>)]
     wi: Option<Vec<[f64; 2]>>,
     /// Outgoing.
+    #[schema(value_type = Vec<Angles>, min_items = 1)]
     wo: Vec<[f64; 2]>,
     /// The subdivision level at which directions are drawn; the material's own if nothing is said.
     #[serde(default)]
+    #[schema(maximum = 255)]
     level: Option<u8>,
     /// One entry, from 0, for each leading index axis.
     #[serde(default)]
@@ -71,15 +78,19 @@ struct PdfRequest {
 struct SampleRequest {
     /// The incoming direction in degrees, or several, for quantities that have one.
     #[serde(default)]
+    #[schema(value_type = Option<OneOrMoreAngles>)]
     wi: Option<OneOrMore>,
     /// How many for each incoming direction.
     #[serde(default = "one")]
+    #[schema(minimum = 1)]
     count: usize,
     /// The same seed gives the same directions anywhere.
     #[serde(default)]
+    #[schema(maximum = 18_446_744_073_709_551_615_usize)]
     seed: u64,
     /// Stop the descent at this subdivision level.
     #[serde(default)]
+    #[schema(maximum = 255)]
     level: Option<u8>,
     /// One entry, from 0, for each leading index axis.
     #[serde(default)]
@@ -92,6 +103,7 @@ struct SampleRequest {
 struct AlbedoRequest {
     /// For quantities that have an incoming direction.
     #[serde(default)]
+    #[schema(value_type = Option<Vec<Angles>>)]
     wi: Option<Vec<[f64; 2]>>,
     /// `smooth` (the default) or `constant`.
     #[serde(default)]
@@ -102,7 +114,7 @@ struct AlbedoRequest {
 }
 
 /// `[θ, φ]` or a list of such.
-#[derive(Debug, Deserialize, ToSchema)]
+#[derive(Debug, Deserialize)]
 #[serde(untagged, expecting = "wi: expected [theta, phi] in degrees or a list of such")]
 enum OneOrMore {
     One([f64; 2]),
@@ -121,11 +133,11 @@ type Parse = fn(&[u8], usize) -> Result<(Question, Places), Problem>;
 #[utoipa::path(
     post, path = "/v1/materials/{id}/evaluate", tag = "evaluation",
     request_body(content(
-        (EvaluateRequest = "application/json"), (Line = "application/x-ndjson"), (String = "application/octet-stream"),
+        (EvaluateRequest = "application/json"), (Line = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )),
-    params(("id" = String, Path, description = "The material"), EvaluateOptions),
+    params(("id" = DigestText, Path, description = "The material"), EvaluateOptions),
     responses((status = 200, description = "The spectra; a line has `values`", content(
-        (EvaluateAnswer = "application/json"), (String = "application/x-ndjson"), (String = "application/octet-stream"),
+        (EvaluateAnswer = "application/json"), (Lines = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )))
 )]
 pub(super) async fn evaluate(
@@ -160,11 +172,11 @@ pub(super) async fn evaluate(
 #[utoipa::path(
     post, path = "/v1/materials/{id}/pdf", tag = "evaluation",
     request_body(content(
-        (PdfRequest = "application/json"), (Line = "application/x-ndjson"), (String = "application/octet-stream"),
+        (PdfRequest = "application/json"), (Line = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )),
-    params(("id" = String, Path, description = "The material"), PdfOptions),
+    params(("id" = DigestText, Path, description = "The material"), PdfOptions),
     responses((status = 200, description = "The densities; a line has `pdf`", content(
-        (PdfAnswer = "application/json"), (String = "application/x-ndjson"), (String = "application/octet-stream"),
+        (PdfAnswer = "application/json"), (Lines = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )))
 )]
 pub(super) async fn pdf(
@@ -190,11 +202,11 @@ pub(super) async fn pdf(
 #[utoipa::path(
     post, path = "/v1/materials/{id}/sample", tag = "evaluation",
     request_body(content(
-        (SampleRequest = "application/json"), (Line = "application/x-ndjson"), (String = "application/octet-stream"),
+        (SampleRequest = "application/json"), (Line = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )),
-    params(("id" = String, Path, description = "The material"), SampleOptions),
+    params(("id" = DigestText, Path, description = "The material"), SampleOptions),
     responses((status = 200, description = "The directions; a line has `direction`, `pdf`, `weight`", content(
-        (SampleAnswer = "application/json"), (String = "application/x-ndjson"), (String = "application/octet-stream"),
+        (SampleAnswer = "application/json"), (Lines = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )))
 )]
 pub(super) async fn sample(
@@ -226,11 +238,11 @@ pub(super) async fn sample(
 #[utoipa::path(
     post, path = "/v1/materials/{id}/albedo", tag = "evaluation",
     request_body(content(
-        (AlbedoRequest = "application/json"), (Line = "application/x-ndjson"), (String = "application/octet-stream"),
+        (AlbedoRequest = "application/json"), (Line = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )),
-    params(("id" = String, Path, description = "The material"), AlbedoOptions),
+    params(("id" = DigestText, Path, description = "The material"), AlbedoOptions),
     responses((status = 200, description = "The albedos; a line has `values`", content(
-        (AlbedosAnswer = "application/json"), (String = "application/x-ndjson"), (String = "application/octet-stream"),
+        (AlbedosAnswer = "application/json"), (Lines = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )))
 )]
 pub(super) async fn albedo(
@@ -261,6 +273,7 @@ async fn answer(
     plain: bool,
     parse: Parse,
 ) -> Result<Response, Problem> {
+    let peer = Peer::of_request(&request);
     let headers = request.headers();
     let checked = check(headers, question, plain);
     let (body, answer, question) = match checked {
@@ -284,7 +297,7 @@ async fn answer(
         let parsed = app.engine.queries.run(move || parse(&json.bytes, engine.limits.drawn)).await?;
         let (question, places) = parsed?;
         let source = Source::Listed { places: Arc::new(places), next: 0 };
-        return stream(&app, material, question, source, answer, None).await;
+        return stream(&app, peer, material, question, source, answer, None).await;
     }
     let question = question.simplified(&material);
     let (cutter, length) = if body == Encoding::Lines {
@@ -304,7 +317,7 @@ async fn answer(
         (Cutter::floats(directions), declared.filter(|_| floats).and_then(answered))
     };
     let pieces = ReadAhead::new(request.into_body(), app.engine.limits.idle);
-    stream(&app, material, question, Source::body(pieces, cutter), answer, length).await
+    stream(&app, peer, material, question, Source::body(pieces, cutter), answer, length).await
 }
 
 /// The encodings of body and answer, and what is asked.

@@ -29,7 +29,7 @@ mod stream;
 pub(super) use one::compute;
 pub(super) use options::{direction, indices, read};
 
-use super::materials::absent;
+use super::materials::known;
 use super::problem::{Kind, Problem};
 use super::state::App;
 use crate::evaluate::Material;
@@ -48,14 +48,9 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(batch::sample))
 }
 
-/// The opened material; the catalog is asked only when it is not open.
+/// The opened form of a material that the catalog knows.
 pub(super) async fn open(app: &App, id: Digest) -> Result<Arc<Material>, Problem> {
-    if let Some(material) = app.engine.opened(id).await {
-        return Ok(material);
-    }
-    if app.engine.archive.catalog.material(id).await?.is_none() {
-        return Err(Problem::new(Kind::NotFound, absent(id)));
-    }
+    known(app, id).await?;
     app.engine.material(id).await.map_err(|error| Problem::from(&*error))
 }
 

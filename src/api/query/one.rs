@@ -2,6 +2,7 @@
 
 use super::super::extract::{Id, Query};
 use super::super::problem::Problem;
+use super::super::schemas::{DigestText, DirectionText, IndexText, WavelengthsText};
 use super::super::state::App;
 use super::answers::{AlbedoAnswer, SpectrumAnswer};
 use super::open;
@@ -19,12 +20,16 @@ use utoipa::IntoParams;
 #[into_params(parameter_in = Query)]
 pub(super) struct SpectrumQuery {
     /// The incoming direction `θ,φ` in degrees, for quantities that have one.
+    #[param(value_type = Option<DirectionText>)]
     wi: Option<String>,
     /// The outgoing direction `θ,φ` in degrees, for quantities that have one.
+    #[param(value_type = Option<DirectionText>)]
     wo: Option<String>,
     /// `A,B,C` or `START:STOP:STEP` in nm; the material's own if nothing is said.
+    #[param(value_type = Option<WavelengthsText>)]
     wavelengths: Option<String>,
     /// One entry, from 0, for each leading index axis: `I,J`.
+    #[param(value_type = Option<IndexText>)]
     index: Option<String>,
     /// `smooth` (the default) or `constant`.
     interpolation: Option<How>,
@@ -38,8 +43,10 @@ pub(super) struct SpectrumQuery {
 #[into_params(parameter_in = Query)]
 pub(super) struct AlbedoQuery {
     /// The incoming direction `θ,φ` in degrees, for quantities that have one.
+    #[param(value_type = Option<DirectionText>)]
     wi: Option<String>,
     /// One entry, from 0, for each leading index axis: `I,J`.
+    #[param(value_type = Option<IndexText>)]
     index: Option<String>,
     /// `smooth` (the default) or `constant`.
     interpolation: Option<How>,
@@ -48,7 +55,7 @@ pub(super) struct AlbedoQuery {
 /// One spectrum.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/spectrum", tag = "evaluation",
-    params(("id" = String, Path, description = "The material"), SpectrumQuery),
+    params(("id" = DigestText, Path, description = "The material"), SpectrumQuery),
     responses((status = 200, description = "The spectrum", body = SpectrumAnswer))
 )]
 pub(super) async fn get_spectrum(
@@ -79,7 +86,7 @@ pub(super) async fn get_spectrum(
 /// The integral over outgoing directions: the directional albedo of a BRDF or BTDF, the flux of an emission.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/albedo", tag = "evaluation",
-    params(("id" = String, Path, description = "The material"), AlbedoQuery),
+    params(("id" = DigestText, Path, description = "The material"), AlbedoQuery),
     responses((status = 200, description = "The albedo", body = AlbedoAnswer))
 )]
 pub(super) async fn get_albedo(

@@ -1,6 +1,7 @@
 //! What may be asked beside directions, from query strings and JSON alike.
 
 use super::super::problem::{Kind, Problem};
+use super::super::schemas::{IndexText, WavelengthsText};
 use super::places::{Angles, check};
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Direction, WavelengthGrid};
@@ -35,12 +36,14 @@ pub(super) enum Outside {
 #[into_params(parameter_in = Query)]
 pub(super) struct EvaluateOptions {
     /// NDJSON and f32 only: `A,B,C` or `START:STOP:STEP` in nm; the material's own if nothing is said.
+    #[param(value_type = Option<WavelengthsText>)]
     pub(super) wavelengths: Option<String>,
     /// NDJSON and f32 only: `smooth` (the default) or `constant`.
     pub(super) interpolation: Option<How>,
     /// NDJSON and f32 only, outside the measured wavelengths: `masked` (the default), `zero` or `nearest`.
     pub(super) beyond: Option<Outside>,
     /// NDJSON and f32 only: one entry, from 0, for each leading index axis, `I,J`.
+    #[param(value_type = Option<IndexText>)]
     pub(super) index: Option<String>,
 }
 
@@ -50,8 +53,10 @@ pub(super) struct EvaluateOptions {
 #[into_params(parameter_in = Query)]
 pub(super) struct PdfOptions {
     /// NDJSON and f32 only: the subdivision level at which directions are drawn; the material's own if nothing is said.
+    #[param(maximum = 255)]
     pub(super) level: Option<u8>,
     /// NDJSON and f32 only: one entry, from 0, for each leading index axis, `I,J`.
+    #[param(value_type = Option<IndexText>)]
     pub(super) index: Option<String>,
 }
 
@@ -61,10 +66,13 @@ pub(super) struct PdfOptions {
 #[into_params(parameter_in = Query)]
 pub(super) struct SampleOptions {
     /// NDJSON and f32 only: the same seed gives the same directions anywhere; 0 if nothing is said.
+    #[param(maximum = 18_446_744_073_709_551_615_usize)]
     pub(super) seed: Option<u64>,
     /// NDJSON and f32 only: stop the descent at this subdivision level.
+    #[param(maximum = 255)]
     pub(super) level: Option<u8>,
     /// NDJSON and f32 only: one entry, from 0, for each leading index axis, `I,J`.
+    #[param(value_type = Option<IndexText>)]
     pub(super) index: Option<String>,
 }
 
@@ -76,6 +84,7 @@ pub(super) struct AlbedoOptions {
     /// NDJSON and f32 only: `smooth` (the default) or `constant`.
     pub(super) interpolation: Option<How>,
     /// NDJSON and f32 only: one entry, from 0, for each leading index axis, `I,J`.
+    #[param(value_type = Option<IndexText>)]
     pub(super) index: Option<String>,
 }
 

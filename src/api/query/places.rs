@@ -2,6 +2,7 @@
 
 use super::super::extract::parse_json;
 use super::super::problem::Problem;
+use super::super::schemas;
 use super::invalid;
 use crate::domain::Direction;
 use bytes::Bytes;
@@ -56,9 +57,11 @@ pub(super) enum Records {
 pub(super) struct Line {
     /// `[theta, phi]`, for quantities and questions that have one.
     #[serde(default)]
+    #[schema(value_type = Option<schemas::Angles>)]
     wi: Option<[f64; 2]>,
     /// `[theta, phi]`, for quantities and questions that have one.
     #[serde(default)]
+    #[schema(value_type = Option<schemas::Angles>)]
     wo: Option<[f64; 2]>,
 }
 

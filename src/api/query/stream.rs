@@ -1,6 +1,7 @@
 //! A batch answered: whole as JSON, or block by block as a stream in bounded memory.
 
-use super::super::problem::{Kind, Problem};
+use super::super::places::{Peer, Place};
+use super::super::problem::Problem;
 use super::super::state::App;
 use super::answers::Answers;
 use super::blocks::{Block, Source};
@@ -18,7 +19,6 @@ use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::io;
 use std::sync::Arc;
-use tokio::sync::OwnedSemaphorePermit;
 use tokio_util::task::AbortOnDropHandle;
 
 /// Records evaluated for one turn on the threads.
@@ -66,14 +66,14 @@ pub(super) fn whole(
 /// The answer block by block. `bytes` is its length, if that is known.
 pub(super) async fn stream(
     app: &App,
+    peer: Peer,
     material: Arc<Material>,
     question: Question,
     source: Source,
     encoding: Encoding,
     bytes: Option<u64>,
 ) -> Result<Response, Problem> {
-    let place = Arc::clone(&app.streams).try_acquire_owned();
-    let place = place.map_err(|_| Problem::new(Kind::Overloaded, "too many streams are under way"))?;
+    let place = app.held.streams.take(peer, 1)?;
     let width = question.width(&material);
     let most = BLOCK.min(BLOCK_VALUES / width).max(1);
     let asked = Arc::new((material, question));
@@ -86,11 +86,11 @@ pub(super) async fn stream(
         .map(move |block| {
             let (asked, queries) = (Arc::clone(&asked), queries.clone());
             // A task of its own takes the turn when it comes, even while the client does not read.
-            AbortOnDropHandle::new(tokio::spawn(async move {
+            AbortOnDropHandle::new(tokio::spawn(peer.on_behalf(async move {
                 let block = block?;
                 let sent = queries.run_in_turn(move || send(&asked.0, &asked.1, &block, width, encoding)).await?;
                 Ok::<_, Problem>(sent)
-            }))
+            })))
         })
         .buffered(BLOCKS)
         .map(|sent| {
@@ -119,7 +119,7 @@ pub(super) async fn stream(
 struct Sending {
     answered: BoxStream<'static, Sent>,
     sent: Sent,
-    _place: OwnedSemaphorePermit,
+    _place: Place,
 }
 
 impl Sending {

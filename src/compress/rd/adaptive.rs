@@ -8,6 +8,8 @@ use super::spectrum::{Basis, components};
 use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Payload, Rows, code_coefficients};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Klt, Plan, PlanError};
+use std::cell::RefCell;
+use std::rc::Rc;
 
 /// Logarithms and their principal components.
 pub(crate) struct AdaptiveLayer<'a> {
@@ -16,6 +18,16 @@ pub(crate) struct AdaptiveLayer<'a> {
     transforms: Vec<AxisTransform>,
     klt: Klt,
     logs: Vec<f32>,
+    /// Coefficients of the last fineness: a size and an error are asked for one after the other.
+    last: RefCell<Option<(Fineness, Rc<Coefficients>)>>,
+}
+
+/// Coefficients on the basis of one fineness, transformed on the other axes.
+struct Coefficients {
+    basis: Basis,
+    chunk: Vec<u8>,
+    /// `None` where the planes' axes cannot be transformed, which `AdaptiveLayer::new` excludes.
+    planes: Option<(Plan, Scales, Rows, Vec<f32>)>,
 }
 
 impl<'a> AdaptiveLayer<'a> {
@@ -23,13 +35,23 @@ impl<'a> AdaptiveLayer<'a> {
     pub(crate) fn new(axes: &[Axis], classes: Option<&'a [Class]>, logs: Vec<f32>) -> Result<Self, String> {
         let length = axes.last().map_or(1, Axis::len);
         let klt = components(&logs, length)?;
-        let transforms = axes.iter().map(|axis| transform_of(axis, SpectralBasis::Klt)).collect();
-        Ok(Self { axes: axes.to_vec(), classes, transforms, klt, logs })
+        let transforms: Vec<_> = axes.iter().map(|axis| transform_of(axis, SpectralBasis::Klt)).collect();
+        plan_of_planes(axes, &transforms, 1).map_err(|e| e.to_string())?;
+        Ok(Self { axes: axes.to_vec(), classes, transforms, klt, logs, last: RefCell::new(None) })
     }
 
-    /// The basis at `fineness` and its chunk.
-    fn basis_at(&self, fineness: Fineness) -> (Basis, Vec<u8>) {
-        Basis::encode(&self.klt, &self.axes, self.logs.len() / self.klt.length(), fineness)
+    /// The coefficients at `fineness`.
+    fn at(&self, fineness: Fineness) -> Rc<Coefficients> {
+        if let Some((known, coefficients)) = &*self.last.borrow()
+            && *known == fineness
+        {
+            return Rc::clone(coefficients);
+        }
+        let (basis, chunk) = Basis::encode(&self.klt, &self.axes, self.logs.len() / self.klt.length(), fineness);
+        let planes = self.planes(&basis).ok();
+        let coefficients = Rc::new(Coefficients { basis, chunk, planes });
+        self.last.replace(Some((fineness, Rc::clone(&coefficients))));
+        coefficients
     }
 
     /// Coefficients on the basis, transformed on the other axes.
@@ -45,33 +67,33 @@ impl<'a> AdaptiveLayer<'a> {
 
 impl FirstLayer for AdaptiveLayer<'_> {
     fn approximate(&self, fineness: Fineness, logs: &mut [f32]) {
-        let (basis, _) = self.basis_at(fineness);
-        if let Ok((plan, scales, _, planes)) = self.planes(&basis) {
+        let at = self.at(fineness);
+        if let Some((plan, scales, _, planes)) = &at.planes {
             let mut decoded = vec![0.0; planes.len()];
-            scales.requantise(fineness.step, &planes, &mut decoded);
+            scales.requantise(fineness.step, planes, &mut decoded);
             plan.inverse(&mut decoded);
-            basis.synthesise(&decoded, logs);
+            at.basis.synthesise(&decoded, logs);
         }
     }
 
     fn chunks(&self, fineness: Fineness) -> Vec<(ChunkKind, Vec<u8>)> {
-        let (basis, chunk) = self.basis_at(fineness);
-        let mut chunks = vec![(ChunkKind::Basis, chunk)];
-        if let Ok((_, scales, rows, planes)) = self.planes(&basis) {
+        let at = self.at(fineness);
+        let mut chunks = vec![(ChunkKind::Basis, at.chunk.clone())];
+        if let Some((_, scales, rows, planes)) = &at.planes {
             let mut quantised = vec![0; planes.len()];
-            scales.quantise(fineness.step, &planes, &mut quantised);
+            scales.quantise(fineness.step, planes, &mut quantised);
             let mut encoder = Encoder::default();
-            code_coefficients(&mut encoder, &rows, Payload::Integer, &mut quantised);
+            code_coefficients(&mut encoder, rows, Payload::Integer, &mut quantised);
             chunks.push((ChunkKind::Coefficients, encoder.finish()));
         }
         chunks
     }
 
     fn kept(&self, fineness: Fineness) -> u64 {
-        let (basis, _) = self.basis_at(fineness);
-        let planes = self.planes(&basis).map_or(0, |(_, scales, _, planes)| scales.count_kept(fineness.step, &planes));
+        let at = self.at(fineness);
+        let planes = at.planes.as_ref().map_or(0, |(_, scales, _, planes)| scales.count_kept(fineness.step, planes));
         // The basis itself is part of what is kept.
-        planes + basis.entries() as u64
+        planes + at.basis.entries() as u64
     }
 
     fn transforms(&self) -> &[AxisTransform] {

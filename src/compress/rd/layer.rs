@@ -1,12 +1,15 @@
 //! The first layer of a file: what approximates the logarithms at a step, in a fixed basis on every axis.
 
 use super::super::SpectralBasis;
+use super::super::effort::Tally;
 use super::super::rows::{clear_uncoded, coding_order};
 use super::super::scales::Scales;
+use super::super::search::Notch;
 use super::super::values::Values;
 use crate::codec::{ChunkKind, Class, Encoder, Payload, Rows, code_coefficients};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan, PlanError, SphereBasis, Weights};
+use std::cell::Cell;
 
 /// How finely a layer is quantised.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,7 +30,7 @@ impl Fineness {
 
     /// The same choices at `step`, or the largest step below it that a header can hold: 8 significant bits.
     pub(crate) fn at(self, step: f32) -> Self {
-        Self { step: f32::from_bits(step.max(f32::MIN_POSITIVE).to_bits() >> 16 << 16), ..self }
+        Self { step: Notch::below(step).value(), ..self }
     }
 }
 
@@ -44,6 +47,10 @@ pub(crate) trait FirstLayer {
     fn chunks(&self, fineness: Fineness) -> Vec<(ChunkKind, Vec<u8>)>;
     /// Coefficients that are not 0 at `fineness`.
     fn kept(&self, fineness: Fineness) -> u64;
+    /// Returns true where `kept` only counts; other layers must code to tell.
+    fn counts_alone(&self) -> bool {
+        false
+    }
     /// What happens to each axis.
     fn transforms(&self) -> &[AxisTransform];
     /// The basis on the spectral axis.
@@ -99,12 +106,73 @@ impl FirstLayer for FixedLayer {
         self.scales.count_kept(fineness.step, &self.coefficients)
     }
 
+    fn counts_alone(&self) -> bool {
+        true
+    }
+
     fn transforms(&self) -> &[AxisTransform] {
         &self.transforms
     }
 
     fn basis(&self) -> SpectralBasis {
         self.basis
+    }
+}
+
+/// A layer whose trials are counted: one for each change of the fineness.
+pub(crate) struct Counted<'a> {
+    layer: Box<dyn FirstLayer + 'a>,
+    tally: &'a Tally,
+    samples: usize,
+    last: Cell<Option<Fineness>>,
+}
+
+impl<'a> Counted<'a> {
+    /// Counts trials of `layer`, which stands for so many samples, in `tally`.
+    pub(crate) fn new(layer: Box<dyn FirstLayer + 'a>, tally: &'a Tally, samples: usize) -> Self {
+        Self { layer, tally, samples, last: Cell::new(None) }
+    }
+
+    /// The layer, about to be tried at `fineness`.
+    fn tried(&self, fineness: Fineness) -> &(dyn FirstLayer + 'a) {
+        if self.last.replace(Some(fineness)) != Some(fineness) {
+            self.tally.add(self.samples);
+        }
+        &*self.layer
+    }
+}
+
+impl FirstLayer for Counted<'_> {
+    fn approximate(&self, fineness: Fineness, logs: &mut [f32]) {
+        self.tried(fineness).approximate(fineness, logs);
+    }
+
+    fn magnitudes(&self, fineness: Fineness, values: Values, magnitudes: &mut [f32]) {
+        self.tried(fineness).magnitudes(fineness, values, magnitudes);
+    }
+
+    fn chunks(&self, fineness: Fineness) -> Vec<(ChunkKind, Vec<u8>)> {
+        self.tried(fineness).chunks(fineness)
+    }
+
+    fn kept(&self, fineness: Fineness) -> u64 {
+        if self.counts_alone() { self.layer.kept(fineness) } else { self.tried(fineness).kept(fineness) }
+    }
+
+    fn counts_alone(&self) -> bool {
+        self.layer.counts_alone()
+    }
+
+    fn transforms(&self) -> &[AxisTransform] {
+        self.layer.transforms()
+    }
+
+    fn basis(&self) -> SpectralBasis {
+        self.layer.basis()
+    }
+
+    fn is_predicted(&self) -> bool {
+        self.layer.is_predicted()
     }
 }
 

@@ -8,7 +8,8 @@
 //!            varint  how many bytes of what follows the levels it needs, no more than there are, less those of the level
 //!                    before
 //!            u8 k    er(L2) of the level, rounded up to 2^((k − 140) / 8); 0 is 0, 255 more
-//!          a first varint 0 ends the index: there are no coarser levels, because every block is decoded by itself;
+//!          a first varint 0 ends the index: there are no coarser levels, because every block is decoded by itself, or because
+//!          their samples would lie beyond float32;
 //!          then, if there are such levels: varint length, range-coded steps of the brightness: for each of these levels and
 //!          each representative k, which stands for a factor exp(0.015 k); nothing where all are 0
 //! ```
@@ -149,6 +150,7 @@ fn insert_and<T>(
     let representatives = orbits.iter().max().map_or(0, |&last| last as usize + 1);
     let mut index = LevelIndex { entries: Vec::new(), brightness: &[] };
     let mut steps = Vec::new();
+    let mut beyond = false;
     let levels = predictive::Levels::new(&header.axes, classes.as_deref(), header.step, chunks)?;
     for level in 0..finest.mesh.level() {
         let (mut decoded, end) = averages_at(header, classes.as_deref(), &levels, level);
@@ -156,8 +158,15 @@ fn insert_and<T>(
         let grid = finest.at(level);
         let wanted = grid.brightness(header.quantity, &original, &orbits, representatives);
         let found = grid.brightness(header.quantity, &decoded, &orbits, representatives);
-        let here: Vec<i32> = wanted.iter().zip(&found).map(|(&wanted, &found)| step_of(wanted, found)).collect();
+        let mut here: Vec<i32> = wanted.iter().zip(&found).map(|(&wanted, &found)| step_of(wanted, found)).collect();
+        let plain = decoded.clone();
         grid.brighten(&here, &orbits, &mut decoded);
+        if decoded.iter().any(|s| s.is_infinite()) {
+            // Near the end of float32 a level keeps its light only as far as that goes.
+            decoded = plain;
+            here.fill(0);
+        }
+        beyond |= decoded.iter().any(|s| s.is_infinite());
         let errors = ErrorReport::measure(&original, &decoded, f64::from(header.floor));
         // What a decoder reads beyond the end are zeros, which are not there.
         index.entries.push(LevelEntry { end: end.min(coded.len()), error: error_code(errors.er_l2) });
@@ -165,6 +174,12 @@ fn insert_and<T>(
     }
     let more = more(header, &levels);
     drop(levels);
+    if beyond {
+        // No reader would take such a level: the material is stored without coarser ones.
+        let payload = [&[0], coded].concat();
+        replace(parts, payload);
+        return Ok(Some(more));
+    }
     let mut brightness = Vec::new();
     if steps.iter().any(|&step| step != 0) {
         let mut encoder = Encoder::default();

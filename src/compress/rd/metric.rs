@@ -2,14 +2,16 @@
 
 use super::super::decode::apply_classes;
 use super::super::promise::colours_of;
-use super::super::search::{Falling, largest};
+use super::super::refusal;
+use super::super::search::Falling;
 use super::super::target::Bound;
-use super::super::{CompressError, Target};
-use super::REFINEMENTS;
+use super::super::{CompressError, SpectralBasis, Target};
+use super::{COARSE, largest_falling};
 use crate::codec::Class;
 use crate::domain::colour::SpectraColours;
 use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
 use std::borrow::Cow;
+use std::cell::Cell;
 
 /// What the decoded samples are measured by.
 enum Metric {
@@ -34,8 +36,13 @@ pub(super) struct Trial<'a, F> {
 }
 
 impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
-    /// The largest step that keeps `target`, which bounds an error; `None` if no step does.
-    pub(super) fn largest_step(&self, target: Target, progress: &dyn Progress) -> Result<Option<f64>, CompressError> {
+    /// The largest step that keeps `target`, which bounds an error. Where none does, `closest` is the smallest error found.
+    pub(super) fn largest_step(
+        &self,
+        target: Target,
+        (basis, finest, closest): (SpectralBasis, f64, &Cell<f64>),
+        progress: &dyn Progress,
+    ) -> Result<f64, CompressError> {
         let metric = match (target, target.bound()) {
             (Target::DeltaE(wanted), _) => {
                 Metric::Colours(Box::new(colours_of(self.measurement, wanted)?), wanted.at_most)
@@ -48,8 +55,9 @@ impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
         let negated = matches!(target, Target::ErL1(_)) && !samples.iter().any(|&s| s > 0.0 && s >= self.floor);
         let original = if negated { Cow::Owned(samples.iter().map(|s| -s).collect()) } else { Cow::Borrowed(samples) };
         let mut decoded = vec![0.0; original.len()];
-        let mut falling = Falling::default();
-        let keeps = |step: f64| {
+        let coarse = if self.linear { f64::INFINITY } else { COARSE };
+        // The error at a step, and whether it is kept.
+        let mut measure = |step: f64| {
             if progress.is_cancelled() {
                 return Err(CompressError::from(Cancelled));
             }
@@ -63,23 +71,35 @@ impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
                 }
             }
             let errors = || ErrorReport::measure(&original, &decoded, f64::from(self.floor));
-            Ok(match &metric {
+            let (found, keeps) = match &metric {
                 Metric::Colours(colours, at_most) => {
-                    colours.differences(&decoded).largest <= *at_most
-                        && (self.floor == 0.0 || self.keeps_floor(&errors()))
+                    let found = colours.differences(&decoded).largest;
+                    (found, found <= *at_most && (self.floor == 0.0 || self.keeps_floor(&errors())))
                 }
                 Metric::Samples(bound) => {
                     let errors = errors();
-                    let keeps = bound.keeps(&errors) && self.keeps_floor(&errors);
-                    if !keeps && !falling.falls(step, (bound.figure)(&errors)) {
-                        let text = format!("{} {} is more than this basis can follow", bound.name, bound.at_most);
-                        return Err(CompressError::Unreachable(text));
-                    }
-                    keeps
+                    ((bound.figure)(&errors), bound.keeps(&errors) && self.keeps_floor(&errors))
                 }
-            })
+            };
+            closest.set(closest.get().min(found));
+            Ok((found, keeps))
         };
-        largest(self.first_step(target), REFINEMENTS, keeps)
+        let falls = matches!(metric, Metric::Samples(_));
+        let mut falling = Falling::default();
+        let keeps = |step: f64| {
+            let (found, keeps) = measure(step)?;
+            Ok(if keeps || !falls || falling.falls(step, found) || step >= coarse { Ok(keeps) } else { Err(()) })
+        };
+        if let Some(step) = largest_falling(self.first_step(target), keeps)? {
+            return Ok(step);
+        }
+        // The search may have begun where steps are too fine already.
+        measure(finest)?;
+        let wanted = match &metric {
+            Metric::Colours(_, at_most) => ("delta_e", *at_most),
+            Metric::Samples(bound) => (bound.name, bound.at_most),
+        };
+        Err(refusal::cannot_follow(wanted, closest.get(), (basis, self.linear)))
     }
 
     /// Whether what lies below the floor is kept within it, as `promise::keep` asks.

@@ -6,6 +6,7 @@
 
 pub(crate) mod adaptive;
 mod chart;
+mod contest;
 mod folding;
 mod layer;
 pub(crate) mod levels;
@@ -13,29 +14,34 @@ mod metric;
 pub(crate) mod predictive;
 mod pyramid;
 pub(crate) mod shape;
+mod sized;
 mod spectrum;
 mod streams;
 mod symmetry;
 
 use super::decode::apply_classes;
+use super::effort::Tally;
 use super::exponential::add_corrections;
-use super::file::{Parts, assemble, classes_chunk, finish, metadata_with_labels};
+use super::file::{Parts, classes_chunk, finish};
 use super::fill::fill;
 use super::header::Header;
 use super::light::{self, Light};
+use super::refusal;
 use super::rows::lanes;
-use super::search::{Falling, largest};
+use super::search::{Falling, Until, largest};
 use super::values::{self, Values};
-use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target, estimate_noise};
+use super::{CompressError, Compressed, Policy, Settings, SpectralBasis, Target, estimate_noise};
 use crate::codec::{ChunkKind, Class, Encoder, code_corrections, code_steps};
 use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress};
 use adaptive::AdaptiveLayer;
 use chart::ChartKind;
-use layer::{Fineness, FirstLayer, FixedLayer};
+use layer::{Counted, Fineness, FirstLayer, FixedLayer};
 use metric::Trial;
 use predictive::{Folded, PredictiveLayer};
 use rayon::prelude::*;
 use shape::Shape;
+use sized::Sizes;
+use std::cell::Cell;
 use std::sync::Arc;
 
 /// Entries of an index axis that the data's own basis is tried on.
@@ -44,18 +50,21 @@ const MOST_INDICES: usize = 64;
 const ALL_SYMMETRIES: usize = 8;
 /// Bisections of the step: 2^(1/64) at the end, 1 % of the step.
 const REFINEMENTS: u32 = 6;
-/// With fewer bytes than samples by this factor, nothing of a file is noise.
-const FEW: f64 = 128.0;
+/// Steps from here on may quantise everything to 0, where errors stand still and fall again below.
+const COARSE: f64 = 1.0;
+/// Corrections of a sample at most, in steps: its neighbours are numbers of 32 bits too.
+const LARGEST_CORRECTION: f64 = (1 << 30) as f64;
 /// How much more than one coefficient's noise a coefficient kept for its size takes over.
 const SELECTED: f64 = 3.0;
 
-/// Compresses with every candidate basis to the same step and keeps the smallest file.
+/// Compresses with every candidate basis and keeps the best: the smallest file at a wanted error, the least error at a
+/// wanted size. `tally` counts the trials.
 pub(crate) fn compress(
     measurement: &Measurement,
     settings: &Settings,
     bases: &[SpectralBasis],
     floor: f32,
-    progress: &dyn Progress,
+    (progress, tally): (&dyn Progress, &Tally),
 ) -> Result<Compressed, CompressError> {
     let axes = measurement.tensor.axes();
     let samples = measurement.tensor.samples();
@@ -74,18 +83,19 @@ pub(crate) fn compress(
         _ => None,
     };
     let plane = Plane { values, classes: &classes, coded: classes_coded.as_ref(), counts, noise };
-    let work = |scheme: &Scheme| Work::new(measurement, plane, scheme, settings, floor);
+    let work = |scheme: &Scheme| Work::new(measurement, plane, scheme, settings, (floor, tally));
     let schemes = schemes(measurement, plane, bases, settings, floor)?;
     progress.step(0.05)?;
     let (work, steps, ranking) = match schemes.as_slice() {
         [only] => {
             let work = work(only)?;
-            let steps = work.refined(work.find_steps(progress)?, progress)?;
+            let found = work.find_steps(progress)?;
+            let found = if work.layer.is_predicted() { work.settled(found, progress)? } else { found };
+            let steps = work.refined(found, progress)?;
             (work, steps, None)
         }
         several => {
-            let (work, steps, ranking) =
-                best_of(&work, several, (settings.target, measurement.tensor.len()), progress)?;
+            let (work, steps, ranking) = contest::best_of(&work, several, (settings.target, samples.len()), progress)?;
             (work, steps, Some(ranking))
         }
     };
@@ -203,73 +213,22 @@ fn predicted(
     Ok(schemes)
 }
 
-/// The best scheme with its steps, and the ranking: the fewest bytes at a wanted error, the least error at a wanted size.
-///
-/// At a wanted error wavelets of the same measurement need nearly the same step, so the search of the first serves the
-/// others for the comparison; and they compete only where the data's own basis follows noise, which costs bits a sample.
-fn best_of<'a>(
-    work: &impl Fn(&Scheme) -> Result<Work<'a>, CompressError>,
-    schemes: &[Scheme],
-    (target, samples): (Target, usize),
-    progress: &dyn Progress,
-) -> Result<(Work<'a>, Steps, Vec<Ranked>), CompressError> {
-    let by_error = matches!(target, Target::Ratio(_) | Target::Bytes(_) | Target::Auto);
-    let mut ranking: Vec<Ranked> = Vec::new();
-    let mut best: Option<(f64, &Scheme, Option<Steps>)> = None;
-    // The best candidate itself, where it holds little of its own.
-    let mut best_work = None;
-    let mut shared = None;
-    let mut decoded = Vec::new();
-    for (i, scheme) in schemes.iter().enumerate() {
-        let fixed = matches!(scheme, Scheme::Fixed(_));
-        if fixed && !by_error && best.is_some_and(|(bytes, _, _)| bytes * FEW <= samples as f64) {
-            continue;
+/// The largest step that `keeps` says yes to, from `start`; `None` where none does, or where it says that errors no longer
+/// fall with the step.
+fn largest_falling(
+    start: f64,
+    mut keeps: impl FnMut(f64) -> Result<Result<bool, ()>, CompressError>,
+) -> Result<Option<f64>, CompressError> {
+    let stood = Cell::new(false);
+    let found = largest(start, REFINEMENTS, |step| match keeps(step) {
+        Ok(Ok(kept)) => Ok(kept),
+        Ok(Err(())) => {
+            stood.set(true);
+            Err(CompressError::Unreachable(String::new()))
         }
-        let candidate = work(scheme)?;
-        let own = match shared {
-            Some(_) if fixed && !by_error => None,
-            _ => match candidate.find_steps(progress) {
-                // Few vectors cannot follow noise, and their own bytes may not fit; another basis may.
-                Err(CompressError::Unreachable(_)) if i + 1 < schemes.len() || best.is_some() => continue,
-                found => Some(found?),
-            },
-        };
-        if fixed {
-            shared = shared.or(own);
-        }
-        let Some(steps) = own.or(shared) else { continue };
-        let has_levels = candidate.layer.is_predicted() && !candidate.settings.random_access;
-        let levels = if has_levels { levels::usual_bytes(candidate.measurement) } else { 0 };
-        let bytes = chunk_bytes(&candidate.layer.chunks(steps.first)) + levels;
-        let errors = if by_error {
-            decoded.resize(candidate.original().len(), 0.0);
-            let error = candidate.relative_error(steps.first, &mut decoded, progress)?;
-            // What is nearest to the truth is not what is nearest to the measurement.
-            let risk =
-                if target == Target::Auto { candidate.risk(steps, &mut decoded, progress)?.sqrt() } else { error };
-            Some((error, risk))
-        } else {
-            None
-        };
-        ranking.push(Ranked {
-            basis: scheme.name().to_owned(),
-            bytes: bytes as u64,
-            er_l2: errors.map(|(error, _)| error),
-        });
-        let score = errors.map_or(bytes as f64, |(_, score)| score);
-        if best.is_none_or(|(least, _, _)| score < least) {
-            best = Some((score, scheme, own));
-            best_work = candidate.layer.is_predicted().then_some(candidate);
-        }
-        progress.step(0.05 + 0.5 * (i + 1) as f64 / schemes.len() as f64)?;
-    }
-    let Some((_, scheme, steps)) = best else { return Err(CompressError::Setting("no basis to try".to_owned())) };
-    let chosen = best_work.map_or_else(|| work(scheme), Ok)?;
-    let steps = steps.map_or_else(|| chosen.find_steps(progress), Ok)?;
-    let steps = chosen.refined(steps, progress)?;
-    let score = |ranked: &Ranked| ranked.er_l2.unwrap_or(ranked.bytes as f64);
-    ranking.sort_by(|a, b| score(a).total_cmp(&score(b)));
-    Ok((chosen, steps, ranking))
+        Err(error) => Err(error),
+    });
+    if stood.get() { Ok(None) } else { found }
 }
 
 fn chunk_bytes(chunks: &[(ChunkKind, Vec<u8>)]) -> usize {
@@ -321,12 +280,13 @@ struct Work<'a> {
     measurement: &'a Measurement,
     settings: &'a Settings,
     plane: Plane<'a>,
-    layer: Box<dyn FirstLayer + 'a>,
+    layer: Counted<'a>,
     /// What light is corrected by, and the step of its logarithms.
     light: Option<(Light, f32)>,
-    /// What its scheme is called.
-    name: &'static str,
     floor: f32,
+    /// The error or size nearest to the wanted one, where none is reached.
+    closest: Cell<f64>,
+    sizes: Sizes,
 }
 
 impl<'a> Work<'a> {
@@ -335,7 +295,7 @@ impl<'a> Work<'a> {
         plane: Plane<'a>,
         scheme: &Scheme,
         settings: &'a Settings,
-        floor: f32,
+        (floor, tally): (f32, &'a Tally),
     ) -> Result<Self, CompressError> {
         let axes = measurement.tensor.axes();
         let logs = || approximated(measurement, plane, floor);
@@ -351,10 +311,12 @@ impl<'a> Work<'a> {
                 Box::new(layer.map_err(|e| CompressError::Setting(e.to_string()))?)
             }
         };
+        let layer = Counted::new(layer, tally, measurement.tensor.len());
         let light = settings
             .albedo_error
             .and_then(|bound| Light::of(measurement.quantity, axes).map(|light| (light, light::step_of(bound))));
-        Ok(Self { measurement, settings, plane, layer, light, name: scheme.name(), floor })
+        let closest = Cell::new(f64::INFINITY);
+        Ok(Self { measurement, settings, plane, layer, light, floor, closest, sizes: Sizes::default() })
     }
 
     fn original(&self) -> &[f32] {
@@ -362,24 +324,30 @@ impl<'a> Work<'a> {
     }
 
     fn find_steps(&self, progress: &dyn Progress) -> Result<Steps, CompressError> {
-        let plain = |step: Option<f64>, unreachable: &str| match step {
-            Some(step) => Ok(Steps::of(step)),
-            None => Err(CompressError::Unreachable(unreachable.to_owned())),
-        };
         match self.settings.target {
             Target::ErL2(error) => {
                 // A uniform quantiser's error is its step / √12; most coefficients are 0, so the step can be larger.
                 let mut decoded = vec![0.0; self.original().len()];
                 let mut falling = Falling::default();
-                let keeps = |step: f64| {
+                let mut measure = |step: f64| {
                     let found = self.relative_error(Fineness::of(step as f32), &mut decoded, progress)?;
-                    if found > error && !falling.falls(step, found) {
-                        return Err(CompressError::Unreachable(format!("{} cannot follow the samples", self.name)));
-                    }
-                    Ok(found <= error)
+                    self.closest.set(self.closest.get().min(found));
+                    Ok::<f64, CompressError>(found)
                 };
-                let step = largest(4.0 * error, REFINEMENTS, keeps)?;
-                plain(step, "er_l2 is below what float32 logarithms hold: ask for a larger error or lossless")
+                let keeps = |step: f64| {
+                    let found = measure(step)?;
+                    Ok(if found <= error || falling.falls(step, found) || step >= COARSE {
+                        Ok(found <= error)
+                    } else {
+                        Err(())
+                    })
+                };
+                if let Some(step) = largest_falling(4.0 * error, keeps)? {
+                    return Ok(Steps::of(step));
+                }
+                // The search may have begun where steps are too fine already.
+                measure(f64::from(self.finest().value()))?;
+                Err(refusal::cannot_follow(("er_l2", error), self.closest.get(), (self.layer.basis(), false)))
             }
             Target::ErL1(_) | Target::RelativeRmse(_) | Target::DeltaE(_) => {
                 let magnitudes = |step: f32, decoded: &mut [f32]| {
@@ -393,26 +361,16 @@ impl<'a> Work<'a> {
                     linear: self.plane.values.is_linear(),
                     magnitudes,
                 };
-                let step = trial.largest_step(self.settings.target, progress)?;
-                plain(step, "the target is below what float32 logarithms hold: ask for a larger error or lossless")
+                let found = trial.largest_step(
+                    self.settings.target,
+                    (self.layer.basis(), f64::from(self.finest().value()), &self.closest),
+                    progress,
+                )?;
+                Ok(Steps::of(found))
             }
             Target::Step(step) => Ok(Steps::of(step)),
             Target::Auto => self.find_truth(progress),
-            Target::Ratio(ratio) => {
-                let most = self.original().len() as f64 / ratio;
-                smallest_step(progress, |step| self.layer.kept(Fineness::of(step)) as f64 <= most)
-            }
-            Target::Bytes(bytes) => {
-                let fits = |step| self.file_size(step) as u64 <= bytes;
-                smallest_step(progress, fits).map_err(|error| match error {
-                    CompressError::Unreachable(_) => CompressError::Unreachable(format!(
-                        "bytes {bytes}: the smallest file of this material has {} bytes{}",
-                        self.file_size(f32::MAX),
-                        if self.settings.metadata.is_some() { ", its metadata included" } else { "" }
-                    )),
-                    other => other,
-                })
-            }
+            Target::Ratio(_) | Target::Bytes(_) => self.sized_steps(None, Until::Close, progress),
             // |Δ ln s| ≤ ln(1 + error) bounds the relative error from both sides; a little is left for rounding to f32.
             Target::MaxRelativeError(error) => {
                 self.find_bounded(2.0 * libm::log1p(error) * (1.0 - 1e-5) - 4e-7, progress)
@@ -422,7 +380,10 @@ impl<'a> Work<'a> {
                 let floored = self.plane.counts.below_floor_samples > 0;
                 let error = if floored { error.min(f64::from(self.floor)) } else { error };
                 let (low, high) = self.measurement.tensor.range().unwrap_or_default();
-                let rounding = f64::from(low.abs().max(high.abs())) * f64::from(f32::EPSILON);
+                let largest = f64::from(low.abs().max(high.abs()));
+                let rounding = largest * f64::from(f32::EPSILON);
+                // An error above twice the largest sample allows nothing more; a step must stay a finite number.
+                let error = error.min(2.0 * largest.max(f64::from(f32::MIN_POSITIVE)));
                 self.find_bounded(2.0 * error * (1.0 - 1e-5) - 4.0 * rounding, progress)
             }
             Target::Lossless => Err(CompressError::Setting("the rd policy is not lossless".to_owned())),
@@ -527,7 +488,7 @@ impl<'a> Work<'a> {
                 best = Some((risk, steps));
             }
         }
-        best.map(|(_, steps)| steps).ok_or_else(|| CompressError::Unreachable("no step to try".to_owned()))
+        best.map(|(_, steps)| steps).ok_or_else(|| CompressError::Unreachable(refusal::NOTHING_TO_TRY.to_owned()))
     }
 
     /// An estimate of the mean square distance from the truth, but for a constant: that from the measurement, and what
@@ -542,42 +503,38 @@ impl<'a> Work<'a> {
 
     /// The noise of the measurement.
     fn noise(&self) -> Result<f64, CompressError> {
-        let none = "er_l2 auto: the noise of this measurement cannot be told from its samples; name an error instead";
-        self.plane.noise.ok_or_else(|| CompressError::Setting(none.to_owned()))
+        self.plane.noise.ok_or_else(|| CompressError::Setting(refusal::NO_NOISE.to_owned()))
     }
 
     /// The first layer's step for which both layers together are smallest.
     fn find_bounded(&self, correction: f64, progress: &dyn Progress) -> Result<Steps, CompressError> {
-        let correction = correction as f32;
-        if correction <= 0.0 {
-            let text = "the largest error is below what float32 holds: ask for a larger one or lossless";
-            return Err(CompressError::Unreachable(text.to_owned()));
+        // The largest step tried is a few times as large, and is a finite number too.
+        let correction = correction.min(f64::from(f32::MAX) / 8.0) as f32;
+        if correction < f32::MIN_POSITIVE {
+            return Err(refusal::below_rounding(self.settings.target, self.measurement));
         }
         let factors = [0.5_f32, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0];
         let mut best: Option<(usize, Steps)> = None;
         for (i, factor) in factors.into_iter().enumerate() {
             let steps = Steps { first: Fineness::of(correction * factor), correction };
-            let bytes = chunk_bytes(&self.layer.chunks(steps.first)) + self.corrections_chunk(steps).1.len();
+            // A coarse first layer may leave float32, where no correction helps.
+            let Some((_, corrections)) = self.corrections_chunk(steps) else { continue };
+            let bytes = chunk_bytes(&self.layer.chunks(steps.first)) + corrections.len();
             if best.is_none_or(|(least, _)| bytes < least) {
                 best = Some((bytes, steps));
             }
             progress.step(0.45 + 0.5 * i as f64 / factors.len() as f64)?;
         }
-        best.map(|(_, steps)| steps).ok_or_else(|| CompressError::Unreachable("no step to try".to_owned()))
+        best.map(|(_, steps)| steps).ok_or_else(|| CompressError::Unreachable(refusal::OVERFLOWS.to_owned()))
     }
 
-    fn file_size(&self, step: f32) -> usize {
-        let metadata = metadata_with_labels(self.measurement.tensor.axes(), self.settings.metadata.as_deref());
-        let mut parts = self.encode(Steps { first: Fineness::of(step), correction: 0.0 });
-        if levels::insert(&mut parts, self.measurement).is_err() {
-            return usize::MAX;
-        }
-        assemble(&parts, metadata.as_deref()).len()
-    }
-
-    fn corrections_chunk(&self, steps: Steps) -> (ChunkKind, Vec<u8>) {
+    /// The corrections of the first layer; `None` where that is not finite.
+    fn corrections_chunk(&self, steps: Steps) -> Option<(ChunkKind, Vec<u8>)> {
         let mut logs = vec![0.0; self.original().len()];
         self.layer.approximate(steps.first, &mut logs);
+        if !logs.iter().all(|log| log.is_finite()) {
+            return None;
+        }
         let (values, floor) = (self.plane.values, self.floor);
         let mut corrections: Vec<i32> = self
             .original()
@@ -591,12 +548,12 @@ impl<'a> Work<'a> {
                 }
                 let k = libm::round((wanted - f64::from(value)) / f64::from(steps.correction));
                 // The decoder adds in f32: make sure that the nearest step is still the nearest there.
-                nearest_in_f32(value, k as i32, steps.correction, wanted)
+                nearest_in_f32(value, k.clamp(-LARGEST_CORRECTION, LARGEST_CORRECTION) as i32, steps.correction, wanted)
             })
             .collect();
         let mut encoder = Encoder::default();
         code_corrections(&mut encoder, lanes(self.measurement.tensor.axes()), &mut corrections);
-        (ChunkKind::Corrections, encoder.finish())
+        Some((ChunkKind::Corrections, encoder.finish()))
     }
 
     fn header(&self, steps: Steps) -> Header {
@@ -624,7 +581,7 @@ impl<'a> Work<'a> {
     }
 
     fn encode(&self, steps: Steps) -> Parts {
-        let corrections = (steps.correction != 0.0).then(|| self.corrections_chunk(steps));
+        let corrections = if steps.correction == 0.0 { None } else { self.corrections_chunk(steps) };
         let classes = self.plane.coded.cloned();
         let chunks = classes
             .into_iter()
@@ -633,21 +590,6 @@ impl<'a> Work<'a> {
             .chain(corrections)
             .collect();
         Parts { header: self.header(steps), chunks }
-    }
-}
-
-/// The smallest step, hence the smallest error, for which `fits` answers yes.
-fn smallest_step(progress: &dyn Progress, fits: impl Fn(f32) -> bool) -> Result<Steps, CompressError> {
-    // In terms of 1/step, the largest.
-    let keeps = |inverse: f64| {
-        if progress.is_cancelled() {
-            return Err(CompressError::from(Cancelled));
-        }
-        Ok(fits((1.0 / inverse) as f32))
-    };
-    match largest(20.0, REFINEMENTS + 4, keeps)? {
-        Some(inverse) => Ok(Steps::of(1.0 / inverse)),
-        None => Err(CompressError::Unreachable("no file is that small".to_owned())),
     }
 }
 

@@ -170,7 +170,7 @@ fn colours_that_cannot_be_promised_are_refused() {
     };
     let brdf = &kinds()[3];
     for policy in [Policy::Conventional, Policy::Generic, Policy::Adaptive] {
-        refused(brdf, policy, "expected policy rd");
+        refused(brdf, policy, "use policy rd");
     }
     refused(&measurement(Quantity::Edf, vec![mesh(Domain::Sphere, 3)], 0.01), Policy::Rd, "no wavelength axis");
     refused(

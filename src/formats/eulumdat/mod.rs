@@ -81,7 +81,7 @@ struct Header {
 }
 
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
-    if let Some(other) = how.quantity.filter(|quantity| *quantity != Quantity::Edf) {
+    if let Some(other) = how.quantity().filter(|quantity| *quantity != Quantity::Edf) {
         let message = format!("quantity {other} was asked for, expected edf: a luminaire is an emission distribution");
         return Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
     }

@@ -157,7 +157,7 @@ fn a_negative_number_of_lamps_is_absolute_photometry() {
     let lamp = asked(&text("1", "2000"), Unit::WattPerSteradian).unwrap();
     assert_eq!((lamp.unit, intensity(grid(&lamp), 30.0, 60.0)), (Unit::WattPerSteradian, 2.0 * shape(60.0, 30.0)));
     assert_eq!(asked(&text("1", "2000"), Unit::PerSteradian).unwrap_err().kind, FormatErrorKind::NeedsOption);
-    let how = Interpretation { quantity: Some(Quantity::Brdf), ..Interpretation::default() };
+    let how = Interpretation { quantity: Some(Quantity::Brdf.into()), ..Interpretation::default() };
     let error = read_any(text("1", "2000").as_bytes(), &how).unwrap_err();
     assert_eq!(error.kind, FormatErrorKind::NeedsOption);
 }

@@ -107,7 +107,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
 }
 
 fn check_quantity(how: &Interpretation) -> Result<(), FormatError> {
-    match how.quantity {
+    match how.quantity() {
         None | Some(Quantity::Edf) => Ok(()),
         Some(other) => Err(FormatError::new(
             FormatErrorKind::NeedsOption,

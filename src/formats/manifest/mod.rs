@@ -7,8 +7,9 @@ mod tests;
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
+use super::stated::divide_by_pi;
 use super::text::snippet;
-use super::{Interpretation, npy};
+use super::{Interpretation, StatedQuantity, npy};
 use crate::domain::{Axis, Layout, Measurement, Quantity, Sampling, Tensor, Unit, UnknownName, WavelengthGrid};
 use entry::Entry;
 use serde_json::{Map, Value, json};
@@ -58,7 +59,7 @@ pub(super) fn shape(manifest: &Value, how: &Interpretation) -> Result<Vec<usize>
 pub(super) fn interpret(
     manifest: &Value,
     shape: &[usize],
-    samples: Vec<f32>,
+    mut samples: Vec<f32>,
     how: &Interpretation,
     mut report: ParseReport,
 ) -> Result<Acquisition, FormatError> {
@@ -74,13 +75,23 @@ pub(super) fn interpret(
     if axes.len() != shape.len() {
         return Err(unfit(format!("{} axes, expected {} as the array has (shape {shape:?})", axes.len(), shape.len())));
     }
-    let quantity = quantity(fields, how, &mut report)?;
-    let unit = unit(fields, how, quantity, &mut report)?;
+    let stated = quantity(fields, how, &mut report)?;
+    let quantity = stated.quantity();
+    let unit = unit(fields, how, stated, &mut report)?;
     let sampling = match text(fields, "sampling")? {
         None => Sampling::default(),
         Some(name) => named(name)?,
     };
-    let cosine = cosine_included(fields, quantity, &mut report)?;
+    let cosine = if stated.is_factor() {
+        if matches!(fields.get("cosine_included"), Some(other) if *other != Value::Bool(false)) {
+            return Err(unfit("cosine_included of a reflectance factor, which holds no cosine: expected false"));
+        }
+        report.note(NoteKind::Assumed, "reflectance factors, divided by π: a BRDF in 1/sr");
+        divide_by_pi(&mut samples);
+        false
+    } else {
+        cosine_included(fields, quantity, &mut report)?
+    };
     other_fields(fields, &mut report)?;
     let entries: Vec<Entry> = axes
         .iter()
@@ -138,10 +149,13 @@ fn quantity(
     fields: &Map<String, Value>,
     how: &Interpretation,
     report: &mut ParseReport,
-) -> Result<Quantity, FormatError> {
+) -> Result<StatedQuantity, FormatError> {
     let stated = match text(fields, "quantity")? {
         None => None,
-        Some(name) => Some(named::<Quantity>(name)?),
+        Some(name) => match StatedQuantity::in_file(name).filter(|stated| stated.is_factor()) {
+            Some(factor) => Some(factor),
+            None => Some(named::<StatedQuantity>(name)?),
+        },
     };
     match (how.quantity, stated) {
         (Some(asked), Some(stated)) if asked != stated => {
@@ -150,8 +164,8 @@ fn quantity(
         }
         (Some(quantity), _) | (None, Some(quantity)) => Ok(quantity),
         (None, None) => {
-            let known: Vec<&str> = Quantity::ALL.iter().map(|quantity| quantity.name()).collect();
-            Err(unfit(format!("no quantity, expected `quantity` in it or as an option: {}", known.join(", "))))
+            let known = StatedQuantity::names();
+            Err(unfit(format!("no quantity, expected `quantity` in it or as an option: {known}")))
         }
     }
 }
@@ -159,9 +173,10 @@ fn quantity(
 fn unit(
     fields: &Map<String, Value>,
     how: &Interpretation,
-    quantity: Quantity,
+    stated_quantity: StatedQuantity,
     report: &mut ParseReport,
 ) -> Result<Unit, FormatError> {
+    let quantity = stated_quantity.quantity();
     let stated = match text(fields, "value_unit")?.or(text(fields, "unit")?) {
         None => None,
         Some(name) => Some(named::<Unit>(name)?),
@@ -170,6 +185,12 @@ fn unit(
         && asked != stated
     {
         report.note(NoteKind::Warning, format!("unit taken as {asked} as asked; the manifest says {stated}"));
+    }
+    if stated_quantity.is_factor() {
+        return match how.unit.or(stated) {
+            None | Some(Unit::One) => Ok(Unit::PerSteradian),
+            Some(other) => Err(unfit(format!("unit {other} of a reflectance factor, expected 1"))),
+        };
     }
     Ok(how.unit.or(stated).unwrap_or_else(|| {
         let unit = quantity.default_unit();

@@ -52,8 +52,8 @@ fn short_and_full_forms_are_the_same_axes() {
 #[test]
 fn a_bare_lambda_needs_as_many_wavelengths_as_the_array_has() {
     let manifest = json!({"axes": ["hemi:0", "hemi:0", "lambda"], "note": "as generated"});
-    let how = |quantity, wavelengths: Option<&str>| Interpretation {
-        quantity,
+    let how = |quantity: Option<Quantity>, wavelengths: Option<&str>| Interpretation {
+        quantity: quantity.map(Into::into),
         wavelengths: wavelengths.map(str::to_owned),
         ..Interpretation::default()
     };
@@ -102,8 +102,11 @@ fn manifests_round_trip_through_text() {
 #[test]
 fn the_users_word_goes_before_the_manifests() {
     let manifest = json!({"quantity": "brdf", "value_unit": "1/sr", "axes": ["index", "rgb"]});
-    let how =
-        Interpretation { quantity: Some(Quantity::Reflectance), unit: Some(Unit::One), ..Interpretation::default() };
+    let how = Interpretation {
+        quantity: Some(Quantity::Reflectance.into()),
+        unit: Some(Unit::One),
+        ..Interpretation::default()
+    };
     let acquisition = read(&manifest, &[2, 3], &how).unwrap();
     assert_eq!((acquisition.quantity, acquisition.unit), (Quantity::Reflectance, Unit::One));
     assert_eq!(acquisition.report.notes.len(), 2);

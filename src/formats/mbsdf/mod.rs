@@ -82,7 +82,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         (Some(_), None) => "reflection",
         _ => "transmission",
     };
-    let (quantity, part) = match (how.quantity, reflection, transmission) {
+    let (quantity, part) = match (how.quantity(), reflection, transmission) {
         (None | Some(Quantity::Bsdf), Some(above), Some(below)) => (Quantity::Bsdf, Part::Both(above, below)),
         (None | Some(Quantity::Brdf), Some(block), _) => (Quantity::Brdf, Part::One(block)),
         (None | Some(Quantity::Btdf), _, Some(block)) => (Quantity::Btdf, Part::One(block)),
@@ -271,7 +271,7 @@ mod tests {
     const DOWN: &str = "MBSDF_DATA_TRANSMISSION=";
 
     fn grid_as(bytes: &[u8], quantity: Option<Quantity>) -> Result<(Quantity, AngleGrid), FormatError> {
-        let how = Interpretation { quantity, ..Interpretation::default() };
+        let how = Interpretation { quantity: quantity.map(Into::into), ..Interpretation::default() };
         let acquisition = read(bytes, &how)?;
         match acquisition.samples {
             Samples::Grid(grid) => Ok((acquisition.quantity, grid)),

@@ -152,7 +152,7 @@ mod tests {
         let written = write_mbsdf(&grid(), &Sheet).unwrap();
         assert_eq!((written.filled, written.clipped), (0, 0));
         for (quantity, angle, row) in [(Quantity::Brdf, 30.0, 3), (Quantity::Btdf, 150.0, 5)] {
-            let how = Interpretation { quantity: Some(quantity), ..Interpretation::default() };
+            let how = Interpretation { quantity: Some(quantity.into()), ..Interpretation::default() };
             let acquisition = read(&written.bytes, &how).unwrap();
             assert_eq!(acquisition.report.metadata[0], ("a".to_owned(), "\"b\"".to_owned()));
             let Samples::Grid(grid) = acquisition.samples else { panic!("a grid") };

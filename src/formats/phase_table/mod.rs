@@ -18,7 +18,7 @@ mod tests;
 use super::acquisition::{Acquisition, Angles, AzimuthExtent, Azimuths, Modelled, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
 use super::spectral_table::rows;
-use super::text::{Brief, Source, snippet};
+use super::text::{Brief, Source, is_text, snippet};
 use super::{Format, Interpretation, Reader, Sample};
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Axis, Quantity, Unit};
@@ -100,7 +100,7 @@ fn says_volume(prose: &str) -> bool {
 }
 
 fn probe(sample: &Sample<'_>) -> u8 {
-    if sample.head.contains('\0') {
+    if !is_text(&sample.head) {
         return 0;
     }
     let table = rows::probe(&sample.head);
@@ -128,7 +128,7 @@ fn probe(sample: &Sample<'_>) -> u8 {
 }
 
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
-    if let Some(other) = how.quantity.filter(|quantity| *quantity != Quantity::Phase) {
+    if let Some(other) = how.quantity().filter(|quantity| *quantity != Quantity::Phase) {
         return Err(needs(format!("quantity {other} was asked for, expected phase, which the file holds")));
     }
     if let Some(other) = how.unit.filter(|unit| *unit != Unit::PerSteradian) {

@@ -125,7 +125,7 @@ fn ends_hold_a_little_way_and_gaps_are_masked() {
             .fold(String::new(), |text, line| text + line + "\n")
     };
     let phase = |text: &str, normalization| {
-        let how = Interpretation { quantity: Some(Quantity::Phase), normalization, ..Interpretation::default() };
+        let how = Interpretation { quantity: Some(Quantity::Phase.into()), normalization, ..Interpretation::default() };
         read_any(text.as_bytes(), &how)
     };
     let held = phase(&short(1.0, 175.0), None).unwrap();
@@ -163,7 +163,7 @@ fn refusals_name_the_place_and_what_was_expected() {
         (long(5000), OverLimit, "5001 moments, expected at most 4096"),
         ("# phase function\n0 1\n90 1\n180 1\n".to_owned(), NeedsOption, ""),
     ] {
-        let how = Interpretation { quantity: Some(Quantity::Phase), ..Interpretation::default() };
+        let how = Interpretation { quantity: Some(Quantity::Phase.into()), ..Interpretation::default() };
         match read_any(text.as_bytes(), &how) {
             // 1 everywhere is 4 pi over the sphere.
             Ok(read) => assert_eq!(kind, NeedsOption, "{:?}", read.dialect),
@@ -173,7 +173,11 @@ fn refusals_name_the_place_and_what_was_expected() {
             }
         }
     }
-    let how = |quantity, unit| Interpretation { quantity, unit, ..Interpretation::default() };
+    let how = |quantity: Option<Quantity>, unit| Interpretation {
+        quantity: quantity.map(Into::into),
+        unit,
+        ..Interpretation::default()
+    };
     for how in [how(Some(Quantity::Brdf), None), how(None, Some(Unit::Candela))] {
         let error = read_any(angles(1.0).as_bytes(), &how).unwrap_err();
         assert!(error.kind == NeedsOption && error.message.contains("expected"), "{error}");

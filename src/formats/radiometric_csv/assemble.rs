@@ -15,6 +15,7 @@ use crate::formats::acquisition::{
 use crate::formats::azimuth::extended;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::phase_table;
+use crate::formats::stated::divide_by_pi;
 use crate::formats::text::Brief;
 
 /// Directions of the long form: it should repeat each of them for all its wavelengths before the next.
@@ -54,32 +55,48 @@ pub(super) fn samples(
     if rows.values.iter().all(|v| v.is_nan()) {
         return Err(malformed("every value is missing, expected numbers"));
     }
+    if header.is_factor {
+        divide_by_pi(&mut rows.values);
+        divide_by_pi(&mut rows.sigma);
+    }
     let spectral = spectral(&mut rows, columns, header)?;
     doubt_units(&rows, columns, spectral.as_ref(), report);
-    let skips_sigma = |report: &mut ParseReport| {
-        if columns.has_sigma {
-            let message = "the columns of sigma: uncertainties are used at scattered directions only";
-            report.note(NoteKind::Skipped, message);
-        }
-    };
     if columns.angles.iter().all(Option::is_none) {
-        skips_sigma(report);
+        skip_sigma(columns, report);
         return without_directions(rows, columns, spectral, report);
     }
     if header.quantity == Quantity::Phase && columns.angles[0].is_none() {
-        skips_sigma(report);
+        skip_sigma(columns, report);
         return scattering_angles(&mut rows, spectral, header, report).map(Samples::Function);
     }
+    on_directions(rows, columns, header, spectral, report)
+}
+
+/// Samples at directions: a grid where these make one, else scattered.
+pub(super) fn on_directions(
+    mut rows: Rows,
+    columns: &Columns,
+    header: &Header,
+    spectral: Option<Axis>,
+    report: &mut ParseReport,
+) -> Result<Samples, FormatError> {
     let directions = Directions::of(&mut rows, columns, header);
     let width = spectral.as_ref().map_or(1, Axis::len);
     // In the long form a direction may come once for each wavelength: it counts once.
     let measured = rows.values.len().div_ceil(width);
     match directions.lattice(measured.saturating_mul(SPARSEST).min(MAX_SAMPLES / width)) {
         Some(lattice) => {
-            skips_sigma(report);
+            skip_sigma(columns, report);
             grid(&mut rows, lattice, directions.isotropic, spectral, header, report).map(Samples::Grid)
         }
         None => scattered(&mut rows, directions, spectral, header, report).map(Samples::Scattered),
+    }
+}
+
+fn skip_sigma(columns: &Columns, report: &mut ParseReport) {
+    if columns.has_sigma {
+        let message = "the columns of sigma: uncertainties are used at scattered directions only";
+        report.note(NoteKind::Skipped, message);
     }
 }
 

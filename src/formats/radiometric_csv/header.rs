@@ -7,7 +7,7 @@ use crate::formats::acquisition::{AzimuthExtent, NoteKind, ParseReport, Samples}
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::spectral_table::wavelength_unit::WavelengthUnit;
 use crate::formats::text::snippet;
-use crate::formats::{Interpretation, Normalization};
+use crate::formats::{Interpretation, Normalization, StatedQuantity};
 
 /// One `# key: value` line.
 pub(super) struct Field {
@@ -22,6 +22,8 @@ pub(super) struct Field {
 pub(super) struct Header {
     pub(super) quantity: Quantity,
     pub(super) unit: Unit,
+    /// Values are reflectance factors, π times the BRDF.
+    pub(super) is_factor: bool,
     /// Whether angles are in radians.
     pub(super) radians: bool,
     pub(super) wavelength_unit: WavelengthUnit,
@@ -41,6 +43,24 @@ pub(super) struct Header {
 }
 
 impl Header {
+    /// A header that states a BRDF in 1/sr over angles in degrees, and no more.
+    pub(super) fn of_brdf(isotropic: bool) -> Self {
+        Self {
+            quantity: Quantity::Brdf,
+            unit: Unit::PerSteradian,
+            is_factor: false,
+            radians: false,
+            wavelength_unit: WavelengthUnit::Nanometre,
+            wavelength_unit_assumed: false,
+            cosine_included: false,
+            isotropic,
+            luminaire: None,
+            extents: [None; 2],
+            covers: [None; 2],
+            normalization: None,
+        }
+    }
+
     /// The unit of what was read: a phase function over the scattering angle is normalised.
     pub(super) fn unit_of(&self, samples: &Samples) -> Unit {
         if matches!(samples, Samples::Function(_)) { Unit::PerSteradian } else { self.unit }
@@ -102,19 +122,19 @@ pub(super) fn read(
     let first = fields.first().map_or(1, |field| field.line.min(1));
     let mut header = Fields { fields, problems };
     header.value(NAME, "1 (the version of the format)", |v| (v == "1").then_some(()));
-    let quantities = || Quantity::ALL.iter().map(|q| q.name()).collect::<Vec<_>>().join(", ");
-    let stated = header.value("quantity", &quantities(), quantity_of);
-    let Some(quantity) = how.quantity.or(stated) else {
+    let stated = header.value("quantity", &StatedQuantity::names(), StatedQuantity::in_file);
+    let Some(kind) = how.quantity.or(stated) else {
         if header.stated("quantity") {
             return Ok(None);
         }
-        let message = format!("`quantity` is not stated, expected it, or the option: {}", quantities());
+        let message = format!("`quantity` is not stated, expected it, or the option: {}", StatedQuantity::names());
         return Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
     };
-    if let Some(stated) = stated.filter(|stated| *stated != quantity) {
-        report.note(NoteKind::Warning, format!("taken as {quantity} as asked; the file says {stated}"));
+    if let Some(stated) = stated.filter(|stated| *stated != kind) {
+        report.note(NoteKind::Warning, format!("taken as {kind} as asked; the file says {stated}"));
     }
-    let unit = unit(&mut header, quantity, how, report)?;
+    let (quantity, is_factor) = (kind.quantity(), kind.is_factor());
+    let unit = unit(&mut header, kind, how, report)?;
     let radians = header.value("angle_unit", "deg or rad", |v| match v {
         "deg" | "degree" | "degrees" => Some(false),
         "rad" | "radian" | "radians" => Some(true),
@@ -129,7 +149,12 @@ pub(super) fn read(
         _ => None,
     };
     let cosine_included = header.value("cosine_included", "true or false", truth);
-    if quantity.has_cosine() && !header.stated("cosine_included") {
+    if is_factor && cosine_included == Some(true) {
+        header.problems.add(first, 1, || {
+            "`cosine_included: true` of a reflectance factor, which holds no cosine: expected false".to_owned()
+        });
+    }
+    if quantity.has_cosine() && !is_factor && !header.stated("cosine_included") {
         header.problems.add(first, 1, || {
             format!("`cosine_included` is not stated, expected true or false: whether values of a {quantity} hold |cos theta_o|")
         });
@@ -158,6 +183,7 @@ pub(super) fn read(
     Ok(unit.map(|unit| Header {
         quantity,
         unit,
+        is_factor,
         radians: radians.unwrap_or(false),
         wavelength_unit,
         wavelength_unit_assumed,
@@ -174,14 +200,6 @@ pub(super) fn read(
     }))
 }
 
-fn quantity_of(name: &str) -> Option<Quantity> {
-    match name {
-        "emission" => Some(Quantity::Edf),
-        "transmittance" => Some(Quantity::Reflectance),
-        _ => name.parse().ok(),
-    }
-}
-
 /// `low high`, with or without a comma.
 fn range(text: &str) -> Option<(f64, f64)> {
     let mut numbers = text.split([' ', ',']).filter(|part| !part.is_empty()).map(crate::formats::text::number);
@@ -196,13 +214,16 @@ const VOLUME: &str = "1/m/sr";
 
 fn unit(
     header: &mut Fields<'_>,
-    quantity: Quantity,
+    kind: StatedQuantity,
     how: &Interpretation,
     report: &mut ParseReport,
 ) -> Result<Option<Unit>, FormatError> {
-    let fitting: Vec<Unit> = Unit::ALL.iter().copied().filter(|&unit| fits(quantity, unit)).collect();
+    let (quantity, is_factor) = (kind.quantity(), kind.is_factor());
+    let fits = |unit: Unit| if is_factor { unit == Unit::One } else { fits(quantity, unit) };
+    let fitting: Vec<Unit> = Unit::ALL.iter().copied().filter(|&unit| fits(unit)).collect();
     let names = fitting.iter().map(|unit| unit.name()).collect::<Vec<_>>().join(", ");
     let expected = match quantity {
+        _ if is_factor => "1, the unit of a reflectance factor".to_owned(),
         Quantity::Phase => format!("a unit of a {quantity}: {names}, {VOLUME}"),
         Quantity::Edf => format!("a unit of an emission, by solid angle (a radiance times area and cosine): {names}"),
         _ => format!("a unit of a {quantity}: {names}"),
@@ -221,6 +242,13 @@ fn unit(
     if how.unit.is_none() && !header.stated("value_unit") {
         let message = format!("`value_unit` is not stated, expected it, or the option: {names}");
         return Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
+    }
+    if is_factor {
+        if let Some(other) = how.unit.filter(|unit| !matches!(unit, Unit::One | Unit::PerSteradian)) {
+            let message = format!("unit {other} of a reflectance factor, expected 1");
+            return Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
+        }
+        return Ok(how.unit.or(stated).map(|_| Unit::PerSteradian));
     }
     Ok(how.unit.or(stated))
 }

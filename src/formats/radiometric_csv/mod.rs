@@ -20,13 +20,15 @@ mod rows;
 #[cfg(test)]
 mod tests;
 
-use super::acquisition::{Acquisition, NoteKind, ParseReport};
+use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
-use super::text::{Source, unmarked};
-use super::{Format, Interpretation, Reader, Sample};
-use columns::{Columns, Row};
-use header::Field;
+use super::text::{Source, unmarked, unmarked_utf16};
+use super::{FACTOR, Format, Interpretation, Reader, Sample};
+use crate::domain::Axis;
+use columns::{Angle, Columns, Row};
+use header::{Field, Header};
 use problems::Problems;
+use rows::Rows;
 use std::borrow::Cow;
 
 const NAME: &str = "radiometric-csv";
@@ -39,7 +41,7 @@ pub(super) const READER: Reader = Reader {
         reads: true,
         writes: false,
     },
-    options: &["wavelength_unit", "normalization"],
+    options: &["wavelength_unit", "normalization", FACTOR],
     probe,
     read,
 };
@@ -90,8 +92,31 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     })
 }
 
+/// Samples at pairs of directions, `[theta_i, phi_i, theta_o, phi_o]` in degrees, values row-major `[pair, spectral]`, as
+/// they are read from a table of this format: a grid where the directions make one, repeated ones averaged.
+pub(super) fn of_pairs(
+    pairs: Vec<[f64; 4]>,
+    isotropic: bool,
+    values: Vec<f32>,
+    spectral: Option<Axis>,
+    report: &mut ParseReport,
+) -> Result<Samples, FormatError> {
+    let angle = Some(Angle { radians: false, range: (0.0, 180.0), from_nadir: false });
+    let rows = Rows { directions: pairs, values, ..Rows::default() };
+    let columns = Columns {
+        cells: Vec::new(),
+        names: Vec::new(),
+        angles: [angle; 4],
+        wavelengths: Vec::new(),
+        has_wavelength: false,
+        has_sigma: false,
+    };
+    let header = Header::of_brdf(isotropic);
+    assemble::on_directions(rows, &columns, &header, spectral, report)
+}
+
 /// What was assumed and changed.
-fn remarks(header: &header::Header, columns: &Columns, grazing: usize, report: &mut ParseReport) {
+fn remarks(header: &Header, columns: &Columns, grazing: usize, report: &mut ParseReport) {
     if header.wavelength_unit_assumed && (columns.is_wide() || columns.has_wavelength) {
         report.note(NoteKind::Assumed, "`wavelength_unit` is not stated, taken as nm");
     }
@@ -100,6 +125,9 @@ fn remarks(header: &header::Header, columns: &Columns, grazing: usize, report: &
     }
     if header.cosine_included {
         report.note(NoteKind::Assumed, "values hold the cosine, as the header says: divided by |cos theta_o|");
+    }
+    if header.is_factor {
+        report.note(NoteKind::Assumed, "reflectance factors, divided by π: a BRDF in 1/sr");
     }
     if grazing > 0 {
         let message = format!("{grazing} values at theta_o of 90 degrees hold a cosine of 0: masked");
@@ -113,7 +141,8 @@ fn remarks(header: &header::Header, columns: &Columns, grazing: usize, report: &
 
 /// The bytes as ASCII-compatible text with line feeds: UTF-16 is decoded, byte order and end-of-file marks are cut.
 fn plain<'a>(bytes: &'a [u8], report: &mut ParseReport) -> Cow<'a, [u8]> {
-    let utf16 = bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff");
+    let marked = bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff");
+    let utf16 = marked || unmarked_utf16(bytes).is_some();
     let text = if utf16 {
         let source = Source::decode(bytes, NAME);
         if let Some(encoding) = source.odd_encoding() {

@@ -376,7 +376,11 @@ fn spectra_need_no_directions() {
 #[test]
 fn the_users_word_goes_before_the_files() {
     let text = format!("{BRDF}theta_i,theta_o,phi_o,value\n10,20,0,1\n");
-    let how = |quantity, unit| Interpretation { quantity, unit, ..Interpretation::default() };
+    let how = |quantity: Option<Quantity>, unit| Interpretation {
+        quantity: quantity.map(Into::into),
+        unit,
+        ..Interpretation::default()
+    };
     let asked = read_any(text.as_bytes(), &how(Some(Quantity::Bsdf), Some(Unit::Relative))).unwrap();
     assert_eq!((asked.quantity, asked.unit), (Quantity::Bsdf, Unit::Relative));
     assert!(says(&asked, NoteKind::Warning, "taken as bsdf as asked"));

@@ -74,7 +74,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     if how.unit.is_some_and(|unit| unit != Unit::PerSteradian) {
         return needs("a unit was asked for that this format does not have, expected 1/sr".to_owned());
     }
-    if let Some(quantity) = how.quantity.filter(|&quantity| quantity != Quantity::Brdf) {
+    if let Some(quantity) = how.quantity().filter(|&quantity| quantity != Quantity::Brdf) {
         return needs(format!("quantity {quantity} was asked for, expected brdf, which the file holds"));
     }
     let mut report = ParseReport::default();

@@ -362,7 +362,7 @@ fn options_that_do_not_fit_are_refused() {
     let bytes = File::plain().bytes();
     for how in [
         Interpretation { unit: Some(Unit::Candela), ..Interpretation::default() },
-        Interpretation { quantity: Some(Quantity::Btdf), ..Interpretation::default() },
+        Interpretation { quantity: Some(Quantity::Btdf.into()), ..Interpretation::default() },
     ] {
         let error = read(&bytes, &how).unwrap_err();
         assert!(error.kind == NeedsOption && error.message.contains("expected"), "{error}");

@@ -1,9 +1,13 @@
 //! Spectral tables: wavelengths and one or more columns of values as text, from CSV to instrument exports.
 //!
-//! Gives `[lambda]`, or `[index, lambda]` for several columns; a blank cell is masked, a negative one is kept.
+//! Gives `[lambda]`, or `[index, lambda]` for several columns; a missing value is masked, a negative one is kept.
+//! Reflectance factors (BRF, HCRF) are divided by π: a BRDF in 1/sr without its directions.
 
+pub(super) mod cells;
+mod library;
 pub(super) mod pairs;
 pub(super) mod rows;
+mod suffixed;
 pub(super) mod wavelength_unit;
 mod wide;
 mod write;
@@ -12,11 +16,12 @@ pub use write::{write_spd, write_spectra};
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
-use super::text::{Brief, Source, snippet};
+use super::stated::{divide_by_pi, names_factor};
+use super::text::{Brief, Source, is_text, snippet};
 use super::turned::turned;
-use super::{Format, Interpretation, Reader, Sample};
+use super::{FACTOR, Format, Interpretation, Reader, Sample, StatedQuantity};
 use crate::domain::limits::MAX_WAVELENGTHS;
-use crate::domain::{Axis, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
+use crate::domain::{Axis, Sampling, Tensor, Unit, WavelengthGrid};
 use rows::Table;
 
 const NAME: &str = "spectral-table";
@@ -29,8 +34,8 @@ pub(super) const READER: Reader = Reader {
         reads: true,
         writes: true,
     },
-    options: &["wavelength_unit", "column"],
-    probe: |sample: &Sample<'_>| if sample.head.contains('\0') { 0 } else { rows::probe(&sample.head) },
+    options: &["wavelength_unit", "column", FACTOR],
+    probe: |sample: &Sample<'_>| if is_text(&sample.head) { rows::probe(&sample.head) } else { 0 },
     read,
 };
 
@@ -40,20 +45,21 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     if let Some(encoding) = source.odd_encoding() {
         report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
     }
-    let mut table = match pairs::read(&source, &mut report) {
-        Some(table) => table,
-        None => match wide::read(&source, &mut report)? {
-            Some(table) => table,
-            None => rows::read(&source, &mut report)?,
-        },
-    };
-    let quantity = quantity(&table, how, &mut report)?;
-    let unit = how.unit.unwrap_or(if quantity == Quantity::Reflectance { Unit::One } else { Unit::Relative });
-    let grid = wavelengths(&mut table, how, &source, &mut report)?;
+    let mut table = table(&source, &mut report)?;
+    refuse_summary(&table, how)?;
     if let Some(column) = &how.column {
         table.pick(column)?;
     }
-    percent(&mut table, quantity, &mut report);
+    let stated = quantity(&table, how, &mut report)?;
+    let (quantity, unit) = (stated.quantity(), unit(stated, how)?);
+    let grid = wavelengths(&mut table, how, &source, &mut report)?;
+    if let Some(library) = &table.library {
+        library.check(table.wavelengths.len(), &mut report);
+    }
+    percent(&mut table, stated, &mut report);
+    if stated.is_factor() {
+        divide_by_pi(&mut table.values);
+    }
     remarks(&table, &source, &mut report)?;
     let lambda = Axis::Wavelength(grid);
     let (n, columns) = (table.wavelengths.len(), table.names.len());
@@ -72,21 +78,102 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
 
 const REFLECTANCE_WORDS: [&str; 4] = ["reflectance", "reflectivity", "transmittance", "transmissivity"];
 
-fn quantity(table: &Table, how: &Interpretation, report: &mut ParseReport) -> Result<Quantity, FormatError> {
+/// The table of a text in whichever of the layouts it has.
+fn table(source: &Source, report: &mut ParseReport) -> Result<Table, FormatError> {
+    if let Some(table) = pairs::read(source, report) {
+        return Ok(table);
+    }
+    if let Some(table) = suffixed::read(source, report)? {
+        return Ok(table);
+    }
+    match wide::read(source, report)? {
+        Some(table) => Ok(table),
+        None => rows::read(source, report),
+    }
+}
+
+/// Refuses one row of figures with names of their own (CCT, CRI, illuminance): no spectrum has one wavelength and many columns.
+fn refuse_summary(table: &Table, how: &Interpretation) -> Result<(), FormatError> {
+    const FEWEST: usize = 2;
+    let Some(first) = table.wavelength_name.as_deref().filter(|name| !wavelength_unit::names_wavelength(name)) else {
+        return Ok(());
+    };
+    if table.wavelengths.len() > 1 || table.names.len() < FEWEST || how.wavelength_unit.is_some() {
+        return Ok(());
+    }
+    let message = format!(
+        "one row of named figures ({}, {}), expected a spectrum: export the table of wavelengths and values (if {} is a \
+         wavelength, name its unit with wavelength_unit)",
+        snippet(first),
+        table.column_list(),
+        snippet(first)
+    );
+    Err(FormatError::new(FormatErrorKind::Unsupported, NAME, message))
+}
+
+fn quantity(table: &Table, how: &Interpretation, report: &mut ParseReport) -> Result<StatedQuantity, FormatError> {
+    use StatedQuantity::{Reflectance, ReflectanceFactor, Spectrum};
     match how.quantity {
-        Some(quantity @ (Quantity::Spectrum | Quantity::Reflectance)) => Ok(quantity),
-        Some(other) => Err(FormatError::new(
-            FormatErrorKind::NeedsOption,
-            NAME,
-            format!("quantity {other} was asked for, expected spectrum or reflectance: the file is a spectral table"),
-        )),
-        None if table.says(|prose| REFLECTANCE_WORDS.iter().any(|word| prose.contains(word))) => {
-            Ok(Quantity::Reflectance)
+        Some(stated @ (Spectrum | Reflectance)) => return Ok(stated),
+        Some(ReflectanceFactor) => {
+            let message =
+                "reflectance factors, divided by π: a BRDF in 1/sr at one geometry that the file does not state";
+            report.note(NoteKind::Assumed, message);
+            return Ok(ReflectanceFactor);
         }
-        None => {
-            report.note(NoteKind::Assumed, "the header names no quantity, taken as spectrum in relative values");
-            Ok(Quantity::Spectrum)
+        Some(other) => {
+            let message = format!(
+                "quantity {other} was asked for, expected spectrum, reflectance or reflectance-factor: the file is a spectral table"
+            );
+            return Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
         }
+        None => {}
+    }
+    if let Some(library) = &table.library {
+        return Ok(library.quantity().into());
+    }
+    if holds_factors(table)? {
+        let message = "the header names reflectance factors: divided by π, a BRDF in 1/sr at one geometry that the file does \
+                       not state (`--quantity reflectance` keeps them as they are)";
+        report.note(NoteKind::Assumed, message);
+        return Ok(ReflectanceFactor);
+    }
+    if table.says(|prose| REFLECTANCE_WORDS.iter().any(|word| prose.contains(word))) {
+        return Ok(Reflectance);
+    }
+    report.note(NoteKind::Assumed, "the header names no quantity, taken as spectrum in relative values");
+    Ok(Spectrum)
+}
+
+/// Returns true where the columns, or the text around the table, are called reflectance factors; refuses a table of which
+/// only some columns are.
+fn holds_factors(table: &Table) -> Result<bool, FormatError> {
+    let (factors, others): (Vec<&String>, Vec<&String>) = table.names.iter().partition(|name| names_factor(name));
+    match (factors.first(), others.first()) {
+        (Some(_), None) => Ok(true),
+        (None, _) => Ok(names_factor(&table.prose)),
+        (Some(factor), Some(other)) => {
+            let message = format!(
+                "column {} is a reflectance factor and {} is not, expected one kind: name a column (column), or what all are \
+                 (quantity: reflectance-factor, reflectance or spectrum)",
+                snippet(factor),
+                snippet(other)
+            );
+            Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message))
+        }
+    }
+}
+
+fn unit(stated: StatedQuantity, how: &Interpretation) -> Result<Unit, FormatError> {
+    match (stated, how.unit) {
+        (StatedQuantity::ReflectanceFactor, None | Some(Unit::One | Unit::PerSteradian)) => Ok(Unit::PerSteradian),
+        (StatedQuantity::ReflectanceFactor, Some(other)) => {
+            let message = format!("unit {other} of reflectance factors, expected 1");
+            Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message))
+        }
+        (_, Some(unit)) => Ok(unit),
+        (StatedQuantity::Reflectance, None) => Ok(Unit::One),
+        _ => Ok(Unit::Relative),
     }
 }
 
@@ -132,18 +219,21 @@ fn wavelengths(
     WavelengthGrid::listed(nanometres).map_err(|e| FormatError::new(FormatErrorKind::Malformed, NAME, e.to_string()))
 }
 
-/// Reflectance and transmittance in percent become fractions; a spectrum that is relative anyhow stays as it is.
-fn percent(table: &mut Table, quantity: Quantity, report: &mut ParseReport) {
+/// Reflectance and transmittance in percent become fractions; a spectrum that is relative anyhow stays as it is. Factors
+/// of shiny samples exceed 1.5: only the header tells percent.
+fn percent(table: &mut Table, stated: StatedQuantity, report: &mut ParseReport) {
     let in_percent = |name: &String| name.contains('%') || name.to_lowercase().contains("percent");
-    let declared = table.names.iter().any(in_percent);
-    if quantity != Quantity::Reflectance {
+    let declared =
+        table.names.iter().any(in_percent) || table.library.as_ref().is_some_and(library::Library::is_percent);
+    if !matches!(stated, StatedQuantity::Reflectance | StatedQuantity::ReflectanceFactor) {
         if declared {
             report.note(NoteKind::Assumed, "the header says percent; relative values are kept as they stand");
         }
         return;
     }
     let largest = table.values.iter().copied().filter(|v| !v.is_nan()).fold(f32::MIN, f32::max);
-    let looks_like_it = largest > 1.5 && largest <= 120.0;
+    let are_factors = stated.is_factor() || table.says(names_factor);
+    let looks_like_it = largest > 1.5 && largest <= 120.0 && !are_factors;
     if declared || looks_like_it {
         for value in &mut table.values {
             *value = (f64::from(*value) / 100.0) as f32;
@@ -164,10 +254,10 @@ fn percent(table: &mut Table, quantity: Quantity, report: &mut ParseReport) {
 fn remarks(table: &Table, source: &Source, report: &mut ParseReport) -> Result<(), FormatError> {
     let masked = table.values.iter().filter(|v| v.is_nan()).count();
     if masked == table.values.len() {
-        return Err(source.malformed(0, "every value is blank, expected numbers"));
+        return Err(source.malformed(0, "every value is missing (blank, NaN or --), expected numbers"));
     }
     if masked > 0 {
-        report.note(NoteKind::Warning, format!("{masked} blank cells are masked"));
+        report.note(NoteKind::Warning, format!("{masked} missing values (blank, NaN or --) are masked"));
     }
     let negative = table.values.iter().filter(|v| **v < 0.0).count();
     if negative > 0 {
@@ -178,9 +268,9 @@ fn remarks(table: &Table, source: &Source, report: &mut ParseReport) -> Result<(
 }
 
 impl Table {
-    /// Whether the header and the comments, in lower case, are as `said` looks for.
+    /// Whether the header or the comments, in lower case, are as `said` looks for.
     pub(in crate::formats) fn says(&self, said: impl Fn(&str) -> bool) -> bool {
-        said(&self.prose)
+        said(&self.prose) || said(&self.heading)
     }
 
     fn reverse(&mut self) {

@@ -45,7 +45,8 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Option<Table> {
         }
     }
     let (names, dialect) = (vec!["1".to_owned()], "several pairs a line");
-    Some(Table { wavelengths, values, names, wavelength_name: None, prose, dialect })
+    let heading = String::new();
+    Some(Table { wavelengths, values, names, wavelength_name: None, prose, heading, library: None, dialect })
 }
 
 #[cfg(test)]

@@ -1,94 +1,33 @@
 //! Lines of text → the rows of a table: delimiter, decimal mark, header and comments found from the content.
 
 use super::NAME;
+use super::cells::{Delimiter, is_missing, missing_end, unquoted};
+use super::library::{self, Library};
 use super::pairs::are_pairs;
+use super::suffixed;
 use super::wide::is_wide;
 use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::radiometric_csv::number::decimal;
-use crate::formats::text::{Source, Token, number, snippet};
+use crate::formats::text::{Source, Token, snippet};
 
 /// A table as written: wavelengths with their place in the text, values row by row.
 pub(in crate::formats) struct Table {
     pub(in crate::formats) wavelengths: Vec<(f64, usize)>,
-    /// `[row, column]`; NaN = blank.
+    /// `[row, column]`; NaN = missing.
     pub(in crate::formats) values: Vec<f32>,
     /// One name for each column of values.
     pub(in crate::formats) names: Vec<String>,
     /// The name of the first column, if there is a header.
     pub(super) wavelength_name: Option<String>,
-    /// All text around the numbers, lower case.
+    /// All text around the numbers but the row of names, lower case.
     pub(super) prose: String,
+    /// The row of names, lower case.
+    pub(super) heading: String,
+    /// The labels of a spectral library's file, if it is one.
+    pub(super) library: Option<Library>,
     pub(in crate::formats) dialect: &'static str,
-}
-
-/// What separates the cells of a row.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Delimiter {
-    Tab,
-    Semicolon,
-    Comma,
-    Blank,
-}
-
-impl Delimiter {
-    /// In the order tried.
-    pub(super) const ALL: [Self; 4] = [Self::Tab, Self::Semicolon, Self::Comma, Self::Blank];
-
-    fn dialect(self) -> &'static str {
-        match self {
-            Self::Tab => "tab separated",
-            Self::Semicolon => "semicolon separated",
-            Self::Comma => "comma separated",
-            Self::Blank => "blank separated",
-        }
-    }
-
-    /// The cells of `line`, without the blanks around them.
-    pub(super) fn cells(self, line: Token<'_>) -> Vec<Token<'_>> {
-        let separates = |c: char| match self {
-            Self::Tab => c == '\t',
-            Self::Semicolon => c == ';',
-            Self::Comma => c == ',',
-            Self::Blank => c.is_whitespace(),
-        };
-        let mut at = line.offset;
-        line.text
-            .split_inclusive(separates)
-            .map(|cell| {
-                let start = at;
-                at += cell.len();
-                let cell = cell.strip_suffix(separates).unwrap_or(cell);
-                let offset = start + cell.len() - cell.trim_start().len();
-                Token { text: cell.trim(), offset }
-            })
-            // A delimiter at the end opens one more, empty cell.
-            .chain(
-                (self != Self::Blank && line.text.ends_with(separates))
-                    .then(|| Token { text: "", offset: line.offset + line.text.len() }),
-            )
-            .filter(|cell| self != Self::Blank || !cell.text.is_empty())
-            // One more than a row may have with its wavelength: enough to refuse it.
-            .take(MAX_ENTRIES + 2)
-            .collect()
-    }
-
-    /// The number in a cell; a comma is the decimal mark wherever it does not separate cells.
-    pub(super) fn number(self, cell: &str) -> Option<f64> {
-        number(cell).or_else(|| {
-            let decimal_comma = self != Self::Comma && !cell.contains('.') && cell.matches(',').count() == 1;
-            if decimal_comma { number(&cell.replace(',', ".")) } else { None }
-        })
-    }
-
-    /// How many cells `line` has if it is a row of numbers (blank cells allowed after the first).
-    fn numeric_cells(self, line: Token<'_>) -> Option<usize> {
-        let cells = self.cells(line);
-        let numeric = self.number(cells.first()?.text).is_some()
-            && cells.iter().all(|cell| cell.text.is_empty() || self.number(cell.text).is_some());
-        numeric.then_some(cells.len())
-    }
 }
 
 /// Lines looked at for the delimiter, and before the first row of numbers.
@@ -109,16 +48,27 @@ pub(super) fn split_comment(line: Token<'_>) -> (Token<'_>, Option<&str>) {
 pub(in crate::formats) fn probe(head: &str) -> u8 {
     // Any format name does: no message of this source is shown.
     let source = Source::decode(head.as_bytes(), NAME);
-    let mut lines: Vec<Token<'_>> = contents(&source).take(MAX_PREAMBLE + 1).collect();
+    let data = library::data_offset(&source);
+    let mut lines: Vec<Token<'_>> =
+        contents(&source).skip_while(|line| line.offset < data).take(MAX_PREAMBLE + 1).collect();
     if lines.len() > 1 && head.len() >= super::super::HEAD_BYTES / 2 {
         // The last line may be cut.
         lines.pop();
     }
-    if delimiter(&lines).is_some() || are_pairs(lines.iter().copied()) || is_wide(lines.iter().copied()) {
+    if delimiter(&lines).is_some()
+        || are_pairs(lines.iter().copied())
+        || is_wide(lines.iter().copied())
+        || suffixed::is_list(&lines)
+    {
         return 30;
     }
     let single = lines.iter().filter(|line| Delimiter::Blank.numeric_cells(**line) == Some(1)).count();
     if single >= 3 && 2 * single > lines.len() { 10 } else { 0 }
+}
+
+/// Whether the beginning of a file has a row of wavelengths, with a spectrum in each row beneath.
+pub(in crate::formats) fn holds_wide(head: &str) -> bool {
+    is_wide(contents(&Source::decode(head.as_bytes(), NAME)))
 }
 
 /// Lines with content besides comments.
@@ -143,7 +93,10 @@ fn delimiter(lines: &[Token<'_>]) -> Option<(Delimiter, usize)> {
 
 /// Reads the table of a text.
 pub(in crate::formats) fn read(source: &Source, report: &mut ParseReport) -> Result<Table, FormatError> {
-    let looked_at: Vec<Token<'_>> = contents(source).take(MAX_PREAMBLE + LOOKED_AT).collect();
+    let library = library::read(source);
+    let data = library.as_ref().map_or(0, |library| library.data);
+    let looked_at: Vec<Token<'_>> =
+        contents(source).skip_while(|line| line.offset < data).take(MAX_PREAMBLE + LOOKED_AT).collect();
     let Some((delimiter, width)) = delimiter(&looked_at) else {
         let at = looked_at.first().map_or(0, |line| line.offset);
         let single = looked_at.iter().all(|line| Delimiter::Blank.numeric_cells(*line) == Some(1));
@@ -156,7 +109,8 @@ pub(in crate::formats) fn read(source: &Source, report: &mut ParseReport) -> Res
             },
         ));
     };
-    let mut parser = Parser { delimiter, width, source, preamble: Vec::new(), prose: String::new(), table: None };
+    let (preamble, prose, heading) = (Vec::new(), String::new(), String::new());
+    let mut parser = Parser { delimiter, width, source, library, preamble, prose, heading, table: None };
     let mut lines = source.lines();
     loop {
         if let Some(table) = &mut parser.table {
@@ -189,9 +143,11 @@ struct Parser<'a> {
     /// Cells of a row.
     width: usize,
     source: &'a Source,
+    library: Option<Library>,
     /// Lines before the first row: text, and whether it was a comment.
     preamble: Vec<(Token<'a>, bool)>,
     prose: String,
+    heading: String,
     table: Option<Table>,
 }
 
@@ -203,11 +159,12 @@ impl<'a> Parser<'a> {
         }
         // A comment inside the data says nothing about the columns.
         if self.table.is_none() && self.preamble.len() < MAX_PREAMBLE {
-            self.prose.push_str(&comment.to_lowercase());
-            self.prose.push('\n');
             report.metadata.push(("comment".to_owned(), comment.trim().chars().take(4096).collect()));
             if content.text.trim().is_empty() {
                 self.preamble.push((Token { text: comment, offset: content.offset }, true));
+            } else {
+                self.prose.push_str(&comment.to_lowercase());
+                self.prose.push('\n');
             }
         }
     }
@@ -217,10 +174,8 @@ impl<'a> Parser<'a> {
         if self.table.is_none() {
             // A row begins the data even if it holds something that is no number: that is an error, not a header.
             let is_row = cells.len() == self.width && self.delimiter.number(cells[0].text).is_some();
-            if !is_row {
+            if !is_row || self.library.as_ref().is_some_and(|library| line.offset < library.data) {
                 if self.preamble.len() < MAX_PREAMBLE {
-                    self.prose.push_str(&line.text.to_lowercase());
-                    self.prose.push('\n');
                     self.preamble.push((line, false));
                 }
                 return Ok(());
@@ -228,6 +183,10 @@ impl<'a> Parser<'a> {
             self.table = Some(self.start(report)?);
         }
         let Some(table) = &mut self.table else { return Ok(()) };
+        if cells.iter().all(|cell| cell.text.is_empty()) {
+            // Spreadsheets pad a table with rows of delimiters.
+            return Ok(());
+        }
         let expected = table.names.len() + 1;
         if cells.len() != expected {
             return Err(self.source.malformed(
@@ -245,8 +204,8 @@ impl<'a> Parser<'a> {
                 continue;
             }
             let sample = match value {
-                None if cell.text.is_empty() => f32::NAN,
-                None => return Err(refused("a number or a blank cell")),
+                None if is_missing(cell.text) => f32::NAN,
+                None => return Err(refused("a number or a missing value (blank, NaN or --)")),
                 Some(value) => value as f32,
             };
             if sample.is_infinite() {
@@ -273,23 +232,24 @@ impl<'a> Parser<'a> {
             let message = format!("{} columns, expected at most {MAX_ENTRIES}", width - 1);
             return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));
         }
-        let header = match self.preamble.last() {
-            Some(&(line, _)) => {
-                let cells = self.delimiter.cells(line);
-                (cells.len() == width).then(|| cells.iter().map(|cell| unquoted(cell.text)).collect::<Vec<String>>())
-            }
-            None => None,
-        };
+        let header = if self.library.is_some() { None } else { self.header() };
         if let Some(header) = &header {
-            self.preamble.pop();
+            self.heading = header.join("\n").to_lowercase();
             report.metadata.push(("columns".to_owned(), header.join(" | ").chars().take(4096).collect()));
         }
+        if let Some(library) = &self.library {
+            report.metadata.extend(library.fields.iter().cloned());
+        }
+        for (line, _) in &self.preamble {
+            self.prose.push_str(&line.text.to_lowercase());
+            self.prose.push('\n');
+        }
         let skipped = self.preamble.iter().filter(|(_, comment)| !comment).count();
-        if skipped > 0 {
+        if skipped > 0 && self.library.is_none() {
             report.note(NoteKind::Skipped, format!("{skipped} lines of text before the data"));
         }
         let mut names = header.unwrap_or_default().into_iter();
-        let wavelength_name = names.next();
+        let wavelength_name = self.library.as_ref().map(|library| library.x_units.clone()).or_else(|| names.next());
         let mut names: Vec<String> = names.collect();
         if names.is_empty() {
             names = (1..width).map(|n| n.to_string()).collect();
@@ -300,8 +260,29 @@ impl<'a> Parser<'a> {
             names,
             wavelength_name,
             prose: String::new(),
-            dialect: self.delimiter.dialect(),
+            heading: String::new(),
+            library: None,
+            dialect: if self.library.is_some() { "spectral library" } else { self.delimiter.dialect() },
         })
+    }
+
+    /// The names of the columns: the last line before the data if it has as many cells, with the units beneath them.
+    fn header(&mut self) -> Option<Vec<String>> {
+        let cells = |line: Token<'_>| -> Option<Vec<String>> {
+            let cells = self.delimiter.cells(line);
+            (cells.len() == self.width).then(|| cells.iter().map(|cell| unquoted(cell.text)).collect())
+        };
+        let mut names = cells(self.preamble.last()?.0)?;
+        let above = match self.preamble.as_slice() {
+            [.., (line, _), _] if names.iter().all(|name| is_unit(name)) => cells(*line),
+            _ => None,
+        };
+        self.preamble.truncate(self.preamble.len() - 1 - usize::from(above.is_some()));
+        if let Some(above) = above {
+            names =
+                above.into_iter().zip(names).map(|(name, unit)| format!("{name} {unit}").trim().to_owned()).collect();
+        }
+        Some(names)
     }
 
     fn finish(self, report: &mut ParseReport) -> Result<Table, FormatError> {
@@ -309,7 +290,7 @@ impl<'a> Parser<'a> {
         let Some(mut table) = self.table else {
             return Err(self.source.malformed(end, "no row of numbers, expected wavelength and values"));
         };
-        table.prose = self.prose;
+        (table.prose, table.heading, table.library) = (self.prose, self.heading, self.library);
         table.drop_empty_columns(report);
         if table.wavelength_name.is_none() && table.names.len() > 1 {
             let columns = table.names.len();
@@ -339,12 +320,7 @@ impl Table {
     /// Appends the values of the row that starts at `at`: its wavelength with its place, and where the next line starts.
     #[inline]
     fn plain_row(&mut self, text: &[u8], at: usize, delimiter: Delimiter) -> Option<((f64, usize), usize)> {
-        let separator = match delimiter {
-            Delimiter::Tab => b'\t',
-            Delimiter::Semicolon => b';',
-            Delimiter::Comma => b',',
-            Delimiter::Blank => b' ',
-        };
+        let separator = delimiter.byte();
         let blanks = |mut at: usize| {
             while let Some(&byte @ (b' ' | b'\t')) = text.get(at)
                 && (byte != separator || delimiter == Delimiter::Blank)
@@ -364,7 +340,13 @@ impl Table {
                 (text.get(at) == Some(&separator)).then_some(())?;
                 at = blanks(at + 1);
             }
-            let (value, next) = decimal(text, at)?;
+            let (value, next) = if let Some(found) = decimal(text, at) {
+                found
+            } else {
+                // Without a delimiter a cell cannot be blank.
+                let end = missing_end(text, at).filter(|&end| end > at || delimiter != Delimiter::Blank)?;
+                (f64::NAN, end)
+            };
             let sample = value as f32;
             if sample.is_infinite() {
                 return None;
@@ -395,6 +377,10 @@ impl Table {
     }
 }
 
-pub(super) fn unquoted(cell: &str) -> String {
-    cell.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).unwrap_or(cell).trim().chars().take(256).collect()
+/// Returns true for a cell of a row of units such as `[nm]`, `(%)` or `counts`, blank cells among them.
+fn is_unit(cell: &str) -> bool {
+    const BARE: [&str; 12] = ["nm", "um", "µm", "cm-1", "%", "a.u.", "counts", "w", "w/nm", "mw/nm", "sr-1", "1/sr"];
+    let bracketed = |open, close| cell.starts_with(open) && cell.ends_with(close);
+    let cell_is_bare = BARE.contains(&cell.to_lowercase().as_str());
+    cell.is_empty() || bracketed('[', ']') || bracketed('(', ')') || cell_is_bare
 }

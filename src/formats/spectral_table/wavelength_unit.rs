@@ -55,11 +55,18 @@ impl WavelengthUnit {
     }
 
     /// The unit in a column name such as `Wavelength (nm)`, `lambda_um` or `wavenumber [cm-1]`.
-    fn of_header(name: &str) -> Option<Self> {
+    pub(super) fn of_header(name: &str) -> Option<Self> {
         let separators =
             |c: char| c.is_whitespace() || matches!(c, '(' | ')' | '[' | ']' | '_' | ',' | ':' | '{' | '}');
         name.split(separators).filter(|word| !word.is_empty()).rev().find_map(Self::of_name)
     }
+}
+
+/// Returns true for the name of a column of wavelengths or wavenumbers: by its unit, or by what it is called.
+pub(in crate::formats) fn names_wavelength(name: &str) -> bool {
+    let lower = name.to_lowercase();
+    let words = ["wave", "lambda", "λ", "wellenl"];
+    WavelengthUnit::of_header(name).is_some() || lower == "wl" || words.iter().any(|word| lower.contains(word))
 }
 
 /// The unit of monotone `values`, first column of a table with the header `name`.

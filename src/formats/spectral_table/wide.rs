@@ -1,6 +1,9 @@
-//! Spectra with one row for each sample and one column for each wavelength, as instruments export them (`380nm`, `R380`).
+//! Spectra with one row for each sample and one column for each wavelength, as instruments export them (`380nm`, `R380`,
+//! or the bare number).
 
-use super::rows::{Delimiter, Table, contents, split_comment, unquoted};
+use super::cells::{Delimiter, has_words, is_missing, unquoted};
+use super::rows::{Table, contents, split_comment};
+use super::wavelength_unit::{WavelengthUnit, names_wavelength};
 use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
@@ -11,8 +14,35 @@ use crate::formats::turned::turned;
 const FEWEST: usize = 3;
 /// Lines before the data in which names are looked for.
 const LOOKED_AT: usize = 100;
+/// Rows beneath bare numbers that tell wavelengths from a first row of values.
+const ROWS_LOOKED_AT: usize = 20;
 /// What stands before a wavelength in nm.
 const PREFIXES: [&str; 5] = ["spectral_nm", "spec_", "nm_", "nm", "r"];
+/// Wavelengths in nm, in µm and wavenumbers in 1/cm that bare numbers are taken for.
+const NANOMETRES: std::ops::RangeInclusive<f64> = 150.0..=3000.0;
+const MICROMETRES: std::ops::RangeInclusive<f64> = 0.2..=25.0;
+const WAVENUMBERS: std::ops::RangeInclusive<f64> = 400.0..=50_000.0;
+/// Columns of micrometres: fewer whole or broken numbers are replicates, depths or angles.
+const FEWEST_MICROMETRES: usize = 5;
+/// Names of a first column that numbers samples, whose numbers may look like wavelengths.
+const IDENTIFIERS: [&str; 16] = [
+    "sample",
+    "samples",
+    "sampleid",
+    "sample_id",
+    "sample id",
+    "id",
+    "name",
+    "no",
+    "no.",
+    "nr",
+    "number",
+    "spectrum",
+    "target",
+    "plot",
+    "point",
+    "scan",
+];
 
 /// The wavelength of a column such as `380nm`, `R380`, `SPEC_380` or `nm380`.
 fn wavelength(name: &str) -> Option<f64> {
@@ -21,7 +51,7 @@ fn wavelength(name: &str) -> Option<f64> {
     let rest = before.unwrap_or(&name);
     let digits = rest.strip_suffix("nm").map(str::trim_end);
     (before.is_some() || digits.is_some()).then_some(())?;
-    number(digits.unwrap_or(rest)).filter(|nm| (150.0..=3000.0).contains(nm))
+    number(digits.unwrap_or(rest)).filter(|nm| NANOMETRES.contains(nm))
 }
 
 /// The row of names, what separates its cells, and where their wavelengths are.
@@ -30,26 +60,100 @@ struct Names {
     cells: usize,
     /// The number of the cell, the wavelength, and its place.
     columns: Vec<(usize, f64, usize)>,
+    /// The name of the axis, which may hold its unit.
+    axis: Option<String>,
     offset: usize,
 }
 
 fn names<'a>(lines: impl Iterator<Item = Token<'a>>) -> Option<Names> {
-    // Rows of numbers have no letter but that of an exponent.
-    let named = |line: &Token<'_>| line.text.bytes().any(|b| b.is_ascii_alphabetic() && !matches!(b, b'e' | b'E'));
-    lines.take(LOOKED_AT).filter(named).find_map(|line| {
+    let lines: Vec<Token<'_>> = lines.take(LOOKED_AT + ROWS_LOOKED_AT).collect();
+    lines.iter().take(LOOKED_AT).enumerate().find_map(|(i, line)| {
+        // Bare numbers have a name before them, or are the first line of all.
+        let begins = line.text.trim_start().starts_with(|c: char| c.is_ascii_digit() || matches!(c, '+' | '-' | '.'));
+        if begins && i > 0 && !has_words(line.text) {
+            return None;
+        }
+        let below = &lines[i + 1..(i + 1 + ROWS_LOOKED_AT).min(lines.len())];
         Delimiter::ALL.into_iter().find_map(|delimiter| {
-            let cells = delimiter.cells(line);
-            let columns: Vec<(usize, f64, usize)> = cells
-                .iter()
-                .enumerate()
-                .filter_map(|(i, cell)| Some((i, wavelength(&unquoted(cell.text))?, cell.offset)))
-                .collect();
-            let first = cells.first().map(|cell| cell.text.to_lowercase()).unwrap_or_default();
-            let is_axis = first.contains("wavelength") || first.contains("lambda") || first.trim() == "nm";
-            let found = columns.len() >= FEWEST && !is_axis;
-            found.then_some(Names { delimiter, cells: cells.len(), columns, offset: line.offset })
+            let suffixed = if has_words(line.text) { with_unit(delimiter, *line) } else { None };
+            suffixed.or_else(|| bare(delimiter, *line, below, i == 0))
         })
     })
+}
+
+/// Names with a unit or letter, such as `380nm` or `R380`.
+fn with_unit(delimiter: Delimiter, line: Token<'_>) -> Option<Names> {
+    let cells = delimiter.cells(line);
+    let columns: Vec<(usize, f64, usize)> = cells
+        .iter()
+        .enumerate()
+        .filter_map(|(i, cell)| Some((i, wavelength(&unquoted(cell.text))?, cell.offset)))
+        .collect();
+    let first = cells.first().map(|cell| cell.text.to_lowercase()).unwrap_or_default();
+    let is_axis = first.contains("wavelength") || first.contains("lambda") || first.trim() == "nm";
+    let (cells, axis) = (cells.len(), Some("nm".to_owned()));
+    (columns.len() >= FEWEST && !is_axis).then_some(Names { delimiter, cells, columns, axis, offset: line.offset })
+}
+
+/// Names that are bare numbers in order, with rows of as many cells `below`.
+fn bare(delimiter: Delimiter, line: Token<'_>, below: &[Token<'_>], is_first: bool) -> Option<Names> {
+    let cells = delimiter.cells(line);
+    if cells.len() < FEWEST {
+        return None;
+    }
+    let numbers: Vec<Option<f64>> = cells.iter().map(|cell| delimiter.number(&unquoted(cell.text))).collect();
+    let from = numbers.iter().position(Option::is_some)?;
+    let columns: Vec<(usize, f64, usize)> =
+        (from..cells.len()).map_while(|i| Some((i, numbers[i]?, cells[i].offset))).collect();
+    let after = numbers[from + columns.len()..].iter().all(Option::is_none);
+    let values: Vec<f64> = columns.iter().map(|&(_, value, _)| value).collect();
+    let first = unquoted(cells[0].text);
+    let is_stated = WavelengthUnit::of_header(&first).is_some() && values.iter().all(|&value| value > 0.0);
+    let fits_a_unit = if is_stated { is_monotone(&values) } else { are_wavelengths(&values) };
+    if columns.len() < FEWEST || 2 * columns.len() < cells.len() || !after || !fits_a_unit {
+        return None;
+    }
+    let fits = |row: &Token<'_>| -> Option<String> {
+        let row = delimiter.cells(*row);
+        let same = row.len() == cells.len() || row.len() == cells.len() + 1 && row.last()?.text.is_empty();
+        let is_value = |i: usize| delimiter.number(row[i].text).is_some() || is_missing(row[i].text);
+        (same && columns.iter().all(|&(i, ..)| is_value(i))).then(|| unquoted(row[0].text))
+    };
+    let firsts: Vec<String> = below.iter().map_while(fits).collect();
+    // Down the first column wavelengths go on, and samples do not.
+    let down: Option<Vec<f64>> = firsts.iter().map(|cell| delimiter.number(cell)).collect();
+    let goes_on = |head: Option<f64>| {
+        down.as_ref().is_some_and(|down| {
+            let all: Vec<f64> = head.into_iter().chain(down.iter().copied()).collect();
+            all.len() > 1 && is_monotone(&all) && all.iter().all(|value| NANOMETRES.contains(value))
+        })
+    };
+    let is_table_of_rows = if from == 0 {
+        !is_first || goes_on(Some(values[0]))
+    } else if names_wavelength(&first) {
+        down.is_some()
+    } else {
+        !IDENTIFIERS.contains(&first.to_lowercase().as_str()) && goes_on(None)
+    };
+    if firsts.is_empty() || is_table_of_rows {
+        return None;
+    }
+    let axis = Some(first).filter(|first| WavelengthUnit::of_header(first).is_some());
+    Some(Names { delimiter, cells: cells.len(), columns, axis, offset: line.offset })
+}
+
+fn is_monotone(values: &[f64]) -> bool {
+    values.array_windows().all(|[a, b]| a < b) || values.array_windows().all(|[a, b]| a > b)
+}
+
+/// Returns true for numbers in order that are wavelengths in nm or µm, or falling wavenumbers.
+fn are_wavelengths(values: &[f64]) -> bool {
+    let within = |range: &std::ops::RangeInclusive<f64>| values.iter().all(|value| range.contains(value));
+    let are_micrometres = || {
+        values.len() >= FEWEST_MICROMETRES && values.iter().any(|value| value.fract() != 0.0) && within(&MICROMETRES)
+    };
+    let falls = values[values.len() - 1] < values[0];
+    is_monotone(values) && (within(&NANOMETRES) || are_micrometres() || falls && within(&WAVENUMBERS))
 }
 
 /// Whether a row of names has columns of wavelengths.
@@ -59,21 +163,30 @@ pub(super) fn is_wide<'a>(lines: impl Iterator<Item = Token<'a>>) -> bool {
 
 /// The table of such a text, turned: a column for each sample; `None` where the text is another.
 pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Option<Table>, FormatError> {
-    let Some(Names { delimiter, cells: width, columns, offset }) = names(contents(source)) else { return Ok(None) };
-    let (mut names, mut values, mut prose) = (Vec::new(), Vec::new(), String::new());
+    let Some(found) = names(contents(source)) else { return Ok(None) };
+    let Names { delimiter, cells: width, columns, axis, offset } = found;
+    let (mut names, mut values) = (Vec::new(), Vec::new());
+    let (mut prose, mut heading) = (String::new(), String::new());
     for line in source.lines() {
         let (content, comment) = split_comment(line);
         if line.offset <= offset {
-            prose.push_str(&line.text.to_lowercase());
-            prose.push('\n');
+            let text = if line.offset == offset { &mut heading } else { &mut prose };
+            text.push_str(&line.text.to_lowercase());
+            text.push('\n');
             let comment = comment.map(str::trim).filter(|comment| !comment.is_empty());
             report.metadata.extend(comment.map(|text| ("comment".to_owned(), text.chars().take(4096).collect())));
             continue;
         }
-        if content.text.trim().is_empty() {
+        let mut cells = delimiter.cells(content);
+        if cells.iter().all(|cell| cell.text.is_empty()) {
             continue;
         }
-        let cells = delimiter.cells(content);
+        // One side may end with a delimiter and the other not.
+        if cells.len() == width + 1 && cells.last().is_some_and(|cell| cell.text.is_empty()) {
+            cells.pop();
+        } else if cells.len() + 1 == width && columns.last().is_some_and(|&(last, ..)| last + 1 < width) {
+            cells.push(Token { text: "", offset: content.offset + content.text.len() });
+        }
         if cells.len() != width {
             let message = format!("a row of {} cells, expected {width} as there are names", cells.len());
             return Err(source.malformed(line.offset, message));
@@ -81,8 +194,9 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Option<T
         for &(i, ..) in &columns {
             let cell = cells[i];
             let value = delimiter.number(cell.text).map(|value| value as f32).filter(|value| value.is_finite());
-            if value.is_none() && !cell.text.is_empty() {
-                let message = format!("found {}, expected a number or a blank cell", snippet(cell.text));
+            if value.is_none() && !is_missing(cell.text) {
+                let message =
+                    format!("found {}, expected a number or a missing value (blank, NaN or --)", snippet(cell.text));
                 return Err(source.malformed(cell.offset, message));
             }
             values.push(value.unwrap_or(f32::NAN));
@@ -100,8 +214,8 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Option<T
     }
     let values = turned(&values, columns.len(), names.len());
     let wavelengths = columns.into_iter().map(|(_, nm, offset)| (nm, offset)).collect();
-    let (wavelength_name, dialect) = (Some("nm".to_owned()), "one spectrum a row");
-    Ok(Some(Table { wavelengths, values, names, wavelength_name, prose, dialect }))
+    let (wavelength_name, dialect) = (axis, "one spectrum a row");
+    Ok(Some(Table { wavelengths, values, names, wavelength_name, prose, heading, library: None, dialect }))
 }
 
 #[cfg(test)]

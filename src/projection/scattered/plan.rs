@@ -64,6 +64,8 @@ pub(super) struct Plan {
     /// A few bands of all rows, if there are more.
     thin: Option<Rows<'static>>,
     pub(super) representation: Option<f64>,
+    /// Error of the triangles above which a note of its own tells it: half of the target.
+    limit: f64,
     pub(super) notes: Vec<String>,
 }
 
@@ -186,6 +188,7 @@ impl Plan {
             sides_apart: quantity == Quantity::Bsdf,
             thin: rows.thinned(scattered.sigma.as_deref(), BANDS),
             representation: None,
+            limit: f64::INFINITY,
             directions,
             clouds,
             notes,
@@ -308,22 +311,23 @@ impl Plan {
                 _ => return,
             }
             if self.outgoing.requested {
-                break "the level is the one requested";
+                break "give a finer outgoing_level than the one requested";
             }
             let level = self.outgoing.mesh.level();
             if level >= FINEST {
-                break "finer levels are for who asks for them";
+                break "give a finer outgoing_level";
             }
             if self.size(channels).saturating_mul(4) > MAX_CHOSEN_SAMPLES {
-                break "a finer level makes the tensor too large";
+                break "a finer level makes the tensor too large unless outgoing_level asks for it";
             }
             if !self.outgoing.raise() {
                 break "there is no finer level";
             }
         };
+        self.limit = limit;
         let error = self.representation.unwrap_or(0.0);
         self.notes.push(format!(
-            "outgoing level {} represents the samples to {:.2} %, more than half of the target of {:.2} %: {reason}",
+            "outgoing triangles of level {} represent the fit to {:.2} %, more than half of the target of {:.2} %: {reason}",
             self.outgoing.mesh.level(),
             100.0 * error,
             100.0 * target
@@ -351,7 +355,8 @@ impl Plan {
              logarithms where all of these are positive",
             self.neighbours
         ));
-        if let Some(error) = self.representation {
+        // Where it exceeds the limit, a note of `represent` has said so.
+        if let Some(error) = self.representation.filter(|error| *error <= self.limit) {
             notes.push(format!("{name} triangles represent the fit to about {} %", rounded(100.0 * error)));
         }
         notes.append(&mut self.notes);

@@ -67,7 +67,7 @@ fn main() {
     row("spectral-table blanks", &plain, &|| text::spectra(20, 65_536, ' '));
     row("lm-63", &plain, &|| text::luminaire(false, size));
     row("eulumdat", &plain, &|| text::luminaire(true, size));
-    let quantity = Some(Quantity::Phase);
+    let quantity = Some(Quantity::Phase.into());
     let phase = Interpretation { quantity, normalization: Some(Normalization::Relative), ..plain.clone() };
     let columns = Interpretation { column: Some("1".to_owned()), ..phase.clone() };
     row("phase-table 2 columns", &phase, &|| text::phase(1, 65_536));

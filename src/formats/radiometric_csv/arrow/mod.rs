@@ -19,7 +19,7 @@ use super::{assemble, remarks};
 use crate::formats::acquisition::{Acquisition, NoteKind, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::{Brief, number, snippet};
-use crate::formats::{Format, Interpretation, Reader, Sample};
+use crate::formats::{FACTOR, Format, Interpretation, Reader, Sample};
 use batch::{Batches, Refusal};
 use flat::{Broken, Table};
 use schema::{Column, Kind, Schema};
@@ -34,7 +34,7 @@ pub(in crate::formats) const READER: Reader = Reader {
         reads: true,
         writes: false,
     },
-    options: &["wavelength_unit", "normalization"],
+    options: &["wavelength_unit", "normalization", FACTOR],
     probe: |sample: &Sample<'_>| {
         let is_stream = sample.bytes.starts_with(CONTINUES) || sample.bytes.starts_with(FILE);
         if is_stream { 95 } else { 0 }

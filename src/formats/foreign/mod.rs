@@ -1,5 +1,7 @@
 //! Formats that are recognised but not read: each with its signature and what the user can do instead.
 
+mod words;
+
 use super::Sample;
 
 /// A kind of file that is not read here.
@@ -13,6 +15,9 @@ const CONVERT: &str = "write its directions and values as a table (`wavelume for
                        values on a grid as a NumPy array with a manifest of its axes; docs/labs.md has scripts";
 const UNPACK: &str = "decompress it, or send it with the matching Content-Encoding";
 const LUMINAIRE: &str = "send the luminaire as LM-63 (.ies)";
+const DIRECTIONS: &str = "write it as radiometric-csv with the columns theta_i (zenith angle of the source), theta_o (viewing \
+                          zenith) and phi_o (azimuth of the viewer from that of the source: 0 on its side, 180 opposite), and \
+                          `# quantity: reflectance-factor` where values are BRF or HCRF; docs/labs.md has an example";
 const UNZIP: &str = "send the files one by one, or in a zip archive";
 
 const TABLE: &[Foreign] = &[
@@ -113,6 +118,13 @@ const TABLE: &[Foreign] = &[
             let marks = ["ATLA_S001", "IESTM33", "\"IntDataSymm\""];
             s.head.trim_start().starts_with('{') && marks.iter().any(|mark| s.head.contains(mark))
         },
+    },
+    Foreign { name: "a TracePro surface property", advice: CONVERT, matches: words::is_tracepro },
+    Foreign { name: "a table of directions under names in words", advice: DIRECTIONS, matches: words::is_directions },
+    Foreign {
+        name: "a summary of a lamp (CCT, CRI, illuminance), no spectrum",
+        advice: "export the spectrum: wavelengths and values in columns",
+        matches: words::is_summary,
     },
     Foreign {
         name: "radiometric-csv without the line that says so",
@@ -300,6 +312,17 @@ mod tests {
             ),
             (b"# quantity: brdf\ntheta_i,theta_o,v400\n1,2,3\n".to_vec(), "write `# radiometric-csv: 1`"),
             (b"PAR1\x15\x04".to_vec(), "docs/labs.md"),
+            (
+                b"TracePro Surface Property Data\nFile Name\tx.txt\nTracePro Release: 7 0 0\n\nTable_BSDF_Data\nTemperature\tWavelength\tIncAngle\n300\t0.55\t0\n".to_vec(),
+                "a TracePro surface property",
+            ),
+            (b"Temperature\tScatterBeta\tScatterAzimuth\tBRDF\n300\t0.1\t0\t1\n".to_vec(), "TracePro"),
+            (b"Viewing Zenith,Relative Azimuth,Solar Zenith,BRF\n0,0,30,0.2\n10,0,30,0.3\n".to_vec(), "reflectance-factor"),
+            (b"# VZA; RAA; 550\n150;0;0,2\n160;0;0,3\n".to_vec(), "theta_o (viewing zenith)"),
+            (b"sample\tView Zenith\tHCRF\n\t[deg]\t[-]\nsoil\t150\t0.2\nsoil\t160\t0.3\n".to_vec(), "directions"),
+            (b"x,y,CCT,CRI\n0.33,0.35,5465,98\n".to_vec(), "a summary of a lamp"),
+            (b"Lux (lx);CCT (K);CRI\n500;3000;80\n510;3001;80\n".to_vec(), "a summary of a lamp"),
+            (b"Model\tMK350\nCCT\t5465\nCRI\t98\nLUX\t300\n".to_vec(), "a summary of a lamp"),
         ] {
             let error = read(&bytes, &Interpretation::default()).unwrap_err();
             assert_eq!(error.kind, FormatErrorKind::Unsupported, "{word}: {error}");

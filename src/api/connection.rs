@@ -1,0 +1,244 @@
+//! One connection from its first byte to its close, within limits of time, size and number.
+
+use super::admit::is_health;
+use super::body::{Guarded, Passed};
+use super::patient::Patient;
+use super::places::{Full, Peer, Place, Places};
+use super::problem::Problem;
+use super::traffic::{Silence, Traffic};
+use crate::jobs::Limits;
+use axum::Router;
+use axum::body::{Body, HttpBody};
+use axum::extract::Request;
+use axum::http::{HeaderValue, header};
+use axum::response::{IntoResponse, Response};
+use bytes::{Bytes, BytesMut};
+use hyper::server::conn::{http1, http2};
+use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
+use hyper_util::server::graceful::GracefulConnection;
+use std::convert::Infallible;
+use std::pin::pin;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::io::{AsyncRead, AsyncReadExt};
+use tokio::net::TcpStream;
+use tokio::time::{Instant, MissedTickBehavior, interval};
+use tokio_util::sync::CancellationToken;
+use tower::ServiceExt;
+
+/// The first bytes of an HTTP/2 connection (RFC 9113, 3.4).
+const PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
+
+/// Time that a connection of the reserve may live.
+const RESERVE_LIFE: Duration = Duration::from_secs(10);
+
+/// Unsent bytes of one connection (HTTP/1) or stream (HTTP/2) that lie in memory; a large piece of a body may exceed it.
+const SEND_BUFFER: usize = 128 << 10;
+
+/// Bytes of one HTTP/2 frame.
+const FRAME: u32 = 16 << 10;
+
+/// Bytes that a client may send on one HTTP/2 stream, and on its connection, before they are read.
+const RECEIVE_WINDOW: u32 = 1 << 20;
+
+/// Streams of an HTTP/2 connection that may end with an error of the client before the connection is closed.
+const ERROR_RESETS: usize = 128;
+
+/// The places of a new connection.
+#[derive(Debug)]
+pub(crate) struct Entrance {
+    ordinary: Places,
+    health: Places,
+}
+
+/// A place for a connection.
+#[derive(Debug)]
+pub(crate) enum Admission {
+    /// A connection for every request.
+    Ordinary(Place),
+    /// A connection of the reserve: health is answered, everything else gets the refusal.
+    Reserve(Place, Full),
+}
+
+impl Entrance {
+    pub(crate) fn new(limits: &Limits) -> Self {
+        let (all, each) = (limits.health_connections, limits.health_connections_each);
+        Self {
+            ordinary: Places::new("connections", limits.connections, limits.connections_each),
+            health: Places::new("connections beyond", all, each),
+        }
+    }
+
+    /// A place for a connection of `peer`, or `None` if not even the reserve has one.
+    pub(crate) fn admit(&self, peer: Peer) -> Option<Admission> {
+        match self.ordinary.take(peer, 1) {
+            Ok(place) => Some(Admission::Ordinary(place)),
+            Err(full) => self.health.take(peer, 1).ok().map(|place| Admission::Reserve(place, full)),
+        }
+    }
+}
+
+/// What all connections of a listener have in common.
+pub(crate) struct Host {
+    router: Router,
+    idle: Duration,
+    first_bytes: Duration,
+    http1: http1::Builder,
+    http2: http2::Builder<TokioExecutor>,
+    /// Cancelled when connections end with their running requests.
+    stop: CancellationToken,
+    /// Cancelled when connections end at once.
+    cut: CancellationToken,
+}
+
+impl Host {
+    pub(crate) fn new(router: Router, limits: &Limits, stop: CancellationToken, cut: CancellationToken) -> Arc<Self> {
+        let mut http1 = http1::Builder::new();
+        http1
+            .timer(TokioTimer::new())
+            .header_read_timeout(limits.idle)
+            .max_header_size(limits.header_bytes)
+            .max_buf_size(limits.header_bytes.max(SEND_BUFFER));
+        let mut http2 = http2::Builder::new(TokioExecutor::new());
+        http2
+            .timer(TokioTimer::new())
+            .keep_alive_interval(limits.idle)
+            .keep_alive_timeout(limits.idle)
+            .max_concurrent_streams(limits.h2_streams)
+            // Rapid resets (CVE-2023-44487) and resets of our own that a client provokes.
+            .max_pending_accept_reset_streams(limits.h2_resets)
+            .max_local_error_reset_streams(ERROR_RESETS)
+            // Header bytes also bound the CONTINUATION frames of one header (CVE-2024-27316).
+            .max_header_list_size(u32::try_from(limits.header_bytes).unwrap_or(u32::MAX))
+            .max_frame_size(FRAME)
+            .initial_stream_window_size(RECEIVE_WINDOW)
+            .initial_connection_window_size(RECEIVE_WINDOW)
+            .max_send_buf_size(SEND_BUFFER);
+        Arc::new(Self { router, idle: limits.idle, first_bytes: limits.first_bytes, http1, http2, stop, cut })
+    }
+
+    /// Serves one connection to its end.
+    pub(crate) async fn serve(self: Arc<Self>, stream: TcpStream, peer: Peer, admission: Admission) {
+        let ended = match admission {
+            Admission::Ordinary(_place) => self.converse(stream, peer, None).await,
+            Admission::Reserve(_place, full) => {
+                let brief = tokio::time::timeout(RESERVE_LIFE, self.converse(stream, peer, Some(full))).await;
+                brief.unwrap_or(Err("the time of a connection of the reserve is over".to_owned()))
+            }
+        };
+        if let Err(reason) = ended {
+            tracing::debug!(%peer, reason, "a connection ended early");
+        }
+    }
+
+    async fn converse(&self, mut stream: TcpStream, peer: Peer, refusal: Option<Full>) -> Result<(), String> {
+        let opening = async {
+            tokio::select! {
+                () = self.stop.cancelled() => Err("the service stops".to_owned()),
+                opened = tokio::time::timeout(self.first_bytes, first_bytes(&mut stream)) => {
+                    opened.map_err(|_| "the first bytes did not come in time".to_owned())?.map_err(|e| e.to_string())
+                }
+            }
+        };
+        let Some(head) = opening.await? else { return Ok(()) };
+        let is_http2 = head == PREFACE;
+        let traffic = Traffic::new();
+        let io = TokioIo::new(Patient::new(stream, head, self.idle));
+        let service = hyper::service::service_fn(|request: hyper::Request<hyper::body::Incoming>| {
+            let mut running = traffic.enter();
+            let mut request = request.map(Body::new);
+            request.extensions_mut().insert(peer);
+            let router = self.router.clone();
+            async move {
+                let response = answer(router, request, refusal).await;
+                // HTTP/2 does not even ask for a piece while the client's window is closed.
+                if !response.body().is_end_stream() {
+                    running.gave();
+                }
+                Ok::<_, Infallible>(response.map(|body| Guarded::new(body, running)))
+            }
+        });
+        if is_http2 {
+            self.attend(self.http2.serve_connection(io, service), &traffic, refusal.is_some()).await
+        } else {
+            self.attend(self.http1.serve_connection(io, service), &traffic, false).await
+        }
+    }
+
+    /// Runs a connection, and closes it when the service stops or the client is silent for too long.
+    async fn attend<C: GracefulConnection>(&self, connection: C, traffic: &Traffic, once: bool) -> Result<(), String>
+    where
+        C::Error: std::fmt::Display,
+    {
+        let mut connection = pin!(connection);
+        let mut ticks = interval((self.idle / 8).max(Duration::from_millis(50)));
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut closing = false;
+        loop {
+            let close = tokio::select! {
+                ended = connection.as_mut() => return ended.map_err(|error| error.to_string()),
+                () = self.cut.cancelled() => return Err("the drain time is over".to_owned()),
+                () = self.stop.cancelled(), if !closing => true,
+                _ = ticks.tick() => match traffic.silence(self.idle, Instant::now()) {
+                    Some(Silence::Unread) => return Err("the client does not take its answer".to_owned()),
+                    // The client had time to take what was left, and to close.
+                    Some(Silence::Idle) if closing && traffic.silence(2 * self.idle, Instant::now()).is_some() => {
+                        return Err("the client is silent".to_owned());
+                    }
+                    Some(Silence::Idle) => !closing,
+                    None => once && !closing && traffic.begun() > 0,
+                }
+            };
+            if close {
+                closing = true;
+                connection.as_mut().graceful_shutdown();
+            }
+        }
+    }
+}
+
+/// The answer to a request. A connection of the reserve is refused everything but health, and is told to close.
+async fn answer(router: Router, request: Request, refusal: Option<Full>) -> Response {
+    let Some(full) = refusal else { return router.oneshot(request).await.into_response() };
+    let http1 = request.version() < axum::http::Version::HTTP_2;
+    let mut response = if is_health(request.uri().path()) {
+        router.oneshot(request).await.into_response()
+    } else {
+        Problem::from(full).into_response()
+    };
+    if http1 {
+        response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+    }
+    response
+}
+
+/// Reads as many bytes as tell HTTP/1 and HTTP/2 apart; `None` if the client closes before the first one.
+async fn first_bytes(stream: &mut (impl AsyncRead + Unpin)) -> std::io::Result<Option<Bytes>> {
+    let mut head = BytesMut::with_capacity(PREFACE.len());
+    while head.len() < PREFACE.len() && PREFACE.starts_with(&head) {
+        let missing = PREFACE.len() - head.len();
+        if (&mut *stream).take(missing as u64).read_buf(&mut head).await? == 0 {
+            break;
+        }
+    }
+    Ok((!head.is_empty()).then(|| head.freeze()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn the_preface_is_told_from_a_request_by_as_few_bytes_as_possible() {
+        for (sent, taken) in [
+            (&b"GET / HTTP/1.1\r\n\r\n"[..], Some(18)),
+            (b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n and frames", Some(24)),
+            (b"PUT", Some(3)),
+            (b"PRI", Some(3)),
+            (b"", None),
+        ] {
+            let mut stream = sent;
+            assert_eq!(first_bytes(&mut stream).await.unwrap().map(|head| head.len()), taken);
+        }
+    }
+}

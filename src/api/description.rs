@@ -1,0 +1,192 @@
+//! The description of the interface: what utoipa reads off the handlers, and the problems that each operation answers.
+
+use super::problem::{Kind, ProblemBody};
+use super::schemas;
+use std::collections::BTreeMap;
+use utoipa::openapi::header::HeaderBuilder;
+use utoipa::openapi::schema::{ObjectBuilder, Type};
+use utoipa::openapi::{ContentBuilder, Info, InfoBuilder, OpenApi, Ref, RefOr, Response, ResponseBuilder};
+use utoipa::{PartialSchema, ToSchema};
+
+/// Problems of every operation: the host of the request and bugs.
+const ALWAYS: &[Kind] = &[Kind::BadHeader, Kind::Misdirected, Kind::Internal];
+/// Operations that answer however busy the service is.
+const HEALTH: &[&str] = &["healthz", "readyz"];
+/// Problems of all other operations: too much under way, in all or for this address.
+const BUSY: &[Kind] = &[Kind::Overloaded, Kind::TooManyAtOnce];
+/// Problems of operations that change or compute something: pages of other origins.
+const WRITES: &[Kind] = &[Kind::CrossOrigin];
+/// Problems of operations with a query string.
+const QUERY: &[Kind] = &[Kind::BadQuery, Kind::LongQuery];
+/// Problems of operations that read the catalog.
+const CATALOG: &[Kind] = &[Kind::Unavailable];
+/// Problems of operations on one resource.
+const ONE: &[Kind] = &[Kind::NotFound];
+/// Problems of operations that send stored bytes.
+const BYTES: &[Kind] = &[Kind::RangeNotSatisfiable, Kind::Corrupt];
+/// Problems of operations that open a material and compute.
+const OPENS: &[Kind] = &[Kind::UnfitQuery, Kind::Overloaded, Kind::Corrupt];
+/// Problems of JSON bodies.
+const JSON: &[Kind] = &[
+    Kind::BadBody,
+    Kind::EmptyBody,
+    Kind::InvalidRequest,
+    Kind::TooLarge,
+    Kind::TooSlow,
+    Kind::UnsupportedMediaType,
+    Kind::UnsupportedEncoding,
+    Kind::Overloaded,
+];
+/// Problems of uploads.
+const UPLOAD: &[Kind] = &[
+    Kind::BadBody,
+    Kind::EmptyBody,
+    Kind::InvalidRequest,
+    Kind::TooLarge,
+    Kind::DecompressionRatio,
+    Kind::TooSlow,
+    Kind::UnsupportedEncoding,
+    Kind::Overloaded,
+    Kind::Unrecognised,
+    Kind::Malformed,
+    Kind::Unsupported,
+    Kind::OverLimit,
+    Kind::NeedsOption,
+    Kind::Spectrum,
+    Kind::Corrupt,
+];
+/// Problems of batches beside those of JSON bodies.
+const BATCH: &[Kind] = &[Kind::NotAcceptable];
+/// Problems of exports.
+const EXPORT: &[Kind] = &[Kind::NotAvailable, Kind::BadSetting, Kind::OverLimit];
+
+/// The problems of each operation, beside those of all.
+const OPERATIONS: &[(&str, &[&[Kind]])] = &[
+    ("index", &[]),
+    ("healthz", &[]),
+    ("readyz", &[CATALOG]),
+    ("metrics_page", &[CATALOG]),
+    ("openapi_json", &[]),
+    ("post_measurement", &[WRITES, QUERY, CATALOG, UPLOAD]),
+    ("list_measurements", &[QUERY, CATALOG]),
+    ("get_measurement", &[ONE, CATALOG]),
+    ("delete_measurement", &[WRITES, ONE, CATALOG, &[Kind::InUse]]),
+    ("get_measurement_content", &[ONE, CATALOG, BYTES]),
+    ("post_job", &[WRITES, CATALOG, JSON, &[Kind::KeyReused, Kind::TooManyJobs]]),
+    ("get_job", &[ONE, CATALOG]),
+    ("get_job_events", &[ONE, CATALOG]),
+    ("cancel_job", &[WRITES, ONE, CATALOG, &[Kind::JobFinished]]),
+    ("list_materials", &[QUERY, CATALOG]),
+    ("get_material", &[ONE, CATALOG]),
+    ("delete_material", &[WRITES, ONE, CATALOG]),
+    ("get_material_content", &[ONE, CATALOG, BYTES]),
+    ("get_blob", &[ONE, CATALOG, BYTES]),
+    ("get_spectrum", &[ONE, QUERY, CATALOG, OPENS]),
+    ("get_albedo", &[ONE, QUERY, CATALOG, OPENS]),
+    ("albedo", &[WRITES, ONE, QUERY, CATALOG, OPENS, JSON, BATCH]),
+    ("evaluate", &[WRITES, ONE, QUERY, CATALOG, OPENS, JSON, BATCH]),
+    ("pdf", &[WRITES, ONE, QUERY, CATALOG, OPENS, JSON, BATCH]),
+    ("sample", &[WRITES, ONE, QUERY, CATALOG, OPENS, JSON, BATCH]),
+    ("color", &[ONE, QUERY, CATALOG, OPENS]),
+    ("preview", &[ONE, QUERY, CATALOG, OPENS]),
+    ("export", &[ONE, QUERY, CATALOG, OPENS, EXPORT]),
+    ("list_formats", &[]),
+    ("get_template", &[ONE]),
+    ("list_bases", &[]),
+];
+
+/// What the description is about.
+pub(super) fn info() -> Info {
+    InfoBuilder::new()
+        .title("wavelume")
+        .version(env!("CARGO_PKG_VERSION"))
+        .description(Some(
+            "Acquired radiometric measurements, compressed with generic wavelet transforms to a promised error. \
+             Angles are degrees, wavelengths nm, digests `b3-<64 hex>` (BLAKE3); errors are RFC 9457 problems. \
+             Every request names a host that is served (`Host`, `:authority`), else 421; every answer has a `Request-Id`.",
+        ))
+        .build()
+}
+
+/// Adds the problems of each operation and the schemas that no handler brings along.
+pub(super) fn complete(mut openapi: OpenApi) -> OpenApi {
+    for path in openapi.paths.paths.values_mut() {
+        for operation in [&mut path.get, &mut path.post, &mut path.delete].into_iter().flatten() {
+            let name = operation.operation_id.as_deref().unwrap_or_default();
+            for (status, kinds) in problems(name) {
+                operation.responses.responses.insert(status.to_string(), RefOr::T(answer(status, &kinds)));
+            }
+        }
+    }
+    let components = openapi.components.get_or_insert_default();
+    components.schemas.insert(ProblemBody::name().into_owned(), ProblemBody::schema());
+    components.schemas.extend(schemas::all());
+    openapi
+}
+
+/// The problems of an operation by their status.
+fn problems(operation: &str) -> BTreeMap<u16, Vec<Kind>> {
+    let own = OPERATIONS.iter().find(|(name, _)| *name == operation).map_or(&[][..], |(_, kinds)| kinds);
+    let mut problems: BTreeMap<u16, Vec<Kind>> = BTreeMap::new();
+    let busy = if HEALTH.contains(&operation) { &[][..] } else { BUSY };
+    for &kind in [ALWAYS, busy].iter().chain(own).flat_map(|kinds| kinds.iter()) {
+        let kinds = problems.entry(kind.status().as_u16()).or_default();
+        if !kinds.contains(&kind) {
+            kinds.push(kind);
+        }
+    }
+    problems
+}
+
+fn answer(status: u16, kinds: &[Kind]) -> Response {
+    let lines: Vec<String> = kinds.iter().map(|kind| format!("`{}`: {}", kind.code(), kind.title())).collect();
+    let schema = Ref::from_schema_name(ProblemBody::name());
+    let content = ContentBuilder::new().schema(Some(schema)).build();
+    let mut answer = ResponseBuilder::new().description(lines.join("; ")).content("application/problem+json", content);
+    let mut header = |name: &str, description: &str, kind: Type| {
+        let header = HeaderBuilder::new()
+            .schema(Some(ObjectBuilder::new().schema_type(kind).build()))
+            .description(Some(description))
+            .build();
+        let before = std::mem::take(&mut answer);
+        answer = before.header(name, header);
+    };
+    match status {
+        429 | 503 => header("Retry-After", "Seconds to wait before the request is made again", Type::Integer),
+        416 => header("Content-Range", "`bytes */SIZE`", Type::String),
+        _ => {}
+    }
+    answer.build()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_operation_has_its_problems_and_every_table_entry_is_an_operation() {
+        let openapi = crate::api::openapi();
+        let paths = openapi.paths.paths.values();
+        let operations = paths.flat_map(|path| [&path.get, &path.post, &path.delete, &path.put, &path.patch]).flatten();
+        let mut found: Vec<&str> =
+            operations.clone().map(|operation| operation.operation_id.as_deref().unwrap()).collect();
+        let mut described: Vec<&str> = OPERATIONS.iter().map(|(name, _)| *name).collect();
+        found.sort_unstable();
+        described.sort_unstable();
+        assert_eq!(found, described);
+        for operation in operations {
+            assert!(operation.responses.responses.keys().all(|status| status.parse::<u16>().is_ok()), "no `default`");
+        }
+    }
+
+    #[test]
+    fn every_schema_that_is_named_is_there() {
+        let openapi = crate::api::openapi();
+        let text = openapi.to_json().unwrap();
+        let schemas = &openapi.components.unwrap().schemas;
+        let names = text.split("\"#/components/schemas/").skip(1).map(|rest| rest.split('"').next().unwrap());
+        for name in names {
+            assert!(schemas.contains_key(name), "{name}");
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! The limit on descriptors: raised as far as the system lets it be, and places fitted to what is left.
+
+use crate::jobs::Limits;
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+
+/// Descriptors of the process beside connections, requests and uploads: listener, catalog, logs, locks, the runtime.
+const OWN: u64 = 128;
+
+/// Descriptors of one upload: its staging file, and a file that it is unpacked to.
+const UPLOAD: u64 = 2;
+
+/// Raises the soft limit on descriptors of this process to its hard limit.
+pub fn raise_descriptor_limit() {
+    let limit = getrlimit(Resource::Nofile);
+    if limit.current == limit.maximum {
+        return;
+    }
+    if let Err(error) = setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, maximum: limit.maximum }) {
+        tracing::warn!(%error, limit = limit.current, "the limit on descriptors was not raised");
+    }
+}
+
+/// Descriptors that this process may have open; `None` without a limit.
+pub(crate) fn limit() -> Option<u64> {
+    getrlimit(Resource::Nofile).current
+}
+
+/// Lowers the places for connections and requests until all of them have a descriptor. A request needs one beside its
+/// connection's for the file that it sends.
+pub(crate) fn fit(limits: &mut Limits, descriptors: u64) {
+    let count = |number: usize| number as u64;
+    let health = count(limits.health_connections);
+    let left = descriptors.saturating_sub(OWN + UPLOAD * count(limits.uploads) + health).max(48);
+    if count(limits.connections) + count(limits.requests) <= left {
+        return;
+    }
+    let connections = limits.connections.min((left * 2 / 3) as usize);
+    let requests = limits.requests.min((left - count(connections)) as usize);
+    tracing::warn!(
+        descriptors,
+        connections,
+        requests,
+        "the limit on descriptors leaves fewer places than set: raise it with `ulimit -n` or LimitNOFILE"
+    );
+    limits.connections = connections;
+    limits.requests = requests;
+    // Half of the places at most for one address, however few there are.
+    limits.connections_each = limits.connections_each.min(connections.div_ceil(2));
+    limits.requests_each = limits.requests_each.min(requests.div_ceil(2));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_fitted_to_the_descriptors() {
+        let mut limits = Limits::default();
+        fit(&mut limits, 1 << 20);
+        assert_eq!(limits, Limits::default());
+        for descriptors in [1024, 512, 256] {
+            let mut limits = Limits::default();
+            fit(&mut limits, descriptors);
+            let held = limits.connections + limits.requests + limits.health_connections + 2 * limits.uploads;
+            assert!(held as u64 + OWN <= descriptors.max(304), "{descriptors}: {held}");
+            assert!(limits.connections >= 32 && limits.connections_each * 2 <= limits.connections + 1, "{limits:?}");
+        }
+    }
+}

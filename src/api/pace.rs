@@ -1,0 +1,142 @@
+//! The least rate at which a body must arrive: a client that sends a byte now and then must not hold its place.
+
+use super::problem::{Kind, Problem};
+use crate::jobs::Limits;
+use std::collections::VecDeque;
+use std::time::Duration;
+use tokio::time::Instant;
+
+/// Time between two entries of the history, as a part of the window.
+const STEPS: u32 = 30;
+
+/// Measures how fast a body arrives. Only the time spent waiting for the client counts, not what the service needs to
+/// write, decode or compute.
+#[derive(Debug)]
+pub(crate) struct Pace {
+    rate: u64,
+    window: Duration,
+    grace: Duration,
+    idle: Duration,
+    waited: Duration,
+    bytes: u64,
+    /// Time waited and bytes received at moments about a thirtieth of the window apart, over one window.
+    history: VecDeque<(Duration, u64)>,
+}
+
+impl Pace {
+    pub(crate) fn new(limits: &Limits) -> Self {
+        Self {
+            rate: limits.body_rate,
+            window: limits.body_window,
+            grace: limits.body_grace,
+            idle: limits.idle,
+            waited: Duration::ZERO,
+            bytes: 0,
+            history: VecDeque::new(),
+        }
+    }
+
+    /// Waits for the next piece of a body, `None` at its end. `size` gives the bytes of a piece.
+    pub(crate) async fn next<T>(
+        &mut self,
+        next: impl Future<Output = Option<T>>,
+        size: impl FnOnce(&T) -> usize,
+    ) -> Result<Option<T>, Slow> {
+        let start = Instant::now();
+        let piece = tokio::time::timeout(self.idle, next).await.map_err(|_| Slow::Idle(self.idle))?;
+        if let Some(piece) = &piece {
+            self.received(start.elapsed(), size(piece) as u64)?;
+        }
+        Ok(piece)
+    }
+
+    /// Counts `bytes` that came after a wait of `waited`.
+    fn received(&mut self, waited: Duration, bytes: u64) -> Result<(), Slow> {
+        self.waited += waited;
+        self.bytes += bytes;
+        let Some(counted) = self.waited.checked_sub(self.grace) else { return Ok(()) };
+        if self.history.is_empty() {
+            self.history.push_back((Duration::ZERO, self.bytes - bytes));
+        }
+        // The youngest entry that is a whole window ago becomes the first.
+        while self.history.get(1).is_some_and(|(then, _)| counted >= *then + self.window) {
+            self.history.pop_front();
+        }
+        if let Some((then, before)) = self.history.front()
+            && let Some(over) = counted.checked_sub(*then).filter(|over| *over >= self.window)
+        {
+            let expected = self.rate as f64 * over.as_secs_f64();
+            let arrived = self.bytes - before;
+            if (arrived as f64) < expected {
+                return Err(Slow::Rate { arrived, over, rate: self.rate });
+            }
+        }
+        if self.history.back().is_none_or(|(then, _)| counted >= *then + self.window / STEPS) {
+            self.history.push_back((counted, self.bytes));
+        }
+        Ok(())
+    }
+}
+
+/// Reason for which a body is no longer waited for.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub(crate) enum Slow {
+    #[error("nothing came for {0:?}")]
+    Idle(Duration),
+    #[error("{arrived} bytes came within {over:.1?}, expected at least {rate} a second; send faster or in parts")]
+    Rate { arrived: u64, over: Duration, rate: u64 },
+}
+
+impl From<Slow> for Problem {
+    fn from(slow: Slow) -> Self {
+        Self::new(Kind::TooSlow, slow.to_string())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    /// The second in which a body is given up whose pieces of `bytes` come every `every`.
+    fn refused_after(every: Duration, bytes: u64) -> Option<u64> {
+        let mut pace = Pace::new(&Limits::default());
+        let mut waited = Duration::ZERO;
+        while waited < 600 * SECOND {
+            waited += every;
+            if pace.received(every, bytes).is_err() {
+                return Some(waited.as_secs());
+            }
+            assert!(pace.history.len() < 70);
+        }
+        None
+    }
+
+    #[test]
+    fn a_body_must_come_at_16_kib_a_second_over_any_30_seconds_after_the_first_10() {
+        assert_eq!(refused_after(SECOND, 16 << 10), None);
+        assert_eq!(refused_after(20 * SECOND, 400 << 10), None);
+        assert_eq!(refused_after(SECOND / 100, 200), None);
+        // The piece that ends the grace time counts for the client.
+        assert_eq!(refused_after(SECOND, (16 << 10) - 1), Some(41));
+        assert_eq!(refused_after(SECOND / 100, 100), Some(40));
+        assert_eq!(refused_after(29 * SECOND, 1), Some(58));
+    }
+
+    #[test]
+    fn a_fast_beginning_does_not_pay_for_a_slow_rest() {
+        let mut pace = Pace::new(&Limits::default());
+        pace.received(SECOND, 1 << 30).unwrap();
+        let slow = (0..120).find_map(|i| pace.received(SECOND, 1).err().map(|_| i));
+        assert!(slow.is_some_and(|seconds| seconds <= 40), "{slow:?}");
+    }
+
+    #[test]
+    fn time_that_the_service_takes_is_not_the_clients() {
+        let mut pace = Pace::new(&Limits::default());
+        for _ in 0..10_000 {
+            pace.received(Duration::ZERO, 1).unwrap();
+        }
+    }
+}

@@ -1,0 +1,248 @@
+//! Places that clients hold, counted by address as well as in all.
+
+use super::problem::{Kind, Problem};
+use crate::jobs::CLIENT;
+use axum::extract::{FromRequestParts, Request};
+use axum::http::{Extensions, request::Parts};
+use std::collections::HashMap;
+use std::convert::Infallible;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Unit in which places that count bytes are taken.
+pub(crate) const KIB: usize = 1024;
+
+/// The client that a place is counted for: an IPv4 address, or the /64 of an IPv6 address, which one subscriber has whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Peer(IpAddr);
+
+impl Peer {
+    pub(crate) fn of(address: IpAddr) -> Self {
+        Self(match address.to_canonical() {
+            IpAddr::V6(address) => {
+                let [a, b, c, d, ..] = address.segments();
+                IpAddr::V6(Ipv6Addr::new(a, b, c, d, 0, 0, 0, 0))
+            }
+            v4 @ IpAddr::V4(_) => v4,
+        })
+    }
+
+    /// The peer that the listener wrote into the request; one common peer for requests that came without a listener.
+    pub(crate) fn of_extensions(extensions: &Extensions) -> Self {
+        extensions.get().copied().unwrap_or(Self(IpAddr::V4(Ipv4Addr::UNSPECIFIED)))
+    }
+
+    /// Runs `work` on behalf of this peer: what it computes takes turns with that of others.
+    pub(crate) fn on_behalf<T>(self, work: impl Future<Output = T>) -> impl Future<Output = T> {
+        CLIENT.scope(self.0, work)
+    }
+
+    pub(crate) fn of_request(request: &Request) -> Self {
+        Self::of_extensions(request.extensions())
+    }
+}
+
+impl std::fmt::Display for Peer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.0 {
+            IpAddr::V4(address) => address.fmt(f),
+            IpAddr::V6(address) => write!(f, "{address}/64"),
+        }
+    }
+}
+
+impl<S: Sync> FromRequestParts<S> for Peer {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
+        Ok(Self::of_extensions(&parts.extensions))
+    }
+}
+
+/// A kind of places: so many in all, so many for each peer. Cheap to clone.
+#[derive(Clone, Debug)]
+pub(crate) struct Places {
+    shared: Arc<Shared>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    kind: &'static str,
+    all: usize,
+    each: usize,
+    taken: Mutex<Taken>,
+}
+
+/// Counts of the places taken. A peer without places has no entry, so the map never has more entries than there are
+/// places.
+#[derive(Debug, Default)]
+struct Taken {
+    all: usize,
+    by: HashMap<Peer, usize>,
+}
+
+/// One or more places, given back when dropped.
+#[derive(Debug)]
+#[must_use]
+pub(crate) struct Place {
+    shared: Arc<Shared>,
+    peer: Peer,
+    count: usize,
+}
+
+/// A refusal: every place is taken, or every place of this peer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Full {
+    All { kind: &'static str, limit: usize },
+    Each { kind: &'static str, limit: usize, peer: Peer },
+}
+
+impl Places {
+    /// `all` places, of which one peer gets at most `each`. `kind` names them to clients and in figures.
+    pub(crate) fn new(kind: &'static str, all: usize, each: usize) -> Self {
+        Self { shared: Arc::new(Shared { kind, all, each, taken: Mutex::default() }) }
+    }
+
+    /// Takes `count` places together or none.
+    pub(crate) fn take(&self, peer: Peer, count: usize) -> Result<Place, Full> {
+        self.shared.take(peer, count)?;
+        Ok(Place { shared: Arc::clone(&self.shared), peer, count })
+    }
+
+    /// Places taken by all peers together.
+    pub(crate) fn taken(&self) -> usize {
+        self.shared.taken().all
+    }
+
+    /// Kind and number of places taken, for figures.
+    pub(crate) fn figure(&self) -> (&'static str, usize) {
+        (self.shared.kind, self.taken())
+    }
+}
+
+impl Place {
+    /// Takes `count` further places or none.
+    pub(crate) fn grow(&mut self, count: usize) -> Result<(), Full> {
+        self.shared.take(self.peer, count)?;
+        self.count += count;
+        Ok(())
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.shared.give_back(self.peer, self.count);
+    }
+}
+
+impl Shared {
+    fn taken(&self) -> MutexGuard<'_, Taken> {
+        // The counts are consistent whenever the lock is free, whoever panicked meanwhile.
+        self.taken.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn take(&self, peer: Peer, count: usize) -> Result<(), Full> {
+        let refused = {
+            let mut taken = self.taken();
+            let own = taken.by.get(&peer).copied().unwrap_or(0);
+            if count > self.all.saturating_sub(taken.all) {
+                Full::All { kind: self.kind, limit: self.all }
+            } else if count > self.each.saturating_sub(own) {
+                Full::Each { kind: self.kind, limit: self.each, peer }
+            } else {
+                taken.all += count;
+                if count > 0 {
+                    taken.by.insert(peer, own + count);
+                }
+                return Ok(());
+            }
+        };
+        let by = if matches!(refused, Full::All { .. }) { "all" } else { "address" };
+        metrics::counter!("wavelume_refused_total", "place" => self.kind, "by" => by).increment(1);
+        Err(refused)
+    }
+
+    fn give_back(&self, peer: Peer, count: usize) {
+        let mut taken = self.taken();
+        taken.all -= count;
+        let own = taken.by.get(&peer).copied().unwrap_or(0).saturating_sub(count);
+        if own == 0 {
+            taken.by.remove(&peer);
+        } else {
+            taken.by.insert(peer, own);
+        }
+    }
+}
+
+impl From<Full> for Problem {
+    fn from(full: Full) -> Self {
+        match full {
+            Full::All { kind, limit } => {
+                Self::new(Kind::Overloaded, format!("all {limit} places for {kind} are taken; try again soon"))
+            }
+            Full::Each { kind, limit, peer } => Self::new(
+                Kind::TooManyAtOnce,
+                format!("{peer} holds all {limit} places for {kind} that one address may have; end one of them first"),
+            ),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use axum::response::IntoResponse;
+
+    fn peer(address: &str) -> Peer {
+        Peer::of(address.parse().unwrap())
+    }
+
+    #[test]
+    fn a_peer_is_an_ipv4_address_or_the_64_of_an_ipv6_address() {
+        assert_ne!(peer("127.0.0.1"), peer("127.0.0.2"));
+        assert_eq!(peer("::ffff:127.0.0.1"), peer("127.0.0.1"));
+        assert_eq!(peer("2001:db8:1:2::1"), peer("2001:db8:1:2:ffff::9"));
+        assert_ne!(peer("2001:db8:1:2::1"), peer("2001:db8:1:3::1"));
+        assert_eq!(peer("2001:db8:1:2::1").to_string(), "2001:db8:1:2::/64");
+    }
+
+    #[test]
+    fn one_peer_leaves_places_to_the_others_and_all_together_have_an_end() {
+        let places = Places::new("uploads", 5, 2);
+        let (a, b, c) = (peer("10.0.0.1"), peer("10.0.0.2"), peer("10.0.0.3"));
+        let first = [places.take(a, 1).unwrap(), places.take(a, 1).unwrap()];
+        assert_eq!(places.take(a, 1).unwrap_err(), Full::Each { kind: "uploads", limit: 2, peer: a });
+        let second = places.take(b, 2).unwrap();
+        let third = places.take(c, 1).unwrap();
+        assert_eq!(places.take(c, 1).unwrap_err(), Full::All { kind: "uploads", limit: 5 });
+        drop(first);
+        assert_eq!(places.taken(), 3);
+        drop((second, third, places.take(c, 1).unwrap()));
+        assert_eq!(places.taken(), 0);
+        assert!(places.shared.taken().by.is_empty(), "peers without places are forgotten");
+    }
+
+    #[test]
+    fn places_that_grow_are_given_back_whole_and_refused_growth_costs_nothing() {
+        let places = Places::new("KiB of bodies", 10, 6);
+        let mut place = places.take(peer("10.0.0.1"), 0).unwrap();
+        place.grow(4).unwrap();
+        place.grow(2).unwrap();
+        assert!(matches!(place.grow(1), Err(Full::Each { .. })));
+        assert!(matches!(places.take(peer("10.0.0.2"), 5), Err(Full::All { .. })));
+        assert_eq!(places.taken(), 6);
+        drop(place);
+        assert_eq!(places.taken(), 0);
+        assert!(places.shared.taken().by.is_empty());
+    }
+
+    #[test]
+    fn the_clients_own_fault_and_the_services_load_are_told_apart() {
+        let places = Places::new("streams", 1, 0);
+        let refused = places.take(peer("10.0.0.1"), 1).unwrap_err();
+        assert_eq!(Problem::from(refused).into_response().status(), 429);
+        let places = Places::new("streams", 0, 0);
+        let refused = places.take(peer("10.0.0.1"), 1).unwrap_err();
+        assert_eq!(Problem::from(refused).into_response().status(), 503);
+    }
+}

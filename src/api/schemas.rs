@@ -1,0 +1,164 @@
+//! The description of words and numbers whose own types know nothing of OpenAPI: enumerations, patterns and limits.
+
+use super::extract::LONGEST_WORD;
+use crate::compress::Policy;
+use crate::domain::colour::{Illuminant, StandardObserver};
+use crate::domain::{Quantity, Unit};
+use crate::export::ExportFormat;
+use crate::formats::StatedQuantity;
+use crate::jobs::MAX_TEXT;
+use std::borrow::Cow;
+use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, ObjectBuilder, OneOfBuilder, Schema, Type};
+use utoipa::openapi::{KnownFormat, Ref, RefOr, SchemaFormat};
+use utoipa::{PartialSchema, ToSchema};
+
+/// Text without control characters.
+const TEXT: &str = r"^[^\x00-\x1f\x7f-\x9f]*$";
+/// The text of a digest.
+const DIGEST: &str = "b3-[0-9a-f]{64}";
+/// A decimal number without a sign.
+const NUMBER: &str = r"[0-9]{1,6}(\.[0-9]{1,12})?";
+
+/// A decimal number above 0.
+const POSITIVE: &str = r"([1-9][0-9]{0,4}(\.[0-9]{1,6})?|0\.0{0,3}[1-9][0-9]{0,4})";
+
+macro_rules! described {
+    ($($(#[$doc:meta])* $type:ident = $name:literal, $schema:expr;)+) => {
+        $(
+            $(#[$doc])*
+            #[derive(Debug)]
+            pub(crate) struct $type;
+
+            impl PartialSchema for $type {
+                fn schema() -> RefOr<Schema> {
+                    $schema.into()
+                }
+            }
+
+            impl ToSchema for $type {
+                fn name() -> Cow<'static, str> {
+                    Cow::Borrowed($name)
+                }
+            }
+        )+
+
+        /// Every schema of this file by its name.
+        pub(super) fn all() -> Vec<(String, RefOr<Schema>)> {
+            vec![$(($type::name().into_owned(), $type::schema())),+]
+        }
+    };
+}
+
+described! {
+    /// The id of a measurement, a material or any bytes.
+    DigestText = "Digest", text("`b3-` and the 64 lower-case hexadecimal digits of a BLAKE3 hash.")
+        .pattern(Some(format!("^{DIGEST}$")));
+    /// The id of a job.
+    JobIdText = "JobId", text("A UUID.")
+        .pattern(Some("^[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}$"));
+    /// `next` of a page.
+    CursorText = "Cursor", text("`next` of an earlier answer.").pattern(Some(r"^[0-9a-f]{1,15}\.[0-9a-z-]{1,80}$"));
+    /// A name, a file name, a licence, a tag.
+    Text = "Text", text("A text of the user without control characters.")
+        .min_length(Some(1)).max_length(Some(MAX_TEXT)).pattern(Some(TEXT));
+    /// What a list is filtered by.
+    Word = "Word", text("A text to compare with; U+0000 is refused.")
+        .max_length(Some(LONGEST_WORD)).pattern(Some(r"^[^\x00]*$"));
+    /// The name of a quantity.
+    QuantityName = "Quantity", one_of("A radiometric quantity.", Quantity::ALL.iter().map(|known| known.name()));
+    /// The name of a quantity as a request states it.
+    StatedQuantityName = "StatedQuantity", one_of(
+        "A radiometric quantity, or `reflectance-factor` (BRF, HCRF), which is divided by π: a BRDF.",
+        StatedQuantity::ALL.iter().map(|known| known.name()),
+    );
+    /// The name of a unit.
+    UnitName = "Unit", one_of("The unit of a value.", Unit::ALL.iter().map(|known| known.name()));
+    /// What a phase table integrates to.
+    NormalizationName = "Normalization",
+        one_of("The integral of a phase table over the sphere.", ["1", "4pi", "vsf", "relative"]);
+    /// The name of a policy.
+    PolicyName = "Policy", one_of("How coefficients are chosen and coded.", Policy::ALL.iter().map(|known| known.name()));
+    /// What an export is written as.
+    ExportName = "ExportFormat", one_of(
+        "A format that is written, or `manifest`.",
+        ExportFormat::ALL.iter().map(|known| known.name()).chain(["manifest"]),
+    );
+    /// An illuminant of a query.
+    IlluminantText = "IlluminantOrId", named("An illuminant, or the id of a stored spectrum.",
+        Illuminant::ALL.iter().map(|known| known.name()));
+    /// An observer of a query.
+    ObserverText = "ObserverOrId", named("An observer, or the id of a stored table of x̄, ȳ, z̄.",
+        StandardObserver::ALL.iter().map(|known| known.name()));
+    /// A direction of a query.
+    DirectionText = "DirectionText", text("`θ,φ` in degrees, θ from 0 to 180.").pattern(Some(
+        format!(r"^(180|(1[0-7][0-9]|[1-9]?[0-9])(\.[0-9]{{1,12}})?),-?{NUMBER}$"),
+    )).examples(["30,90"]);
+    /// The place on the index axes of a query.
+    IndexText = "IndexText", text("One entry, from 0, for each leading index axis: `I,J`.")
+        .pattern(Some("^[0-9]{1,7}(,[0-9]{1,7}){0,7}$")).examples(["0"]);
+    /// The wavelengths of a query.
+    WavelengthsText = "WavelengthsText", text("`A,B,C` or `START:STOP:STEP` in nm.").pattern(Some(
+        format!("^({POSITIVE}(,{POSITIVE})*|{POSITIVE}:{POSITIVE}:{POSITIVE})$"),
+    )).examples(["400,550.5,700", "380:720:10"]);
+    /// θ and φ.
+    Angles = "Direction", ArrayBuilder::new()
+        .description(Some("`[θ, φ]` in degrees."))
+        .prefix_items([
+            Schema::from(number().minimum(Some(0.0)).maximum(Some(180.0))),
+            Schema::from(number()),
+        ])
+        .items(ArrayItems::False)
+        .min_items(Some(2))
+        .max_items(Some(2));
+    /// θ and φ, once or several times.
+    OneOrMoreAngles = "Directions", OneOfBuilder::new()
+        .description(Some("`[θ, φ]` in degrees or a list of such."))
+        .item(Ref::from_schema_name(Angles::name()))
+        .item(ArrayBuilder::new().items(Ref::from_schema_name(Angles::name())).min_items(Some(1)));
+    /// Bytes of a body.
+    Binary = "Bytes", ObjectBuilder::new()
+        .schema_type(Type::String)
+        .format(Some(SchemaFormat::KnownFormat(KnownFormat::Binary)))
+        .description(Some("Bytes."));
+    /// A server-sent event.
+    EventText = "Event", ObjectBuilder::new()
+        .description(Some("A server-sent event: `state` with a job, or `progress` with `{\"progress\": 0.5}`."))
+        .property("event", one_of("The kind of the event.", ["state", "progress"]))
+        .property("data", text("JSON."))
+        .required("event")
+        .required("data");
+    /// Lines of JSON.
+    Lines = "Lines", text("JSON objects, one a line.");
+}
+
+fn text(description: &str) -> ObjectBuilder {
+    ObjectBuilder::new().schema_type(Type::String).description(Some(description))
+}
+
+fn number() -> ObjectBuilder {
+    ObjectBuilder::new().schema_type(Type::Number)
+}
+
+fn one_of(description: &str, names: impl IntoIterator<Item = &'static str>) -> ObjectBuilder {
+    text(description).enum_values(Some(names.into_iter().collect::<Vec<_>>()))
+}
+
+fn named(description: &str, names: impl IntoIterator<Item = &'static str>) -> ObjectBuilder {
+    let names: Vec<&str> = names.into_iter().collect();
+    text(description).pattern(Some(format!("^({}|{DIGEST})$", names.join("|"))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_normalizations_described_are_those_read() {
+        let RefOr::T(Schema::Object(described)) = NormalizationName::schema() else { panic!("an enumeration") };
+        let names = described.enum_values.unwrap();
+        assert_eq!(names.len(), 4);
+        for name in names {
+            assert!(name.as_str().unwrap().parse::<crate::formats::Normalization>().is_ok(), "{name}");
+        }
+    }
+}

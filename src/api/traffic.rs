@@ -1,0 +1,117 @@
+//! Requests under way on one connection: when there were none last, and which client has stopped to read its answer.
+
+use super::body::Passed;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::time::Instant;
+
+/// Requests under way on one connection.
+#[derive(Debug)]
+pub(crate) struct Traffic {
+    state: Mutex<State>,
+}
+
+#[derive(Debug)]
+struct State {
+    next: u64,
+    /// For each request, the moment from which a piece of its answer has waited to be sent.
+    running: HashMap<u64, Option<Instant>>,
+    /// The last moment at which a request began or ended.
+    last: Instant,
+}
+
+/// One request, until its answer is sent or dropped.
+#[derive(Debug)]
+pub(crate) struct Running {
+    traffic: Arc<Traffic>,
+    id: u64,
+}
+
+/// Reason to close a connection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Silence {
+    /// No request is under way.
+    Idle,
+    /// The client does not take its answer.
+    Unread,
+}
+
+impl Traffic {
+    pub(crate) fn new() -> Arc<Self> {
+        let state = State { next: 0, running: HashMap::new(), last: Instant::now() };
+        Arc::new(Self { state: Mutex::new(state) })
+    }
+
+    pub(crate) fn enter(self: &Arc<Self>) -> Running {
+        let mut state = self.state();
+        let id = state.next;
+        state.next += 1;
+        state.running.insert(id, None);
+        state.last = Instant::now();
+        Running { traffic: Arc::clone(self), id }
+    }
+
+    /// Reason to close the connection at `now`, if nothing has moved on it for `idle`. An answer gets twice as long for each piece,
+    /// because a slow connection takes pieces in bursts.
+    pub(crate) fn silence(&self, idle: Duration, now: Instant) -> Option<Silence> {
+        let state = self.state();
+        if state.running.is_empty() {
+            return (now.duration_since(state.last) >= idle).then_some(Silence::Idle);
+        }
+        let unread = |since: &Option<Instant>| since.is_some_and(|since| now.duration_since(since) >= 2 * idle);
+        state.running.values().any(unread).then_some(Silence::Unread)
+    }
+
+    /// Number of requests that have begun.
+    pub(crate) fn begun(&self) -> u64 {
+        self.state().next
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Passed for Running {
+    fn asked(&mut self) {
+        self.traffic.state().running.insert(self.id, None);
+    }
+
+    fn gave(&mut self) {
+        self.traffic.state().running.insert(self.id, Some(Instant::now()));
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let mut state = self.traffic.state();
+        state.running.remove(&self.id);
+        state.last = Instant::now();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn connections_without_requests_and_answers_that_nobody_takes_are_told_apart() {
+        let idle = Duration::from_secs(30);
+        let later = |times: u32| Instant::now() + times * idle;
+        let traffic = Traffic::new();
+        assert_eq!(traffic.silence(idle, Instant::now()), None);
+        assert_eq!(traffic.silence(idle, later(1)), Some(Silence::Idle));
+        // A handler may take long, and an event stream may be quiet.
+        let mut running = traffic.enter();
+        assert_eq!(traffic.silence(idle, later(10)), None);
+        running.gave();
+        running.asked();
+        assert_eq!(traffic.silence(idle, later(10)), None);
+        running.gave();
+        assert_eq!(traffic.silence(idle, later(1)), None);
+        assert_eq!(traffic.silence(idle, later(2)), Some(Silence::Unread));
+        drop(running);
+        assert_eq!((traffic.silence(idle, Instant::now()), traffic.begun()), (None, 1));
+    }
+}

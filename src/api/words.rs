@@ -1,0 +1,52 @@
+//! Text of a client in logs and answers: on one line, without control characters, and bounded.
+
+/// `text` on one line: control characters, line separators and marks that turn the direction of writing are escaped, and
+/// the middle is left out where there are more than `most` characters.
+pub(crate) fn shown(text: &str, most: usize) -> String {
+    // One character has at most four bytes, so that short texts are not counted.
+    if text.len() <= most || text.chars().count() <= most {
+        return text.chars().map(escaped).collect();
+    }
+    let tail = most / 3;
+    let head = most - tail;
+    let rest: Vec<char> = text.chars().rev().take(tail).collect();
+    let mut out: String = text.chars().take(head).map(escaped).collect();
+    out.push_str(" … ");
+    out.extend(rest.into_iter().rev().map(escaped));
+    out
+}
+
+fn escaped(c: char) -> String {
+    let turns = matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    if c.is_control() || turns || matches!(c, '\u{2028}' | '\u{2029}') {
+        c.escape_default().to_string()
+    } else {
+        c.to_string()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ordinary_words_stay_as_they_are() {
+        assert_eq!(shown("θ = 30°, `größe`: \"x\"", 100), "θ = 30°, `größe`: \"x\"");
+        assert_eq!(shown("", 3), "");
+    }
+
+    #[test]
+    fn lines_and_terminals_are_not_disturbed() {
+        assert_eq!(shown("a\nb\t\u{1b}[31m\0\u{7f}\u{9b}", 100), "a\\nb\\t\\u{1b}[31m\\u{0}\\u{7f}\\u{9b}");
+        assert_eq!(shown("x\u{202e}y\u{2028}", 100), "x\\u{202e}y\\u{2028}");
+    }
+
+    #[test]
+    fn long_words_keep_their_ends() {
+        let text = format!("unknown field `{}`, expected one of a, b", "x".repeat(30_000_000));
+        let short = shown(&text, 90);
+        assert!(short.chars().count() <= 93, "{}", short.len());
+        assert!(short.starts_with("unknown field `xxx") && short.ends_with("expected one of a, b"), "{short}");
+        assert_eq!(shown(&"ü".repeat(10), 10), "ü".repeat(10));
+    }
+}

@@ -1,0 +1,91 @@
+//! The log on stderr: an event is one bounded line, in colour on a terminal alone.
+
+use super::LogFormat;
+use std::io::{self, IsTerminal, Write};
+use tracing_subscriber::EnvFilter;
+
+/// Bytes of a line; the rest of a longer one is left out. Events of the service are far below.
+const LONGEST_LINE: usize = 8 << 10;
+
+/// Begins the log; `RUST_LOG` filters it, else `level`.
+pub(super) fn start(format: LogFormat, level: &str) {
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
+    let colours = in_colour(io::stderr().is_terminal(), |name| std::env::var(name).ok());
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_ansi(colours);
+    match format {
+        LogFormat::Human => log.with_target(false).with_writer(move || Line { to: io::stderr(), colours }).init(),
+        // JSON escapes by itself, and half an object is none.
+        LogFormat::Json => log.json().with_writer(io::stderr).init(),
+    }
+}
+
+/// A log is in colour on a terminal that has colours, unless `NO_COLOR` is set and not empty (<https://no-color.org>).
+fn in_colour(terminal: bool, variable: impl Fn(&str) -> Option<String>) -> bool {
+    terminal
+        && variable("NO_COLOR").is_none_or(|value| value.is_empty())
+        && variable("TERM").is_none_or(|term| term != "dumb")
+}
+
+/// A writer of one event.
+struct Line<W> {
+    to: W,
+    /// Escape sequences of the log itself pass; the formatter has escaped those of values.
+    colours: bool,
+}
+
+impl<W: Write> Write for Line<W> {
+    /// Writes an event, which is formatted whole.
+    fn write(&mut self, event: &[u8]) -> io::Result<usize> {
+        let text = String::from_utf8_lossy(event);
+        let mut line = String::with_capacity(text.len() + 1);
+        for c in text.strip_suffix('\n').unwrap_or(&text).chars() {
+            if line.len() > LONGEST_LINE {
+                line.push_str(" …");
+                break;
+            }
+            if c.is_control() && !(self.colours && c == '\u{1b}') {
+                line.extend(c.escape_default());
+            } else {
+                line.push(c);
+            }
+        }
+        line.push('\n');
+        self.to.write_all(line.as_bytes())?;
+        Ok(event.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.to.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn written(event: &str, colours: bool) -> String {
+        let mut line = Line { to: Vec::new(), colours };
+        line.write_all(event.as_bytes()).unwrap();
+        String::from_utf8(line.to).unwrap()
+    }
+
+    #[test]
+    fn an_event_is_one_bounded_line() {
+        assert_eq!(written("INFO θ = 30°\n", false), "INFO θ = 30°\n");
+        assert_eq!(written("a\nINFO forged\r\u{1b}[2J\n", false), "a\\nINFO forged\\r\\u{1b}[2J\n");
+        assert_eq!(written("\u{1b}[32mINFO\u{1b}[0m a\nb\n", true), "\u{1b}[32mINFO\u{1b}[0m a\\nb\n");
+        let long = written(&"ü".repeat(1 << 20), false);
+        assert!(long.len() < LONGEST_LINE + 16 && long.ends_with(" …\n"), "{}", long.len());
+    }
+
+    #[test]
+    fn colours_are_for_terminals() {
+        let none = |_: &str| None;
+        let set =
+            |name: &'static str, value: &'static str| move |asked: &str| (asked == name).then(|| value.to_owned());
+        assert!(in_colour(true, none) && in_colour(true, set("NO_COLOR", "")) && in_colour(true, set("TERM", "xterm")));
+        assert!(
+            !in_colour(false, none) && !in_colour(true, set("NO_COLOR", "1")) && !in_colour(true, set("TERM", "dumb"))
+        );
+    }
+}

@@ -1,0 +1,148 @@
+//! Settings of the service as flags and environment variables, made from the one table that declares them.
+
+use crate::jobs::{SETTINGS, Setting, WorkConfig};
+use clap::{Arg, ArgMatches, Command};
+use std::sync::LazyLock;
+
+/// Values of all settings, in the order of [`SETTINGS`].
+#[derive(Clone, Debug)]
+pub(crate) struct Settings(Vec<u64>);
+
+/// Names of one setting on the surfaces of the program.
+struct Names {
+    flag: String,
+    variable: String,
+    default: String,
+    help: String,
+}
+
+static NAMES: LazyLock<Vec<Names>> = LazyLock::new(|| {
+    let default = WorkConfig::new("");
+    let names = |setting: &Setting| Names {
+        flag: setting.field.replace('_', "-"),
+        variable: format!("WAVELUME_{}", setting.field.to_uppercase()),
+        default: setting.unit.show((setting.get)(&default)),
+        help: setting.help.trim().trim_end_matches('.').to_owned(),
+    };
+    SETTINGS.iter().map(names).collect()
+});
+
+/// Settings that the short help lists too.
+const COMMON: [&str; 5] = ["workers", "threads", "connections_each", "upload_bytes", "drain"];
+
+impl Settings {
+    /// Writes the values into a configuration.
+    pub(crate) fn apply(&self, config: &mut WorkConfig) {
+        for (setting, value) in SETTINGS.iter().zip(&self.0) {
+            // Every value was tried when it was parsed.
+            let _ = (setting.set)(config, *value);
+        }
+    }
+}
+
+impl clap::Args for Settings {
+    fn augment_args(command: Command) -> Command {
+        let arg = |(setting, names): (&'static Setting, &'static Names)| {
+            Arg::new(setting.field)
+                .long(names.flag.as_str())
+                .env(names.variable.as_str())
+                .hide_env_values(true)
+                .value_name(setting.unit.placeholder())
+                .default_value(names.default.as_str())
+                .help(names.help.as_str())
+                .help_heading(setting.heading)
+                .hide_short_help(!COMMON.contains(&setting.field))
+                .value_parser(|text: &str| setting.parse(text))
+        };
+        command.args(SETTINGS.iter().zip(NAMES.iter()).map(arg))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl clap::FromArgMatches for Settings {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let value = |setting: &Setting| matches.get_one::<u64>(setting.field).copied();
+        let missing = || clap::Error::new(clap::error::ErrorKind::MissingRequiredArgument);
+        SETTINGS.iter().map(value).collect::<Option<Vec<_>>>().map(Self).ok_or_else(missing)
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Cli;
+    use super::*;
+    use clap::CommandFactory;
+    use std::fmt::Write;
+
+    const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/settings.md");
+    const BEGIN: &str = "<!-- settings: begin -->\n";
+    const END: &str = "<!-- settings: end -->\n";
+
+    /// The table of the documentation, from the command line as the program reads it.
+    fn table() -> String {
+        let command = Cli::command();
+        let serve = command.find_subcommand("serve").unwrap();
+        let mut text = String::new();
+        let mut heading = String::new();
+        for arg in serve.get_arguments().filter(|arg| arg.get_long().is_some_and(|flag| flag != "help")) {
+            let group = arg.get_help_heading().unwrap_or("Data and address");
+            if group != heading {
+                heading = group.to_owned();
+                write!(text, "\n### {group}\n\n| flag | environment | default | meaning |\n|---|---|---|---|\n")
+                    .unwrap();
+            }
+            let flag = arg.get_long().unwrap();
+            let unit = arg.get_value_names().and_then(|names| names.first()).map_or("", |name| name.as_str());
+            let variable =
+                arg.get_env().and_then(|name| name.to_str()).map_or("–".to_owned(), |name| format!("`{name}`"));
+            let default: Vec<_> = arg.get_default_values().iter().filter_map(|value| value.to_str()).collect();
+            let default = if default.is_empty() { "–".to_owned() } else { format!("`{}`", default.join(",")) };
+            let help = arg.get_help().unwrap().to_string().replace('\n', " ");
+            writeln!(text, "| `--{flag} {unit}` | {variable} | {default} | {help} |").unwrap();
+        }
+        text.push('\n');
+        text
+    }
+
+    #[test]
+    fn the_documented_settings_are_those_of_the_program() {
+        let file = std::fs::read_to_string(FILE).unwrap();
+        let (before, rest) = file.split_once(BEGIN).unwrap();
+        let (documented, after) = rest.split_once(END).unwrap();
+        let table = table();
+        if std::env::var_os("UPDATE_SETTINGS").is_some() {
+            std::fs::write(FILE, format!("{before}{BEGIN}{table}{END}{after}")).unwrap();
+            return;
+        }
+        assert!(
+            documented == table,
+            "docs/settings.md is not what the program says: UPDATE_SETTINGS=1 cargo test documented_settings"
+        );
+    }
+
+    #[test]
+    fn every_setting_has_a_variable_a_group_and_reaches_the_configuration() {
+        let command = clap::Command::new("serve");
+        let command = <Settings as clap::Args>::augment_args(command);
+        for setting in SETTINGS {
+            let arg = command.get_arguments().find(|arg| arg.get_id() == setting.field).unwrap();
+            assert!(arg.get_env().is_some() && arg.get_help_heading().is_some(), "{}", setting.field);
+        }
+        let line = ["serve", "--upload-bytes", "1GiB", "--idle", "5s", "--workers", "3", "--body-rate", "1KiB"];
+        let matches = command.clone().try_get_matches_from(line).unwrap();
+        let mut config = WorkConfig::new("");
+        <Settings as clap::FromArgMatches>::from_arg_matches(&matches).unwrap().apply(&mut config);
+        assert_eq!((config.limits.upload_bytes, config.limits.idle.as_secs()), (1 << 30, 5));
+        assert_eq!((config.workers, config.limits.body_rate), (3, 1024));
+        let wrong = command.try_get_matches_from(["serve", "--idle", "soon"]).unwrap_err().to_string();
+        assert!(wrong.contains("--idle") && wrong.contains("30s"), "{wrong}");
+    }
+}

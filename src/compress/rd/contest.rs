@@ -1,0 +1,137 @@
+//! The choice among schemes: each is searched, or discarded after one look, and the best is kept.
+
+use super::super::refusal;
+use super::super::search::Until;
+use super::super::{CompressError, Ranked, Target};
+use super::layer::FirstLayer;
+use super::{Scheme, Steps, Work, chunk_bytes, levels};
+use crate::domain::Progress;
+
+/// With fewer bytes than samples by this factor, a file holds no noise: fixed bases, which win on noise, are not tried.
+const FEW: f64 = 128.0;
+/// Up to so many schemes are all searched; raising it costs trials.
+const FEW_SCHEMES: usize = 6;
+/// Samples above which all are searched, too: there a look misjudges noise, whose error stands still over many sizes.
+const SMALL: usize = 1 << 13;
+/// Schemes that are searched after a look at many. Raising it costs trials, and finds a better one now and then.
+const SEARCHED: usize = 2;
+
+/// The best scheme with its steps, and the ranking: the fewest bytes at a wanted error, the least error at a wanted size.
+///
+/// At a wanted error wavelets of the same measurement need nearly the same step, so the search of the first serves the
+/// others for the comparison; and they compete only where the data's own basis follows noise, which costs bits a sample.
+/// At a wanted size the step of the best scheme so far is where the search of the next one starts.
+pub(super) fn best_of<'a>(
+    work: &impl Fn(&Scheme) -> Result<Work<'a>, CompressError>,
+    schemes: &[Scheme],
+    (target, samples): (Target, usize),
+    progress: &dyn Progress,
+) -> Result<(Work<'a>, Steps, Vec<Ranked>), CompressError> {
+    let by_size = matches!(target, Target::Ratio(_) | Target::Bytes(_));
+    let by_error = by_size || target == Target::Auto;
+    let mut ranking: Vec<(f64, Ranked)> = Vec::new();
+    let mut best: Option<(f64, &Scheme, Option<Steps>)> = None;
+    // The best candidate itself, where it holds little of its own.
+    let mut best_work = None;
+    let mut shared = None;
+    let mut decoded = if by_error { vec![0.0; samples] } else { Vec::new() };
+    let mut refused = Vec::new();
+    let (schemes, start) = match target {
+        Target::Bytes(_) if schemes.len() > FEW_SCHEMES && samples <= SMALL => looked_at(work, schemes, progress)?,
+        _ => (schemes.iter().collect(), None),
+    };
+    for (i, &scheme) in schemes.iter().enumerate() {
+        let fixed = matches!(scheme, Scheme::Fixed(_));
+        if fixed && !by_error && best.is_some_and(|(bytes, _, _)| bytes * FEW <= samples as f64) {
+            continue;
+        }
+        let candidate = work(scheme)?;
+        let near = best.filter(|_| by_size).map_or(start, |(_, _, steps)| steps);
+        let own = match shared {
+            Some(_) if fixed && !by_error => None,
+            _ => match if by_size {
+                candidate.sized_steps(near, Until::Near, progress)
+            } else {
+                candidate.find_steps(progress)
+            } {
+                Ok(found) => Some(found),
+                // Few vectors cannot follow noise, and their own bytes may not fit; another basis may.
+                Err(CompressError::Unreachable(text)) => {
+                    refused.push((candidate.closest.get(), text));
+                    continue;
+                }
+                Err(other) => return Err(other),
+            },
+        };
+        if fixed {
+            shared = shared.or(own);
+        }
+        let Some(steps) = own.or(shared) else { continue };
+        let has_levels = candidate.layer.is_predicted() && !candidate.settings.random_access;
+        let levels = if has_levels { levels::usual_bytes(candidate.measurement) } else { 0 };
+        let bytes = chunk_bytes(&candidate.layer.chunks(steps.first)) + levels;
+        let errors = if by_error {
+            let error = candidate.relative_error(steps.first, &mut decoded, progress)?;
+            if !error.is_finite() {
+                refused.push((f64::INFINITY, refusal::OVERFLOWS.to_owned()));
+                continue;
+            }
+            // What is nearest to the truth is not what is nearest to the measurement.
+            let risk =
+                if target == Target::Auto { candidate.risk(steps, &mut decoded, progress)?.sqrt() } else { error };
+            Some((error, risk))
+        } else {
+            None
+        };
+        let score = errors.map_or(bytes as f64, |(_, score)| score);
+        let er_l2 = errors.map(|(error, _)| error);
+        // At a wanted error the smallest comes first, at a wanted size the nearest.
+        let place = er_l2.unwrap_or(bytes as f64);
+        ranking.push((place, Ranked { basis: scheme.name().to_owned(), bytes: bytes as u64, er_l2 }));
+        if best.is_none_or(|(least, _, _)| score < least) {
+            best = Some((score, scheme, own));
+            best_work = candidate.layer.is_predicted().then_some(candidate);
+        }
+        progress.step(0.05 + 0.5 * (i + 1) as f64 / schemes.len() as f64)?;
+    }
+    let Some((_, scheme, steps)) = best else { return Err(refusal::nothing_reaches(refused)) };
+    let chosen = best_work.map_or_else(|| work(scheme), Ok)?;
+    let steps = steps.map_or_else(|| chosen.find_steps(progress), Ok)?;
+    let steps = chosen.refined(chosen.settled(steps, progress)?, progress)?;
+    ranking.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Ok((chosen, steps, ranking.into_iter().map(|(_, ranked)| ranked).collect()))
+}
+
+/// Of many schemes for a wanted size those that promise the least error, and the step to start from: the first is searched,
+/// the others are tried once at its step, and judged by what their errors would be with the bytes that are allowed.
+fn looked_at<'a, 's>(
+    work: &impl Fn(&Scheme) -> Result<Work<'a>, CompressError>,
+    schemes: &'s [Scheme],
+    progress: &dyn Progress,
+) -> Result<(Vec<&'s Scheme>, Option<Steps>), CompressError> {
+    let mut schemes_left = schemes.iter();
+    let (mut first, mut found) = (None, None);
+    for scheme in schemes_left.by_ref() {
+        let leader = work(scheme)?;
+        match leader.sized_steps(None, Until::Near, progress) {
+            Ok(steps) => {
+                (first, found) = (Some(scheme), Some((steps, leader.exponent(steps))));
+                break;
+            }
+            Err(CompressError::Unreachable(_)) => {}
+            Err(other) => return Err(other),
+        }
+    }
+    let Some((steps, exponent)) = found else { return Ok((schemes.iter().take(SEARCHED).collect(), None)) };
+    let mut others = Vec::new();
+    for scheme in schemes_left {
+        let candidate = work(scheme)?;
+        let room = candidate.room(steps, progress)?;
+        let mut decoded = vec![0.0; candidate.original().len()];
+        let error = candidate.relative_error(steps.first, &mut decoded, progress)?;
+        others.push((error * libm::pow(room, exponent), scheme));
+    }
+    others.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let best = first.into_iter().chain(others.into_iter().map(|(_, scheme)| scheme));
+    Ok((best.take(SEARCHED).collect(), Some(steps)))
+}

@@ -1,0 +1,204 @@
+//! The words of refusals: the option that was asked for, what in the data conflicts with it, and what would work.
+
+use super::header::Header;
+use super::{CompressError, Policy, SpectralBasis, Target, basis_of};
+use crate::domain::Measurement;
+
+/// No noise to stop at.
+pub(super) const NO_NOISE: &str = "er_l2 auto: the noise of this measurement cannot be estimated: that takes at least \
+    about a hundred samples with neighbours in direction or wavelength, and noise above the rounding of float32; give an \
+    explicit error, for example er_l2 0.01";
+/// No candidate at all, which the settings' checks exclude.
+pub(super) const NOTHING_TO_TRY: &str =
+    "no spectral basis fits these axes: name one with the option basis, or use lossless";
+/// Decoded samples above what float32 holds.
+pub(super) const OVERFLOWS: &str = "samples would decode beyond 3.4e38, the largest float32: the \
+    samples come close to it; ask for a larger file, a smaller ratio or step, an error to keep instead (for example \
+    er_l2 0.01), or lossless, or store the measurement in a larger unit";
+
+/// `found` rounded up to two digits: an error to ask for instead.
+pub(super) fn two_digits_up(value: f64) -> f64 {
+    if !(value > 0.0 && value.is_finite()) {
+        return value;
+    }
+    let places = 1 - libm::floor(libm::log10(value)) as i32;
+    // Far from 1 the power of ten itself would be rounded or infinite.
+    if places.abs() > 22 {
+        let text = format!("{value:.1e}");
+        let near: f64 = text.parse().unwrap_or(value);
+        return if near < value { near * 1.1 } else { near };
+    }
+    // A power of ten that is exact, so that the quotient is the f64 nearest to two decimal digits.
+    let scale = (0..places.unsigned_abs()).fold(1.0, |scale: f64, _| scale * 10.0);
+    // A hair above two digits is those two digits.
+    let up = |x: f64| libm::ceil(x - 1e-9);
+    if places >= 0 { up(value * scale) / scale } else { up(value / scale) * scale }
+}
+
+/// An error that a basis does not come down to, however small the step, of logarithms or (`linear`) of the samples.
+pub(super) fn cannot_follow(
+    (name, wanted): (&str, f64),
+    closest: f64,
+    (basis, linear): (SpectralBasis, bool),
+) -> CompressError {
+    let what = if linear { "float32 samples" } else { "logarithms in float32" };
+    let why = match basis {
+        SpectralBasis::Klt => {
+            format!("at most 24 spectral vectors, and {what}, follow this measurement no closer")
+        }
+        _ => format!("{what} follow this measurement no closer"),
+    };
+    let instead = if closest.is_finite() && closest <= 10.0 {
+        format!("{name} {} or more", shown(two_digits_up(closest * 1.05)))
+    } else {
+        "a larger error".to_owned()
+    };
+    let another = if basis == SpectralBasis::Klt { ", another basis (auto, bior4.4)" } else { "" };
+    CompressError::Unreachable(format!(
+        "{name} {}: with basis {} the closest file is off by {}: {why}; ask for {instead}{another}, or lossless",
+        shown(wanted),
+        basis.name(),
+        if closest.is_finite() { shown(closest) } else { "more than float32 holds".to_owned() },
+    ))
+}
+
+/// A bound on every sample that is below what float32 resolves.
+pub(super) fn below_rounding(target: Target, measurement: &Measurement) -> CompressError {
+    CompressError::Unreachable(match target {
+        Target::MaxAbsoluteError(wanted) => {
+            let (low, high) = measurement.tensor.range().unwrap_or_default();
+            let largest = f64::from(low.abs().max(high.abs()));
+            let least =
+                two_digits_up((4.0 * largest * f64::from(f32::EPSILON)).max(2.0 * f64::from(f32::MIN_POSITIVE)));
+            format!(
+                "max_absolute_error {}: float32 is too coarse for it beside samples as large as {}; ask for {} or more, or \
+                 lossless",
+                shown(wanted),
+                shown(largest),
+                shown(least)
+            )
+        }
+        Target::MaxRelativeError(wanted) => format!(
+            "max_relative_error {}: float32 logarithms resolve about 1e-6 of a sample; ask for 1e-5 or more, or lossless",
+            shown(wanted)
+        ),
+        _ => "the error asked for is below what float32 resolves; ask for a larger one, or lossless".to_owned(),
+    })
+}
+
+/// A size below the smallest file, or a ratio above the fewest coefficients.
+pub(super) fn too_large(
+    target: Target,
+    least: f64,
+    (samples, basis): (usize, SpectralBasis),
+    has_metadata: bool,
+) -> CompressError {
+    let mut text = match target {
+        Target::Ratio(ratio) => format!(
+            "ratio {}: basis {} keeps {least} coefficients of the {samples} samples at least, its own vectors included; ask \
+             for ratio {} or less",
+            shown(ratio),
+            basis.name(),
+            shown((samples as f64 / least.max(1.0)).floor().max(1.0)),
+        ),
+        Target::Bytes(bytes) => format!(
+            "bytes {bytes}: the smallest file of this material has {least} bytes{}; ask for at least that",
+            if has_metadata { ", its metadata included" } else { "" }
+        ),
+        _ => "the file is larger than was asked for".to_owned(),
+    };
+    match target {
+        Target::Ratio(_) if basis == SpectralBasis::Klt => text.push_str(", or for another basis (auto, haar)"),
+        Target::Bytes(_) if has_metadata => {
+            text.push_str(", or leave the metadata out (--no-metadata, \"metadata\": false)");
+        }
+        _ => {}
+    }
+    CompressError::Unreachable(text)
+}
+
+/// A sample that decodes beyond what float32 holds.
+pub(super) fn beyond_float32(header: &Header, at: usize, sample: f32) -> CompressError {
+    let basis = basis_of(&header.axes, &header.transforms, header.klt);
+    CompressError::Unreachable(format!(
+        "policy {}, basis {basis}: sample {at} of the measurement is {sample:e} and would decode beyond 3.4e38, the largest \
+         float32; ask for a smaller error or step, more bytes or a smaller ratio, or lossless, or store the measurement in \
+         a larger unit",
+        header.policy
+    ))
+}
+
+/// A file that does not come back, whatever its size.
+pub(super) fn undecodable(header: &Header, reason: &str) -> CompressError {
+    let basis = basis_of(&header.axes, &header.transforms, header.klt);
+    CompressError::Unreachable(format!(
+        "policy {}, basis {basis}: no file was written, because its decoder would refuse it ({reason}): the samples leave the \
+         range in which this transform works in float32; use lossless, or store the measurement in another unit",
+        header.policy
+    ))
+}
+
+/// The linear transform of a policy of the paper, out of range.
+pub(super) fn transform_overflows(policy: Policy, basis: SpectralBasis, measurement: &Measurement) -> CompressError {
+    let (low, high) = measurement.tensor.range().unwrap_or_default();
+    CompressError::Unreachable(format!(
+        "policy {policy}, basis {}: samples as large as {} leave the range of float32 in the transform; use policy rd, \
+         lossless, or store the measurement in a larger unit",
+        basis.name(),
+        shown(f64::from(low.abs().max(high.abs()))),
+    ))
+}
+
+/// The refusal that came closest to what was asked for.
+pub(super) fn nothing_reaches(refused: Vec<(f64, String)>) -> CompressError {
+    let closest = refused.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+    CompressError::Unreachable(closest.map_or_else(|| NOTHING_TO_TRY.to_owned(), |(_, text)| text))
+}
+
+/// A number as people write it: a plain decimal, or with an exponent far from 1.
+pub(super) fn shown(value: f64) -> String {
+    let size = value.abs();
+    if size != 0.0 && !(1e-4..1e6).contains(&size) {
+        let text = format!("{value:.2e}");
+        // 1.00e-9 is 1e-9.
+        match text.split_once('e') {
+            Some((digits, exponent)) if digits.contains('.') => {
+                format!("{}e{exponent}", digits.trim_end_matches('0').trim_end_matches('.'))
+            }
+            _ => text,
+        }
+    } else {
+        let text = format!("{value:.6}");
+        let digits = text.trim_end_matches('0').trim_end_matches('.');
+        digits.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_shown_as_people_write_them() {
+        for (value, text) in [
+            (0.01, "0.01"),
+            (1e300, "1e300"),
+            (1e-9, "1e-9"),
+            (0.0, "0"),
+            (40.0, "40"),
+            (3.4e38, "3.4e38"),
+            (1234.5, "1234.5"),
+        ] {
+            assert_eq!(shown(value), text);
+        }
+    }
+
+    #[test]
+    fn errors_to_ask_for_are_rounded_up_anywhere() {
+        for value in [1.0e-300, 1e-30, 0.012_3, 0.5, 1.0, 99.5, 1e30, 3e300] {
+            let up = two_digits_up(value);
+            assert!(up >= value * (1.0 - 1e-9) && up <= 1.12 * value, "{value}: {up}");
+        }
+        assert_eq!((two_digits_up(0.0121), two_digits_up(0.02)), (0.013, 0.02));
+    }
+}

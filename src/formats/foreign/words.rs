@@ -1,0 +1,103 @@
+//! Tables that are told by the words of their header: directions in words, summaries of a lamp, surface properties.
+
+use crate::domain::Quantity;
+use crate::formats::Sample;
+use crate::formats::spectral_table::cells::{Delimiter, has_words, is_missing, unquoted};
+use crate::formats::spectral_table::rows;
+use crate::formats::spectral_table::wavelength_unit::names_wavelength;
+use crate::formats::text::{Source, Token};
+
+/// Lines in which names of columns are looked for.
+const LOOKED_AT: usize = 200;
+/// Characters of a name; longer cells are prose.
+const LONGEST: usize = 60;
+
+/// Returns true for a table of which a column is an angle by its words ("Viewing Zenith", "Relative Azimuth").
+pub(super) fn is_directions(sample: &Sample<'_>) -> bool {
+    // Phase functions have their own reader, whatever their angle is called.
+    let of_phase = || ["phase function", "scattering"].iter().any(|word| sample.head.to_lowercase().contains(word));
+    sample.quantity != Some(Quantity::Phase) && has_columns(sample, is_angle, 1) && !of_phase()
+}
+
+/// Returns true for figures of a lamp (CCT, CRI, illuminance) without a spectrum: columns with a row each, or a line each.
+pub(super) fn is_summary(sample: &Sample<'_>) -> bool {
+    const FEWEST: usize = 2;
+    if has_columns(sample, is_figure, FEWEST) {
+        return !rows::holds_wide(&sample.head);
+    }
+    let source = source(sample);
+    let is_line = |line: &Token<'_>| {
+        Delimiter::ALL.into_iter().any(|delimiter| {
+            let cells = delimiter.cells(*line);
+            matches!(&cells[..], [name, value, ..] if is_figure(&name.text.to_lowercase()) && delimiter.number(value.text).is_some())
+        })
+    };
+    source.lines().take(LOOKED_AT).filter(|line| has_words(line.text)).filter(is_line).count() >= FEWEST
+        && rows::probe(&sample.head) == 0
+}
+
+/// Returns true for a surface property of `TracePro`: its title, or the names of its columns.
+pub(super) fn is_tracepro(sample: &Sample<'_>) -> bool {
+    let begins = |line: &str| line.starts_with("TracePro") || line.trim() == "Table_BSDF_Data";
+    let names = |line: &str| line.contains("ScatterBeta") && line.contains("ScatterAzimuth");
+    sample.head.lines().take(LOOKED_AT).any(|line| begins(line.trim_start_matches(['#', ' ', '"'])) || names(line))
+}
+
+/// The head as text; its messages are never shown, so that any name of a format does.
+fn source(sample: &Sample<'_>) -> Source {
+    Source::decode(sample.head.as_bytes(), "")
+}
+
+/// Returns true where at least `fewest` cells of a row of names are as `is` tells, with numbers beneath them; the first
+/// column of the table must not be wavelengths.
+fn has_columns(sample: &Sample<'_>, is: fn(&str) -> bool, fewest: usize) -> bool {
+    let source = source(sample);
+    let lines: Vec<Token<'_>> =
+        source.lines().filter(|line| !line.text.trim().is_empty()).take(LOOKED_AT + 2).map(without_mark).collect();
+    (0..lines.len().min(LOOKED_AT)).filter(|&i| has_words(lines[i].text)).any(|i| {
+        Delimiter::ALL.into_iter().any(|delimiter| {
+            let names = delimiter.cells(lines[i]);
+            if names.len() < 2 || names_wavelength(names[0].text) {
+                return false;
+            }
+            let found: Vec<usize> = (0..names.len())
+                .filter(|&k| names[k].text.len() <= LONGEST && is(&unquoted(names[k].text).to_lowercase()))
+                .collect();
+            // A row of units may come between.
+            found.len() >= fewest
+                && lines[i + 1..].iter().take(2).any(|row| {
+                    let row = delimiter.cells(*row);
+                    let is_number = |&k: &usize| delimiter.number(row[k].text).is_some();
+                    row.len().abs_diff(names.len()) <= 1
+                        && found.iter().all(|&k| k < row.len() && (is_number(&k) || is_missing(row[k].text)))
+                        && found.iter().any(is_number)
+                })
+        })
+    })
+}
+
+/// A line without the mark of a comment before it.
+fn without_mark(line: Token<'_>) -> Token<'_> {
+    let text = line.text.trim_start().trim_start_matches('#').trim_start();
+    Token { text, offset: line.offset + line.text.len() - text.len() }
+}
+
+/// Returns true for the lower-case name of an angle of incidence or view.
+fn is_angle(name: &str) -> bool {
+    const ACRONYMS: [&str; 6] = ["vza", "sza", "raa", "vaa", "saa", "iza"];
+    const OF: [&str; 9] =
+        ["view", "incidence", "incident", "illumination", "emission", "detector", "source", "sensor", "solar"];
+    let words = name.split(|c: char| !c.is_alphanumeric());
+    name.contains("zenith")
+        || name.contains("azimuth")
+        || words.into_iter().any(|word| ACRONYMS.contains(&word))
+        || name.contains("angle") && OF.iter().any(|of| name.contains(of))
+}
+
+/// Returns true for the lower-case name of a figure that summarises a lamp's spectrum.
+fn is_figure(name: &str) -> bool {
+    const FIGURES: [&str; 12] =
+        ["cct", "cri", "ra", "duv", "lux", "illuminance", "ppfd", "tlci", "cqs", "rf", "rg", "lambdad"];
+    let first = name.trim().split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();
+    FIGURES.contains(&first)
+}

@@ -1,0 +1,129 @@
+//! Lists of one wavelength a line with its unit behind the number (`380nm` and a value), as LI-COR and `UPRtek` instruments
+//! save them, with named figures before and after.
+
+use super::cells::{Delimiter, is_missing, unquoted};
+use super::rows::{Table, contents, split_comment};
+use crate::domain::limits::{MAX_SAMPLES, MAX_WAVELENGTHS};
+use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::text::{Source, Token, number, snippet};
+
+/// Lines that follow each other and make a list.
+const FEWEST: usize = 3;
+/// Named figures that are kept as metadata.
+const MAX_FIGURES: usize = 1000;
+
+/// The wavelength of a cell such as `380nm`, in nm.
+fn wavelength(cell: &str) -> Option<f64> {
+    let digits = cell.get(..cell.len().checked_sub(2)?)?;
+    cell.get(digits.len()..)?.eq_ignore_ascii_case("nm").then_some(())?;
+    number(&digits.trim_end().replace(',', ".")).filter(|nm| (1.0..=1e6).contains(nm))
+}
+
+/// Returns true for a line that begins with a number and `n`; looks at its first characters only, as it is asked of
+/// every line of other tables.
+fn may_begin(line: &str) -> bool {
+    const LONGEST: usize = 24;
+    let is_part = |byte: &&u8| byte.is_ascii_digit() || matches!(byte, b'.' | b',' | b' ');
+    let head = line.trim_start().as_bytes();
+    head.first().is_some_and(u8::is_ascii_digit)
+        && matches!(head.iter().take(LONGEST).find(|byte| !is_part(byte)), Some(b'n' | b'N'))
+}
+
+/// The cells of a line of the list: a wavelength, then at least one value or missing value.
+fn row(delimiter: Delimiter, line: Token<'_>) -> Option<(f64, Vec<Token<'_>>)> {
+    may_begin(line.text).then_some(())?;
+    let cells = delimiter.cells(line);
+    let nm = wavelength(cells.first()?.text)?;
+    let is_value = |cell: &Token<'_>| delimiter.number(cell.text).is_some() || is_missing(cell.text);
+    (cells.len() > 1 && cells[1..].iter().all(is_value)).then_some((nm, cells))
+}
+
+/// The delimiter of the list, and how many cells its lines have.
+fn form(lines: &[Token<'_>]) -> Option<(Delimiter, usize)> {
+    Delimiter::ALL.into_iter().find_map(|delimiter| {
+        let (mut width, mut count) = (0, 0);
+        for line in lines {
+            let found = row(delimiter, *line).map_or(0, |(_, cells)| cells.len());
+            (width, count) =
+                if found > 0 && found == width { (width, count + 1) } else { (found, usize::from(found > 0)) };
+            if count >= FEWEST {
+                return Some((delimiter, width));
+            }
+        }
+        None
+    })
+}
+
+/// Returns true for lines among which such a list is.
+pub(super) fn is_list(lines: &[Token<'_>]) -> bool {
+    form(lines).is_some()
+}
+
+/// The table of such a list; `None` where the text has none.
+pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Option<Table>, FormatError> {
+    const LOOKED_AT: usize = 1000;
+    let looked_at: Vec<Token<'_>> = contents(source).take(LOOKED_AT).collect();
+    let Some((delimiter, width)) = form(&looked_at) else { return Ok(None) };
+    let (mut wavelengths, mut values, mut prose) = (Vec::new(), Vec::new(), String::new());
+    let (mut heading, mut figures, mut ended) = (Vec::new(), 0_usize, false);
+    for line in contents(source) {
+        let Some((nm, cells)) = row(delimiter, line) else {
+            let cells = delimiter.cells(line);
+            if let (Some(first), None) = (cells.first(), cells.first().and_then(|cell| wavelength(cell.text))) {
+                ended = !wavelengths.is_empty();
+                if !ended && cells.len() == width {
+                    heading = cells[1..].iter().map(|cell| unquoted(cell.text)).collect();
+                }
+                figures += 1;
+                if figures <= MAX_FIGURES {
+                    let key = unquoted(first.text);
+                    let rest = cells[1..].iter().map(|cell| unquoted(cell.text)).collect::<Vec<_>>().join(" ");
+                    report.metadata.push((key, rest.chars().take(4096).collect()));
+                    prose.push_str(&line.text.to_lowercase());
+                    prose.push('\n');
+                }
+                continue;
+            }
+            let bad = cells.iter().skip(1).find(|cell| delimiter.number(cell.text).is_none() && !is_missing(cell.text));
+            let (found, offset) = bad.map_or((line.text, line.offset), |cell| (cell.text, cell.offset));
+            return Err(
+                source.malformed(offset, format!("found {}, expected a number for the wavelength", snippet(found)))
+            );
+        };
+        if ended {
+            return Err(
+                source.malformed(line.offset, format!("{nm} nm in a second list, expected one list of wavelengths"))
+            );
+        }
+        if cells.len() != width {
+            let message = format!("a row of {} cells, expected {width} as in the rows before", cells.len());
+            return Err(source.malformed(line.offset, message));
+        }
+        wavelengths.push((nm, line.offset));
+        for cell in &cells[1..] {
+            let value = delimiter.number(cell.text).map_or(f32::NAN, |value| value as f32);
+            if value.is_infinite() {
+                let message = format!("found {}, expected a number within the range of float32", snippet(cell.text));
+                return Err(source.malformed(cell.offset, message));
+            }
+            values.push(value);
+        }
+        if wavelengths.len() > MAX_WAVELENGTHS || values.len() > MAX_SAMPLES {
+            let message = format!("expected at most {MAX_WAVELENGTHS} wavelengths and {MAX_SAMPLES} values");
+            return Err(source.error(FormatErrorKind::OverLimit, line.offset, message));
+        }
+    }
+    if figures > 0 {
+        report.note(NoteKind::Skipped, format!("{figures} lines of named figures around the data, kept as keywords"));
+    }
+    for comment in source.lines().filter_map(|line| split_comment(line).1).take(MAX_FIGURES) {
+        prose.push_str(&comment.to_lowercase());
+        prose.push('\n');
+    }
+    let is_named = width > 2 && heading.len() == width - 1;
+    let names = if is_named { heading } else { (1..width).map(|n| n.to_string()).collect() };
+    let heading = names.join("\n").to_lowercase();
+    let (wavelength_name, dialect) = (Some("nm".to_owned()), "a wavelength with its unit a line");
+    Ok(Some(Table { wavelengths, values, names, wavelength_name, prose, heading, library: None, dialect }))
+}

@@ -1,0 +1,215 @@
+//! Settings as people write them: a number with a unit, read and shown the same way on every surface.
+
+use super::config::WorkConfig;
+use std::time::Duration;
+
+/// Unit of a setting, which decides how its text is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// A plain number.
+    Count,
+    /// Bytes: `4096`, `64KiB`, `256MiB`, `1GiB`.
+    Bytes,
+    /// Bytes per second, written like bytes.
+    Rate,
+    /// A time: `500ms`, `30s`, `15min`, `1h`; a number alone counts seconds.
+    Time,
+}
+
+/// One number that a person may set, declared once in [`super::SETTINGS`].
+#[derive(Clone, Copy, Debug)]
+pub struct Setting {
+    /// Name in `snake_case`; flag and environment variable follow from it.
+    pub field: &'static str,
+    /// Group under which help and documentation list it.
+    pub heading: &'static str,
+    /// Explanation, one sentence or two.
+    pub help: &'static str,
+    /// Unit of its text.
+    pub unit: Unit,
+    /// Smallest value that makes sense.
+    pub least: u64,
+    /// Reads the value, times in milliseconds.
+    pub get: fn(&WorkConfig) -> u64,
+    /// Sets the value; `None` if it does not fit the machine's integers.
+    pub set: fn(&mut WorkConfig, u64) -> Option<()>,
+}
+
+impl Setting {
+    /// Reads text as a value of this setting.
+    pub fn parse(&self, text: &str) -> Result<u64, String> {
+        let expected = self.unit.expected();
+        let value = self.unit.parse(text.trim()).ok_or_else(|| format!("expected {expected}"))?;
+        if value < self.least {
+            return Err(format!("expected {expected}, at least {}", self.unit.show(self.least)));
+        }
+        // A value that the field cannot hold is refused here, where the text is known.
+        (self.set)(&mut WorkConfig::new(""), value).ok_or_else(|| format!("expected {expected}, and a smaller one"))?;
+        Ok(value)
+    }
+}
+
+/// Suffixes of bytes, largest first.
+const BYTES: [(&str, u64); 7] = [
+    ("GiB", 1 << 30),
+    ("MiB", 1 << 20),
+    ("KiB", 1 << 10),
+    ("GB", 1_000_000_000),
+    ("MB", 1_000_000),
+    ("kB", 1000),
+    ("B", 1),
+];
+
+/// Suffixes of times in milliseconds; `ms` stands before `s`, which it ends with.
+const TIMES: [(&str, u64); 4] = [("ms", 1), ("min", 60_000), ("h", 3_600_000), ("s", 1000)];
+
+impl Unit {
+    fn parse(self, text: &str) -> Option<u64> {
+        let (suffixes, alone): (&[_], u64) = match self {
+            Self::Count => (&[], 1),
+            Self::Bytes | Self::Rate => (&BYTES, 1),
+            Self::Time => (&TIMES, 1000),
+        };
+        let found = suffixes.iter().find_map(|(name, factor)| Some((text.strip_suffix(name)?, *factor)));
+        let (digits, factor) = found.unwrap_or((text, alone));
+        let digits = digits.trim_end();
+        // `u64::from_str` would take a sign.
+        digits.bytes().all(|byte| byte.is_ascii_digit()).then(|| digits.parse::<u64>().ok())??.checked_mul(factor)
+    }
+
+    /// Text that [`Setting::parse`] reads as `value`.
+    pub fn show(self, value: u64) -> String {
+        let largest = |suffixes: &[(&str, u64)]| {
+            let fits = suffixes.iter().find(|(_, factor)| value >= *factor && value.is_multiple_of(*factor));
+            fits.map(|(name, factor)| format!("{}{name}", value / factor))
+        };
+        match self {
+            Self::Count => value.to_string(),
+            Self::Bytes | Self::Rate => largest(&BYTES[..3]).unwrap_or_else(|| value.to_string()),
+            Self::Time => largest(&[TIMES[2], TIMES[1], TIMES[3], TIMES[0]]).unwrap_or_else(|| "0s".to_owned()),
+        }
+    }
+
+    /// Placeholder of a value in help.
+    pub fn placeholder(self) -> &'static str {
+        match self {
+            Self::Count => "N",
+            Self::Bytes => "BYTES",
+            Self::Rate => "BYTES/S",
+            Self::Time => "TIME",
+        }
+    }
+
+    fn expected(self) -> &'static str {
+        match self {
+            Self::Count => "a whole number",
+            Self::Bytes => "bytes such as 4096, 64KiB or 1GiB",
+            Self::Rate => "bytes per second such as 4096, 16KiB or 1MiB",
+            Self::Time => "a time such as 500ms, 30s, 15min or 1h",
+        }
+    }
+}
+
+/// Conversion between a field and the number that settings carry.
+pub(super) trait Value: Sized {
+    fn from_number(number: u64) -> Option<Self>;
+    fn number(&self) -> u64;
+}
+
+impl Value for u64 {
+    fn from_number(number: u64) -> Option<Self> {
+        Some(number)
+    }
+
+    fn number(&self) -> u64 {
+        *self
+    }
+}
+
+impl Value for usize {
+    fn from_number(number: u64) -> Option<Self> {
+        number.try_into().ok()
+    }
+
+    fn number(&self) -> u64 {
+        *self as u64
+    }
+}
+
+impl Value for u32 {
+    fn from_number(number: u64) -> Option<Self> {
+        number.try_into().ok()
+    }
+
+    fn number(&self) -> u64 {
+        u64::from(*self)
+    }
+}
+
+impl Value for Duration {
+    fn from_number(number: u64) -> Option<Self> {
+        // Longer times overflow the clock when they are added to it.
+        (number <= 366 * 24 * 3_600_000).then(|| Self::from_millis(number))
+    }
+
+    fn number(&self) -> u64 {
+        self.as_millis() as u64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::config::SETTINGS;
+    use super::*;
+
+    #[test]
+    fn numbers_are_read_with_their_units_and_shown_so_that_they_are_read_back() {
+        for (unit, text, value, shown) in [
+            (Unit::Count, "12", 12, "12"),
+            (Unit::Bytes, "4096", 4096, "4KiB"),
+            (Unit::Bytes, "1 GiB", 1 << 30, "1GiB"),
+            (Unit::Bytes, "5MB", 5_000_000, "5000000"),
+            (Unit::Rate, "16KiB", 16 << 10, "16KiB"),
+            (Unit::Time, "500ms", 500, "500ms"),
+            (Unit::Time, "90", 90_000, "90s"),
+            (Unit::Time, "15min", 900_000, "15min"),
+            (Unit::Time, "0s", 0, "0s"),
+        ] {
+            assert_eq!(unit.parse(text), Some(value), "{text}");
+            assert_eq!(unit.show(value), shown);
+            assert_eq!(unit.parse(shown), Some(value), "{shown}");
+        }
+        for (unit, text) in [
+            (Unit::Count, "1s"),
+            (Unit::Count, "-1"),
+            (Unit::Count, "+1"),
+            (Unit::Count, ""),
+            (Unit::Bytes, "KiB"),
+            (Unit::Bytes, "1.5GiB"),
+            (Unit::Bytes, "99999999999GiB"),
+            (Unit::Time, "1 fortnight"),
+        ] {
+            assert_eq!(unit.parse(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn every_setting_is_one_of_a_kind_and_has_a_default_that_it_takes() {
+        let mut names: Vec<&str> = SETTINGS.iter().map(|setting| setting.field).collect();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), SETTINGS.len());
+        let default = WorkConfig::new("");
+        for setting in SETTINGS {
+            let value = (setting.get)(&default);
+            assert_eq!(setting.parse(&setting.unit.show(value)), Ok(value), "{}", setting.field);
+            let mut other = default.clone();
+            let next = setting.least.max(value.saturating_sub(1));
+            (setting.set)(&mut other, next).unwrap();
+            assert_eq!((setting.get)(&other), next, "{}", setting.field);
+            assert!(setting.help.len() > 20, "{}", setting.field);
+        }
+        let zero = SETTINGS.iter().find(|setting| setting.field == "idle").unwrap().parse("0");
+        assert_eq!(zero, Err("expected a time such as 500ms, 30s, 15min or 1h, at least 100ms".to_owned()));
+    }
+}

@@ -1,0 +1,134 @@
+//! Turns at something scarce, handed out client by client: whoever asks for much waits behind itself, not before others.
+
+use std::collections::{HashMap, VecDeque};
+use std::net::{IpAddr, Ipv4Addr};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use tokio::sync::oneshot;
+
+tokio::task_local! {
+    /// The client that the running task works for; tasks without one are one client together.
+    pub(crate) static CLIENT: IpAddr;
+}
+
+/// A number of turns. Clients that wait get theirs in rotation, each client's requests in their order.
+#[derive(Clone, Debug)]
+pub(super) struct Turns {
+    shared: Arc<Mutex<Waiting>>,
+}
+
+#[derive(Debug)]
+struct Waiting {
+    free: usize,
+    /// Clients that wait, the next one first; each has an entry in `queues`.
+    order: VecDeque<IpAddr>,
+    queues: HashMap<IpAddr, VecDeque<oneshot::Sender<Turn>>>,
+}
+
+/// One turn, handed on when dropped.
+#[derive(Debug)]
+pub(super) struct Turn {
+    /// `None` once another client has it.
+    turns: Option<Turns>,
+}
+
+impl Turns {
+    pub(super) fn new(count: usize) -> Self {
+        Self { shared: Arc::new(Mutex::new(Waiting { free: count, order: VecDeque::new(), queues: HashMap::new() })) }
+    }
+
+    /// Waits for a turn of the running task's client.
+    pub(super) async fn take(&self) -> Turn {
+        let client = CLIENT.try_with(|client| *client).unwrap_or(IpAddr::V4(Ipv4Addr::UNSPECIFIED));
+        let receive = {
+            let mut waiting = self.waiting();
+            if waiting.free > 0 {
+                waiting.free -= 1;
+                return Turn { turns: Some(self.clone()) };
+            }
+            let (send, receive) = oneshot::channel();
+            let queue = waiting.queues.entry(client).or_default();
+            let is_first = queue.is_empty();
+            queue.push_back(send);
+            if is_first {
+                waiting.order.push_back(client);
+            }
+            receive
+        };
+        // The sender is kept until it is used.
+        receive.await.unwrap_or(Turn { turns: None })
+    }
+
+    fn waiting(&self) -> MutexGuard<'_, Waiting> {
+        self.shared.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The request whose turn is next; the turn is free if there is none.
+    fn next(&self) -> Option<oneshot::Sender<Turn>> {
+        let mut waiting = self.waiting();
+        while let Some(client) = waiting.order.pop_front() {
+            let Some(mut queue) = waiting.queues.remove(&client) else { continue };
+            // Whoever left meanwhile is passed over.
+            queue.retain(|send| !send.is_closed());
+            let Some(next) = queue.pop_front() else { continue };
+            if !queue.is_empty() {
+                waiting.queues.insert(client, queue);
+                waiting.order.push_back(client);
+            }
+            return Some(next);
+        }
+        waiting.free += 1;
+        None
+    }
+}
+
+impl Drop for Turn {
+    fn drop(&mut self) {
+        let Some(turns) = self.turns.take() else { return };
+        while let Some(next) = turns.next() {
+            // A receiver that left in this moment gives the turn back unused.
+            let Err(mut turn) = next.send(Turn { turns: Some(turns.clone()) }) else { return };
+            turn.turns = None;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn a_client_that_asks_for_much_waits_behind_itself() {
+        let turns = Turns::new(1);
+        let held = turns.take().await;
+        let (send, mut order) = tokio::sync::mpsc::unbounded_channel();
+        let ask = |last: u8| {
+            let (turns, send) = (turns.clone(), send.clone());
+            tokio::spawn(CLIENT.scope(IpAddr::from([10, 0, 0, last]), async move {
+                let turn = turns.take().await;
+                send.send(last).unwrap();
+                drop(turn);
+            }))
+        };
+        let mut asked = Vec::new();
+        for last in [1, 1, 1, 1, 2, 3, 2] {
+            asked.push(ask(last));
+            tokio::task::yield_now().await;
+        }
+        // One that leaves is passed over.
+        asked[1].abort();
+        while !asked[1].is_finished() {
+            tokio::task::yield_now().await;
+        }
+        drop(held);
+        let mut got = Vec::new();
+        for _ in 0..6 {
+            got.push(order.recv().await.unwrap());
+        }
+        assert_eq!(got, [1, 2, 3, 1, 2, 1]);
+        for ended in asked {
+            let _ = ended.await;
+        }
+        let waiting = turns.waiting();
+        assert_eq!((waiting.free, waiting.order.len(), waiting.queues.len()), (1, 0, 0));
+    }
+}

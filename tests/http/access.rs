@@ -1,0 +1,134 @@
+//! Hosts that are served, pages that may read, and the headers that every answer has.
+
+use crate::service::{D65, Service, config, problem, problem_of};
+use reqwest::{Method, StatusCode};
+use serde_json::json;
+use wavelume::api::{ServeError, Server};
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_loopback_service_answers_requests_for_loopback_hosts_alone() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    for host in ["localhost", "LOCALHOST:1", "127.0.0.1:8080", "127.1.2.3", "[::1]:80"] {
+        let answer = service.get("/v1/formats").header("host", host).send().await.unwrap();
+        assert_eq!(answer.status(), StatusCode::OK, "{host}");
+    }
+    // DNS rebinding: the page's own name leads to this machine, so that Origin and Host are equal.
+    for host in ["evil.example", "evil.example:8080", "localhost.evil.example", "127.0.0.1.evil.example", "192.168.0.7"]
+    {
+        problem(service.get("/v1/formats").header("host", host), 421, "misdirected").await;
+        let origin = format!("http://{host}");
+        let write = service.post("/v1/measurements").header("host", host).header("origin", origin).body(D65);
+        problem(write, 421, "misdirected").await;
+    }
+    let none: serde_json::Value = service.get("/v1/measurements").send().await.unwrap().json().await.unwrap();
+    assert_eq!(none["items"], json!([]));
+    for (words, status) in [
+        ("GET / HTTP/1.1\r\n", 400),
+        ("GET / HTTP/1.1\r\nhost: localhost\r\nhost: localhost\r\n", 400),
+        ("GET / HTTP/1.1\r\nhost:\r\n", 400),
+        ("GET / HTTP/1.1\r\nhost: a b\r\n", 400),
+        ("GET http://evil.example/ HTTP/1.1\r\nhost: localhost\r\n", 400),
+        ("GET http://evil.example/ HTTP/1.1\r\nhost: evil.example\r\n", 421),
+        ("GET http://localhost/ HTTP/1.1\r\nhost: localhost\r\n", 200),
+        ("GET / HTTP/1.0\r\n", 421),
+        ("GET / HTTP/1.0\r\nhost: localhost\r\n", 200),
+    ] {
+        let answer = service.talk(format!("{words}connection: close\r\n\r\n").as_bytes()).await;
+        assert!(answer.split(' ').nth(1) == Some(&status.to_string()), "{words}: {answer}");
+    }
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn names_and_origins_are_settings() {
+    let data = tempfile::tempdir().unwrap();
+    let mut open = config(data.path());
+    open.names = vec!["lab.example.org".to_owned()];
+    open.origins = vec!["https://app.example.org".to_owned()];
+    let service = Service::start(open).await;
+    let named = service.get("/v1/formats").header("host", "lab.example.org:8443").send().await.unwrap();
+    assert_eq!(named.status(), StatusCode::OK);
+    assert_eq!(named.headers()["vary"], "origin");
+    problem(service.get("/v1/formats").header("host", "other.example.org"), 421, "misdirected").await;
+
+    let app = "https://app.example.org";
+    let read = service.get("/v1/formats").header("origin", app).send().await.unwrap();
+    assert_eq!(read.headers()["access-control-allow-origin"], app);
+    assert!(read.headers()["access-control-expose-headers"].to_str().unwrap().contains("etag"));
+    let preflight = service
+        .request(Method::OPTIONS, "/v1/materials/b3-0/evaluate")
+        .header("origin", app)
+        .header("access-control-request-method", "POST");
+    let preflight = preflight.send().await.unwrap();
+    assert_eq!(preflight.status(), StatusCode::NO_CONTENT);
+    assert_eq!(preflight.headers()["access-control-allow-origin"], app);
+    let question = service.post("/v1/materials/b3-0/evaluate").header("origin", app).json(&json!({}));
+    let question = question.send().await.unwrap();
+    assert_eq!(question.headers()["access-control-allow-origin"], app);
+    problem_of(question, 404, "not-found").await;
+    problem(service.post("/v1/measurements").header("origin", app).body(D65), 403, "cross-origin-write").await;
+    service.stop().await;
+
+    for (names, origins, expected) in
+        [("http://x", "", "--name"), ("", "*", "--origin"), ("", "app.example.org", "--origin")]
+    {
+        let mut wrong = config(data.path());
+        (wrong.names, wrong.origins) = (vec![names.to_owned()], vec![origins.to_owned()]);
+        let error = Server::bind(wrong).await.unwrap_err();
+        assert!(matches!(error, ServeError::Setting(_)) && error.to_string().starts_with(expected), "{error}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn pages_of_other_origins_neither_read_nor_write() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    for origin in ["https://example.org", "null", "http://localhost:1"] {
+        let read = service.get("/v1/formats").header("origin", origin).send().await.unwrap();
+        assert!(!read.headers().keys().any(|name| name.as_str().starts_with("access-control")), "{:?}", read.headers());
+        let preflight = service.request(Method::OPTIONS, "/v1/formats").header("origin", origin);
+        let preflight = preflight.header("access-control-request-method", "GET").send().await.unwrap();
+        assert!(!preflight.headers().keys().any(|name| name.as_str().starts_with("access-control")));
+        let write = service.post("/v1/measurements").header("origin", origin).body(D65);
+        problem(write, 403, "cross-origin-write").await;
+        let question = service.post("/v1/materials/b3-0/evaluate").header("origin", origin).json(&json!({}));
+        problem(question, 403, "cross-origin-write").await;
+    }
+    for (site, written) in [("cross-site", false), ("same-site", false), ("same-origin", true), ("none", true)] {
+        let write = service.post("/v1/measurements").header("sec-fetch-site", site).body(D65).send().await.unwrap();
+        assert_eq!(write.status().is_success(), written, "{site}");
+        let read = service.get("/v1/formats").header("sec-fetch-site", site).send().await.unwrap();
+        assert_eq!(read.status(), StatusCode::OK, "a link on another page may be followed");
+    }
+    let own = service.post("/v1/measurements").header("origin", &service.base).body(D65).send().await.unwrap();
+    assert_eq!(own.status(), StatusCode::OK);
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_answer_is_no_page_and_has_an_id_of_its_own() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    for request in [
+        service.get("/healthz"),
+        service.get("/v1/nothing"),
+        service.get("/healthz").header("host", "evil.example"),
+        service.request(Method::PUT, "/v1/jobs"),
+    ] {
+        let answer = request.send().await.unwrap();
+        let headers = answer.headers();
+        assert_eq!(headers["x-content-type-options"], "nosniff");
+        assert!(headers["content-security-policy"].to_str().unwrap().contains("default-src 'none'"));
+        assert_eq!(headers["cross-origin-resource-policy"], "same-origin");
+        assert_eq!(headers["referrer-policy"], "no-referrer");
+        assert_eq!(headers["request-id"].len(), 36);
+    }
+    let long = "x".repeat(20_000);
+    for (sent, kept) in [("trace-7", true), ("a b", false), (long.as_str(), false)] {
+        let answer = service.get("/healthz").header("request-id", sent).send().await.unwrap();
+        assert_eq!(answer.headers()["request-id"] == sent, kept);
+        assert!(answer.headers()["request-id"].len() <= 128);
+    }
+    service.stop().await;
+}
