@@ -157,8 +157,8 @@ impl Material {
                         *mixed = if *wo == OUTSIDE { Mixed::NOTHING } else { planes.mixed(cell) };
                     }
                 }
-                Interpolation::Smooth if !self.is_isotropic() && part.wo.is_some() => {
-                    self.arrive(entry, part.wi, length, &mut room.arrived)?;
+                Interpolation::Smooth if part.wo.is_some() => {
+                    self.arrive(Some(smooth), part.wi, length, &mut room.arrived)?;
                     self.smooth_rows_at(smooth, entry, part.wo, &mut room, &mut mixed[..length])?;
                 }
                 Interpolation::Smooth => {

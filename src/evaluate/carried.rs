@@ -1,177 +1,252 @@
-//! Directions carried from the incoming direction of a cell to the one asked for, with their density: one, or a block.
+//! Directions carried from the incoming direction of a node to the one asked for, with their density: one, or a block.
 
-use super::incoming::{Alignment, Carrier};
+use super::incoming::Alignment;
 use super::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
-use crate::domain::vector::{Vector, unit};
-use crate::domain::{Direction, wide};
+use crate::domain::vector::{Vector, add, cross, dot, scale, sub, unit};
+use crate::domain::{Direction, Domain, wide};
 
-/// Where a cell's directions are seen under another incoming direction, and back.
+/// The way of directions from a node, whose incoming direction is `from`, to the incoming direction `to`, and back.
 pub(super) struct Carried {
-    out: Carrier,
-    back: Carrier,
+    alignment: Alignment,
     /// The sign of z on the outgoing hemisphere; 0 on the sphere.
     side: f64,
+    from: Vector,
+    to: Vector,
+    /// Cosine and sine of the turn about the normal from the azimuth of `to` to that of `from`, where lobes turn with it.
+    turn: [f64; 2],
+    /// `to` after that turn.
+    turned: Vector,
 }
 
+/// Where a direction is carried, the solid angle there in parts of that here, and whether it is on the side of the horizon
+/// that counts.
+struct Way {
+    there: Vector,
+    solid_angle: f64,
+    is_open: bool,
+}
+
+#[allow(clippy::needless_bitwise_bool, reason = "loops over places without branches become vector code")]
 impl Carried {
-    /// Of a cell of incoming direction `from`, to the incoming direction `to`.
     #[inline(always)]
-    pub(super) fn new(alignment: Alignment, side: f64, from: Vector, to: Vector) -> Self {
-        Self { out: Carrier::new(alignment, from, to), back: Carrier::new(alignment, to, from), side }
+    fn new(alignment: Alignment, side: f64, from: Vector, to: Vector) -> Self {
+        let turn = if alignment == Alignment::TurnedHalfVector { turn_between(to, from) } else { [1.0, 0.0] };
+        Self { alignment, side, from, to, turn, turned: turned(to, turn) }
     }
 
-    /// The direction of the cell's `wo` under the incoming direction asked for, and the part of its density that comes from
-    /// there, for a density `pdf` at `wo`: what goes below the horizon comes up again, and what has no way stays.
+    /// Of directions on the side of the horizon where `z` is: over a whole sphere each side has a way of its own, as the
+    /// function has.
     #[inline(always)]
-    pub(super) fn out(&self, wo: Vector, pdf: f64) -> (Vector, f64, Way) {
-        match self.out.carry(wo) {
-            None => (wo, pdf, Way::Stayed),
-            Some((moved, solid_angle)) if self.side * moved[2] < 0.0 => {
-                ([moved[0], moved[1], -moved[2]], pdf / solid_angle, Way::Crossed)
-            }
-            Some((moved, solid_angle)) => (moved, pdf / solid_angle, Way::Straight),
-        }
+    pub(super) fn over(alignment: Alignment, domain: Domain, z: f64, from: Vector, to: Vector) -> Self {
+        let (alignment, side) = match domain {
+            Domain::Lower => (alignment, -1.0),
+            Domain::Sphere if alignment == Alignment::Rotation => (alignment, 0.0),
+            Domain::Sphere if z < 0.0 => (Alignment::Rotation, -1.0),
+            Domain::Hemisphere | Domain::Sphere => (alignment, 1.0),
+        };
+        Self::new(alignment, side, from, to)
     }
 
-    /// The cell's direction that is carried to `wo` that way, and its solid angle in parts of that at `wo`.
+    /// Where the node has what is seen along `wo`.
     #[inline(always)]
-    pub(super) fn origin(&self, way: Way, wo: Vector) -> Option<(Vector, f64)> {
-        let [x, y, z] = wo;
-        let back = |wo: Vector| if self.back.carries_to(self.side, wo) { self.back.carry(wo) } else { None };
-        match way {
-            Way::Straight => back(wo),
-            Way::Crossed if self.side == 0.0 => None,
-            Way::Crossed => back([x, y, -z]),
-            Way::Stayed => (!self.out.carries(wo)).then_some((wo, 1.0)),
-        }
-    }
-
-    /// Whether directions come to `wo` over the horizon, or stay there.
-    #[inline(always)]
-    fn is_crossed_or_kept(&self, wo: Vector) -> bool {
-        let [x, y, z] = wo;
-        ((self.side != 0.0) & self.back.carries_to(self.side, [x, y, -z])) | !self.out.carries(wo)
-    }
-
-    /// The density at `wo` of directions of the cell's density `pdf` that came by any way but `known`.
-    #[inline]
-    pub(super) fn density(&self, wo: Vector, known: Option<Way>, pdf: impl Fn(Direction) -> f64) -> f64 {
-        let mut sum = 0.0;
-        for way in Way::ALL {
-            if known != Some(way)
-                && let Some((there, part)) = self.origin(way, wo)
-            {
-                sum += pdf(Direction::from_unit(unit(there))) * part;
+    fn back(&self, wo: Vector) -> Way {
+        match self.alignment {
+            Alignment::None => self.way(wo, 1.0, true),
+            Alignment::Rotation => self.way(rotated(self.to, self.from, wo), 1.0, true),
+            // Around one half vector a solid angle is 4 |w · h| of its own (Walter et al. 2007, section 4.2); w · h is half of
+            // the square of w + wo.
+            Alignment::HalfVector | Alignment::TurnedHalfVector => {
+                let (scale, h, is_there) = along(self.turned, turned(wo, self.turn), self.from);
+                self.way(sub(h, self.from), scale, is_there)
             }
         }
-        sum
+    }
+
+    /// Where what the node has along `wo` is seen.
+    #[inline(always)]
+    fn out(&self, wo: Vector) -> Way {
+        match self.alignment {
+            Alignment::None => self.way(wo, 1.0, true),
+            Alignment::Rotation => self.way(rotated(self.from, self.to, wo), 1.0, true),
+            Alignment::HalfVector | Alignment::TurnedHalfVector => {
+                let (scale, h, is_there) = along(self.from, wo, self.turned);
+                let [cos, sin] = self.turn;
+                self.way(sub(turned(h, [cos, -sin]), self.to), scale, is_there)
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn way(&self, there: Vector, solid_angle: f64, is_there: bool) -> Way {
+        Way { there, solid_angle, is_open: is_there & (self.side * there[2] >= 0.0) }
+    }
+
+    /// Where a direction that the node drew goes. What has no way, or would go below the horizon, stays; so does, if it
+    /// `may_stay`, what lies where nothing is carried.
+    #[inline(always)]
+    pub(super) fn drawn(&self, wo: Vector, may_stay: bool) -> Vector {
+        let way = self.out(wo);
+        let stays = !way.is_open | (may_stay & !self.back(wo).is_open);
+        if stays { wo } else { unit(way.there) }
+    }
+
+    /// The node's direction that is carried to `wo`, the part of its density that comes from there, 0 where none does, and the
+    /// part of that at `wo` itself that stays.
+    #[inline(always)]
+    pub(super) fn origin(&self, wo: Vector) -> (Vector, f64, f64) {
+        let back = self.back(wo);
+        let there = [0, 1, 2].map(|k| if back.is_open { back.there[k] } else { wo[k] });
+        // That it is carried to `wo`, which is open, is certain; it may also have been kept.
+        let carried = if self.back(there).is_open { 1.0 } else { 1.0 - STAYING };
+        let part = if back.is_open { back.solid_angle * carried } else { 0.0 };
+        let kept = if back.is_open { 0.0 } else { STAYING };
+        (there, part, if self.out(wo).is_open { kept } else { 1.0 })
+    }
+
+    /// The density at `wo` of directions of the node's density `pdf`.
+    #[inline(always)]
+    pub(super) fn density(&self, wo: Vector, pdf: impl Fn(Direction) -> f64) -> f64 {
+        let (there, part, staying) = self.origin(wo);
+        let carried = if part > 0.0 { part * pdf(Direction::from_unit(there)) } else { 0.0 };
+        if staying > 0.0 { carried + staying * pdf(Direction::from_unit(wo)) } else { carried }
     }
 }
 
-/// How a direction was carried.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Way {
-    Straight,
-    /// Over the horizon and up again.
-    Crossed,
-    Stayed,
+/// The half vector of `a` and `b` times what makes its inner product with `to` the half of its length twice over: `to` mirrored at
+/// it is that, less `to`. With it the factor of solid angles, and whether `to` is on its side.
+#[inline(always)]
+#[allow(clippy::needless_bitwise_bool, reason = "loops over places without branches become vector code")]
+fn along(a: Vector, b: Vector, to: Vector) -> (f64, Vector, bool) {
+    let h = add(a, b);
+    let (square, there) = (dot(h, h), dot(to, h));
+    let is_there = (square > NO_HALF_VECTOR) & (there > 0.0);
+    let factor = 2.0 * there / if is_there { square } else { 1.0 };
+    (factor, scale(h, factor), is_there)
 }
 
-impl Way {
-    pub(super) const ALL: [Self; 3] = [Self::Straight, Self::Crossed, Self::Stayed];
+/// `d` turned with what turns `from` to `to`; mirrored, where those are nearly opposite and a turn has no axis.
+#[inline(always)]
+fn rotated(from: Vector, to: Vector, d: Vector) -> Vector {
+    let axis = cross(from, to);
+    let cos = dot(from, to);
+    let sign = if cos < NEARLY_BACK { -1.0 } else { 1.0 };
+    let once = cross(axis, d);
+    let twice = cross(axis, once);
+    add(add(scale(d, sign), once), scale(twice, 1.0 / (sign + cos)))
 }
 
-/// The incoming directions of a block: of the cells, and those asked for.
+/// Cosine and sine of the turn about the normal from the azimuth of `a` to that of `b`; the normal has the azimuth 0.
+#[inline(always)]
+fn turn_between(a: Vector, b: Vector) -> [f64; 2] {
+    let flat = |d: Vector| {
+        let has_azimuth = d[0] * d[0] + d[1] * d[1] > NO_AZIMUTH;
+        [if has_azimuth { d[0] } else { 1.0 }, if has_azimuth { d[1] } else { 0.0 }]
+    };
+    let ([ax, ay], [bx, by]) = (flat(a), flat(b));
+    let share = 1.0 / ((ax * ax + ay * ay) * (bx * bx + by * by)).sqrt();
+    [share * (ax * bx + ay * by), share * (ax * by - ay * bx)]
+}
+
+#[inline(always)]
+fn turned(d: Vector, [cos, sin]: [f64; 2]) -> Vector {
+    [cos * d[0] - sin * d[1], sin * d[0] + cos * d[1], d[2]]
+}
+
+/// The square of a half vector below which it has no direction, and of a sine below which a direction has no azimuth.
+const NO_HALF_VECTOR: f64 = 1e-12;
+const NO_AZIMUTH: f64 = 1e-18;
+/// The cosine of a turn that hardly has an axis.
+const NEARLY_BACK: f64 = -0.999;
+
+/// Where a lobe is carried up from the horizon nothing is carried, and yet the function goes on: this part of what a node has
+/// there stays.
+pub(super) const STAYING: f64 = 0.5;
+
+/// The incoming directions of a block: of one node of each place, and those asked for.
 pub(super) struct CarriedBlock {
-    pub(super) alignment: Alignment,
-    pub(super) side: f64,
+    alignment: Alignment,
+    /// The sign of z on the outgoing hemisphere; 0 on the sphere.
+    side: f64,
     pub(super) from: Vectors,
-    pub(super) to: Vectors,
-    /// Not 0 where directions may come by more than one way: written with what is carried.
-    pub(super) has_more: [u32; BLOCK],
-    /// What is carried, as it was.
-    own: (Vectors, Block),
+    to: Vectors,
 }
 
 impl CarriedBlock {
-    pub(super) const NOWHERE: Self = Self {
-        alignment: Alignment::None,
-        side: 0.0,
-        from: [[0.0; BLOCK]; 3],
-        to: [[0.0; BLOCK]; 3],
-        has_more: [0; BLOCK],
-        own: ([[0.0; BLOCK]; 3], [0.0; BLOCK]),
-    };
+    pub(super) const NOWHERE: Self =
+        Self { alignment: Alignment::None, side: 0.0, from: [[0.0; BLOCK]; 3], to: [[0.0; BLOCK]; 3] };
+
+    /// For these incoming directions.
+    pub(super) fn set(&mut self, alignment: Alignment, domain: Domain, to: &Vectors) {
+        let side = match domain {
+            Domain::Hemisphere => 1.0,
+            Domain::Lower => -1.0,
+            Domain::Sphere => 0.0,
+        };
+        (self.alignment, self.side, self.to) = (alignment, side, *to);
+    }
+
+    /// [`Carried::drawn`] of all directions.
+    pub(super) fn drawn(&self, directions: &mut Vectors, may_stay: &[bool; BLOCK]) {
+        let from = *directions;
+        *directions = wide(
+            #[inline(always)]
+            || {
+                let mut moved = [[0.0; BLOCK]; 3];
+                known(
+                    self.alignment,
+                    #[inline(always)]
+                    |alignment| {
+                        for (i, &may_stay) in may_stay.iter().enumerate() {
+                            let wo = self.at(alignment, i).drawn(vector_of(&from, i), may_stay);
+                            set_vector(&mut moved, i, wo);
+                        }
+                    },
+                );
+                moved
+            },
+        );
+    }
+
+    /// [`Carried::origin`] of all directions. What is written is known to no one else, or the loop is no vector code.
+    pub(super) fn origins(&self, wo: &Vectors) -> Origins {
+        wide(
+            #[inline(always)]
+            || {
+                let mut origins = Origins::NOWHERE;
+                known(
+                    self.alignment,
+                    #[inline(always)]
+                    |alignment| {
+                        for i in 0..BLOCK {
+                            let (there, part, staying) = self.at(alignment, i).origin(vector_of(wo, i));
+                            set_vector(&mut origins.there, i, there);
+                            origins.parts[i] = part;
+                            origins.staying[i] = staying;
+                        }
+                    },
+                );
+                origins
+            },
+        )
+    }
 
     /// The way of one place.
-    fn of(&self, i: usize) -> Carried {
-        Carried::new(self.alignment, self.side, vector_of(&self.from, i), vector_of(&self.to, i))
+    #[inline(always)]
+    fn at(&self, alignment: Alignment, i: usize) -> Carried {
+        Carried::new(alignment, self.side, vector_of(&self.from, i), vector_of(&self.to, i))
     }
+}
 
-    /// [`Carried::out`] of `count` directions with their densities, brought to unit length. `pdf(i, there)` is the density of
-    /// place `i` in its cell, for those to which directions come by more than one way.
-    pub(super) fn out(
-        &mut self,
-        directions: &mut Vectors,
-        densities: &mut Block,
-        count: usize,
-        pdf: impl Fn(usize, Direction) -> f64,
-    ) {
-        self.own = (*directions, *densities);
-        let Self { side, from, to, has_more, own, .. } = self;
-        wide(
-            #[inline(always)]
-            || {
-                known(
-                    self.alignment,
-                    #[inline(always)]
-                    |alignment| {
-                        for i in 0..BLOCK {
-                            let carried = Carried::new(alignment, *side, vector_of(from, i), vector_of(to, i));
-                            let (moved, density, way) = carried.out(vector_of(&own.0, i), own.1[i]);
-                            set_vector(directions, i, unit(moved));
-                            densities[i] = density;
-                            has_more[i] = u32::from((way != Way::Straight) | carried.is_crossed_or_kept(moved));
-                        }
-                    },
-                );
-            },
-        );
-        for i in (0..count).filter(|&i| self.has_more[i] != 0) {
-            let carried = self.of(i);
-            let (moved, density, way) = carried.out(vector_of(&self.own.0, i), self.own.1[i]);
-            densities[i] = density + carried.density(moved, Some(way), |there| pdf(i, there));
-        }
-    }
+/// Where a block of directions comes from: the nodes' directions that are carried there, the part of their density that comes,
+/// and the part of what the nodes have at the directions themselves that stays.
+pub(super) struct Origins {
+    pub(super) there: Vectors,
+    pub(super) parts: Block,
+    pub(super) staying: Block,
+}
 
-    /// The density at `wo`, in place `i`, of directions that come by any way but straight.
-    pub(super) fn other_densities(&self, i: usize, wo: Vector, pdf: impl Fn(Direction) -> f64) -> f64 {
-        self.of(i).density(wo, Some(Way::Straight), pdf)
-    }
-
-    /// Writes the cells' directions that are carried to `wo` straight and their part, 0 where none is.
-    pub(super) fn write_straight_origins(&mut self, wo: &Vectors, there: &mut Vectors, parts: &mut Block) {
-        let Self { side, from, to, has_more, .. } = self;
-        wide(
-            #[inline(always)]
-            || {
-                known(
-                    self.alignment,
-                    #[inline(always)]
-                    |alignment| {
-                        for i in 0..BLOCK {
-                            let carried = Carried::new(alignment, *side, vector_of(from, i), vector_of(to, i));
-                            let wo = vector_of(wo, i);
-                            let (origin, part) = carried.origin(Way::Straight, wo).unwrap_or((wo, 0.0));
-                            set_vector(there, i, unit(origin));
-                            parts[i] = part;
-                            has_more[i] = u32::from(carried.is_crossed_or_kept(wo));
-                        }
-                    },
-                );
-            },
-        );
-    }
+impl Origins {
+    const NOWHERE: Self = Self { there: [[0.0; BLOCK]; 3], parts: [0.0; BLOCK], staying: [0.0; BLOCK] };
 }
 
 /// `work` with an alignment that its code knows.

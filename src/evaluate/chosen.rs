@@ -176,7 +176,7 @@ impl Chosen<'_> {
                         (Form::Planes { planes, .. }, Some(columns), Some(cell)) if planes.presence(cell) > 0.0 => {
                             Ok(self.held(planes.picked(planes.row(cell), 1.0, columns)))
                         }
-                        _ => self.at_known(place, how, Some(incoming)),
+                        _ => self.at_known(place, how, incoming),
                     }
                 })
             },
@@ -215,10 +215,10 @@ impl Chosen<'_> {
         let (Form::Planes { planes, smooth }, Some(columns)) = (&material.form, &self.columns) else {
             return self.sample_each(pairs, u, options, &mut out);
         };
-        if !material.is_staged(options) {
+        let trees = material.mean_trees()?;
+        if !material.is_staged(trees, options) {
             return self.sample_each(pairs, u, options, &mut out);
         }
-        let warps = &material.mean_trees()?.warps;
         let entry = material.sampled_entry(index, options)?;
         let has_cosine = material.quantity().has_cosine();
         let (mut room, mut rows) = (Room::NEW, [Mixed::NOTHING; BLOCK]);
@@ -226,11 +226,15 @@ impl Chosen<'_> {
         for start in (0..count).step_by(BLOCK) {
             let end = count.min(start + BLOCK);
             let rows = &mut rows[..end - start];
-            material.arrive(entry, wi.map(|wi| wi.part(start, end)), rows.len(), &mut room.arrived)?;
-            material.draw_block(warps, u.map(|u| &u[start..end]), options.density, &mut room)?;
+            material.arrive_for(trees, entry, wi.map(|wi| wi.part(start, end)), options, rows.len(), &mut room)?;
+            material.draw_block(trees, u.map(|u| &u[start..end]), options, &mut room)?;
             match options.density {
                 Density::Uniform => material.rows_of_leaves(planes, &room, rows),
-                Density::Linear => Material::rows_at_draws(smooth, entry, &mut room, rows),
+                Density::Linear => material.rows_at_draws(smooth, entry, &mut room, rows),
+            }
+            if trees.has_masked() {
+                let masked = rows.iter().zip(&mut room.draws.pdf).filter(|(row, _)| row.presence.is_nan());
+                masked.for_each(|(_, pdf)| *pdf = 0.0);
             }
             planes.picked_all(rows, columns, &mut values);
             let shares = room.draws.write(has_cosine, out.part(start, end));

@@ -4,7 +4,7 @@ use super::lookup::{MeshLookup, elevation};
 use super::number::Number;
 use super::reconstruct::Cells;
 use crate::domain::Domain;
-use crate::domain::vector::{Vector, add, cross, dot, scale, sub, unit};
+use crate::domain::vector::{Vector, add, cross, dot, scale, unit};
 use std::sync::Arc;
 use wide::f32x4;
 
@@ -46,6 +46,9 @@ pub(super) struct Around {
 }
 
 impl Around {
+    /// No node.
+    pub(super) const NOWHERE: Self = Self { nodes: [0; 3], weights: [1.0, 0.0, 0.0], count: 1 };
+
     fn one(node: u32) -> Self {
         Self { nodes: [node, 0, 0], weights: [1.0, 0.0, 0.0], count: 1 }
     }
@@ -432,96 +435,6 @@ pub(super) fn carried_to<T: Number>(
     let height = side * mz;
     let worth = (height * T::of(1.0 / LOW)).larger(worthless).smaller(one);
     ([mx, my, side * height.larger(zero)], T::choose(is_there, worth, worthless))
-}
-
-/// The way of outgoing directions from one incoming direction to another, wherever it leads.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Carrier {
-    alignment: Alignment,
-    /// The one incoming direction, turned to the other's azimuth where that is first.
-    wi: Vector,
-    to: Vector,
-    /// Cosine and sine of that turn.
-    turn: [f64; 2],
-}
-
-#[allow(clippy::needless_bitwise_bool, reason = "loops over places without branches become vector code")]
-impl Carrier {
-    #[inline(always)]
-    pub(super) fn new(alignment: Alignment, wi: Vector, to: Vector) -> Self {
-        let mut carrier = Self { alignment, wi, to, turn: [1.0, 0.0] };
-        if alignment == Alignment::TurnedHalfVector {
-            let ([ca, sa], [cb, sb]) = (azimuth(to), azimuth(wi));
-            carrier.turn = [ca * cb + sa * sb, sa * cb - ca * sb];
-            carrier.wi = carrier.turned(wi);
-        }
-        carrier
-    }
-
-    #[inline(always)]
-    fn turned(&self, d: Vector) -> Vector {
-        let [cos, sin] = self.turn;
-        [cos * d[0] - sin * d[1], sin * d[0] + cos * d[1], d[2]]
-    }
-
-    /// Twice the half vector, its square, and its inner product with the direction it is carried to.
-    #[inline(always)]
-    fn half_vector(&self, wo: Vector) -> (Vector, f64, f64) {
-        let h = add(self.wi, self.turned(wo));
-        (h, dot(h, h), dot(self.to, h))
-    }
-
-    /// Whether `wo` is carried anywhere.
-    #[inline(always)]
-    pub(super) fn carries(&self, wo: Vector) -> bool {
-        match self.alignment {
-            Alignment::HalfVector | Alignment::TurnedHalfVector => {
-                let (_, square, there) = self.half_vector(wo);
-                (square > f64::from(NO_HALF_VECTOR)) & (there > 0.0)
-            }
-            Alignment::None | Alignment::Rotation => true,
-        }
-    }
-
-    /// Whether `wo` is carried to the side of the horizon where z has this sign, or to the horizon; to any if that is 0.
-    #[inline(always)]
-    pub(super) fn carries_to(&self, side: f64, wo: Vector) -> bool {
-        match self.alignment {
-            Alignment::HalfVector | Alignment::TurnedHalfVector => {
-                let (h, square, there) = self.half_vector(wo);
-                let is_beside = side * (2.0 * there * h[2] - self.to[2] * square) >= 0.0;
-                is_beside & (square > f64::from(NO_HALF_VECTOR)) & (there > 0.0)
-            }
-            _ => self.carry(wo).is_some_and(|(there, _)| side * there[2] >= 0.0),
-        }
-    }
-
-    /// Where `wo` is carried, and the solid angle of what is there in parts of that of what is here; `None` where there is
-    /// no way.
-    #[inline(always)]
-    pub(super) fn carry(&self, wo: Vector) -> Option<(Vector, f64)> {
-        match self.alignment {
-            Alignment::None => Some((wo, 1.0)),
-            Alignment::HalfVector | Alignment::TurnedHalfVector => {
-                let (h, square, there) = self.half_vector(wo);
-                if (square <= f64::from(NO_HALF_VECTOR)) | (there <= 0.0) {
-                    return None;
-                }
-                // Around one half vector a solid angle is 4 |w · h| of its own (Walter et al. 2007, section 4.2).
-                Some((sub(scale(h, 2.0 * there / square), self.to), there / dot(self.wi, h)))
-            }
-            Alignment::Rotation => {
-                let axis = cross(self.wi, self.to);
-                let cos = dot(self.wi, self.to);
-                // Turned to the opposite of `to` where that is near, and mirrored: what depends on the angle between both
-                // directions stays the same.
-                let sign = if cos < f64::from(NEARLY_BACK) { -1.0 } else { 1.0 };
-                let once = cross(axis, wo);
-                let twice = cross(axis, once);
-                Some((add(add(scale(wo, sign), once), scale(twice, 1.0 / (sign + cos))), 1.0))
-            }
-        }
-    }
 }
 
 /// Cosine and sine of the azimuth; of 0 for the normal.

@@ -5,12 +5,12 @@ use super::incoming::{Alignment, Nodes};
 use super::lookup::{MeshLookup, Stencil, elevation_stencil, nearest_elevation};
 use super::planes::Planes;
 use super::reconstruct::Cells;
-use super::sampling::Trees;
 use super::smooth::Smooth;
+use super::trees::Trees;
 use super::{EvaluateError, unfit};
 use crate::compress::{self, LevelInfo, Summary};
 use crate::domain::{Axis, Direction, Domain, Layout, Measurement, Quantity, Sampling, Unit, WavelengthGrid};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// An opened material; share it between threads by reference.
 #[derive(Debug)]
@@ -30,8 +30,8 @@ pub struct Material {
     /// Entries of the incoming and the outgoing axis, samples of a spectrum; 1 where there is no such axis.
     pub(super) shape: [usize; 3],
     pub(super) form: Form,
-    /// Present with an outgoing axis.
-    pub(super) trees: Option<Trees>,
+    /// Built when a first direction is drawn.
+    pub(super) trees: OnceLock<Trees>,
     /// Nothing without an outgoing axis.
     pub(super) albedos: Albedos,
 }
@@ -161,7 +161,7 @@ impl Material {
                 values.iter().map(|&theta| Direction::from_degrees(theta, 0.0).xyz()).collect()
             }
         };
-        let mut material = Self {
+        Ok(Self {
             quantity,
             unit,
             sampling,
@@ -174,12 +174,9 @@ impl Material {
             outgoing,
             shape,
             form,
-            trees: None,
+            trees: OnceLock::new(),
             albedos,
-        };
-        let weights = vec![1.0 / material.lambdas() as f32; material.lambdas()];
-        material.trees = material.outgoing.as_ref().map(|lookup| Trees::new(&material, lookup, &weights));
-        Ok(material)
+        })
     }
 
     /// What was measured.
@@ -233,7 +230,8 @@ impl Material {
         }
     }
 
-    /// Memory of the opened form in bytes: planes or samples, smooth tables, tables of the meshes, sampling trees, albedo.
+    /// Memory of the opened form in bytes: planes or samples, smooth tables, tables of the meshes, albedo, and the sampling
+    /// trees, which the first direction that is drawn builds.
     pub fn memory(&self) -> usize {
         let incoming = match &self.incoming {
             Incoming::None => 0,
@@ -245,11 +243,13 @@ impl Material {
             Form::Planes { planes, smooth } => planes.memory() + smooth.memory(),
             Form::Samples { samples, .. } => size_of_val(&**samples),
         };
+        let expected = || self.outgoing.as_ref().map_or(0, |lookup| Trees::expected_memory(self, lookup));
+        let trees = self.trees.get().map_or_else(expected, Trees::memory);
         size_of::<Self>()
             + form
             + incoming
             + self.outgoing.as_ref().map_or(0, |lookup| lookup.memory())
-            + self.trees.as_ref().map_or(0, Trees::memory)
+            + trees
             + size_of_val(&*self.incoming_directions)
             + self.albedos.memory()
     }

@@ -30,6 +30,7 @@
 )]
 
 mod albedo;
+mod background;
 mod batch;
 mod carried;
 mod chosen;
@@ -40,6 +41,7 @@ mod kernel;
 mod located;
 mod lookup;
 mod material;
+mod mixture;
 mod number;
 pub mod physics;
 mod planes;
@@ -48,6 +50,7 @@ mod sampling;
 mod smooth;
 mod spectrum;
 mod staged;
+mod trees;
 pub mod warp;
 
 pub use albedo::Side;
@@ -124,5 +127,7 @@ fn unfit<T>(message: impl Into<String>) -> Result<T, EvaluateError> {
 
 #[cfg(test)]
 mod batch_tests;
+#[cfg(test)]
+mod mixture_tests;
 #[cfg(test)]
 mod tests;

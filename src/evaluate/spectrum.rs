@@ -200,6 +200,39 @@ impl Material {
         }
     }
 
+    /// Whether anything is known and not 0 in a cell.
+    pub(super) fn is_lit_cell(&self, cell: usize) -> bool {
+        match &self.form {
+            Form::Planes { planes, .. } => planes.presence(cell) > 0.0,
+            Form::Samples { samples, .. } => {
+                let row = &samples[cell * self.lambdas()..][..self.lambdas()];
+                row.iter().any(|&sample| !sample.is_nan() && sample != 0.0)
+            }
+        }
+    }
+
+    /// Whether some cells are masked.
+    pub(super) fn has_masked(&self) -> bool {
+        match &self.form {
+            Form::Planes { planes, .. } => (0..self.cells()).any(|cell| planes.presence(cell).is_nan()),
+            Form::Samples { has_masked, .. } => *has_masked,
+        }
+    }
+
+    /// Whether anything is known at a place.
+    pub(super) fn is_known(&self, place: Place<'_>, how: Interpolation) -> Result<bool, EvaluateError> {
+        match &self.form {
+            Form::Planes { planes, smooth } => {
+                self.with_row(planes, smooth, place, how, None, |_, presence| !presence.is_nan())
+            }
+            Form::Samples { samples, .. } => Ok(match self.find(samples, place, how)? {
+                Found::Outside => true,
+                Found::Cell(row) => row.iter().any(|sample| !sample.is_nan()),
+                Found::Rows(rows) => (0..self.lambdas()).any(|lambda| !self.sample_of(&rows, lambda).is_nan()),
+            }),
+        }
+    }
+
     /// The same of the smooth function at a vertex, in the table of `cell` of the axes before the outgoing one.
     pub(super) fn vertex_value(&self, cell: usize, vertex: u32, d: [f64; 3], weights: &[f32]) -> f32 {
         let [n_in, n_out, _] = self.shape;
@@ -305,14 +338,7 @@ impl Material {
         incoming: Option<usize>,
         place: Place<'_>,
     ) -> Result<Option<Seen>, EvaluateError> {
-        if place.wi.is_some() != self.has_incoming() {
-            return self.refuse_incoming(place.wi);
-        }
-        let wi = self.wi_in_plane(place.wi);
-        let around = incoming.map_or_else(|| smooth.nodes.around(wi), |incoming| smooth.nodes.around_in(incoming, wi));
-        let Some(around) = around.filter(|_| !(self.is_isotropic() && wi[2] < 0.0)) else {
-            return self.refuse_incoming(place.wi);
-        };
+        let (around, wi) = self.around(smooth, incoming, place.wi)?;
         let Some((lookup, wo)) = self.outgoing(place.wi, place.wo)? else { return Ok(None) };
         let wo = wo.xyz();
         Ok(if lookup.holds(wo) { Some(Seen { around, wi, wo }) } else { None })

@@ -3,6 +3,7 @@
 use super::material::Form;
 use super::planes::Cell;
 use super::{Beyond, Density, DirectionSample, EvaluateError, Interpolation, Material, Place, SampleOptions};
+use crate::domain::vector::dot;
 use crate::domain::{
     Axis, Direction, Domain, Measurement, Quantity, Sampling, Tensor, TriangleMesh, Unit, WavelengthGrid,
 };
@@ -11,7 +12,7 @@ use rand_pcg::Pcg32;
 
 const CONSTANT: SampleOptions = SampleOptions { level: None, density: Density::Uniform, defensive: 0.0 };
 
-fn mesh(domain: Domain, level: u8) -> TriangleMesh {
+pub(super) fn mesh(domain: Domain, level: u8) -> TriangleMesh {
     TriangleMesh::new(domain, level).unwrap()
 }
 
@@ -79,7 +80,7 @@ fn spectrum(m: &Material, place: Place<'_>, how: Interpolation) -> Vec<f32> {
     out
 }
 
-fn angles(theta: f64, phi: f64) -> Direction {
+pub(super) fn angles(theta: f64, phi: f64) -> Direction {
     Direction::from_degrees(theta, phi)
 }
 
@@ -314,12 +315,15 @@ fn an_opened_material_tells_what_it_is() {
     assert_eq!((m.lambdas(), m.wavelengths()), (2, Some(vec![400.0, 410.0])));
     assert!(m.summary().is_none() && btdf().wavelengths().is_none());
     let samples = size_of_val(samples(&m));
-    // Samples, trees (16 × 4/3 × 256 sums of 4 bytes), tables of the meshes.
-    assert!(m.memory() > samples + 16 * 340 * 4 && m.memory() < 4 * samples + 60_000, "{}", m.memory());
+    // Samples, trees of 16 cells and 13 nodes between them (4/3 × 256 sums of 4 bytes each), tables of the meshes.
+    let before = m.memory();
+    assert!(before > samples + 29 * 340 * 4 && before < 4 * samples + 120_000, "{before}");
+    m.sample(&[], Some(angles(10.0, 10.0)), [0.5; 2], None).unwrap();
+    assert_eq!(m.memory(), before, "trees are counted before they are built");
 }
 
 /// Materials to sample: name, material, incoming direction, the outgoing mesh.
-fn sampled() -> Vec<(&'static str, Material, Option<Direction>, TriangleMesh)> {
+pub(super) fn sampled() -> Vec<(&'static str, Material, Option<Direction>, TriangleMesh)> {
     vec![
         ("edf", edf(), None, mesh(Domain::Sphere, 2)),
         ("brdf", brdf(), Some(angles(50.0, 200.0)), mesh(Domain::Hemisphere, 3)),
@@ -480,14 +484,34 @@ fn where_nothing_goes_nothing_is_drawn() {
         _ => -1.0,
     });
     let sphere = mesh(Domain::Sphere, 2);
+    let by_tree = SampleOptions { defensive: 0.0, ..SampleOptions::default() };
     for u in [[0.0, 0.0], [1.0, 1.0], [0.0, 1.0], [1.0, 0.0], [0.3, 0.9]] {
-        let sample = one.sample(&[], None, u, None).unwrap().unwrap();
+        let sample = one.sample(&[], None, u, by_tree).unwrap().unwrap();
         assert_eq!(sphere.locate(sample.direction), Some(77));
         let sample = one.sample(&[], None, u, CONSTANT).unwrap().unwrap();
         assert_eq!(sphere.locate(sample.direction), Some(77));
         assert!((sample.weight * sample.pdf / 3.0e38 - 1.0).abs() < 1e-6);
     }
-    assert_eq!(one.pdf(&[], None, sphere.centroid(78), None).unwrap(), 0.0);
+    assert_eq!(one.pdf(&[], None, sphere.centroid(78), by_tree).unwrap(), 0.0);
+    assert_eq!(one.pdf(&[], None, sphere.centroid(78), CONSTANT).unwrap(), 0.0);
+    // With the defensive part anything that is known may be drawn, and nothing that is masked.
+    let everything = SampleOptions { density: Density::Uniform, ..SampleOptions::default() };
+    for (options, how) in [(SampleOptions::default(), Interpolation::Smooth), (everything, Interpolation::Constant)] {
+        let mut drawn = 0;
+        for k in 0..1000 {
+            let u = [0.98 + 2e-5 * f64::from(k), (0.618_034 * f64::from(k)).fract()];
+            let Some(sample) = one.sample(&[], None, u, options).unwrap() else { continue };
+            drawn += 1;
+            let value = spectrum(&one, at(None, Some(sample.direction)), how);
+            assert!(sample.pdf > 0.0 && !value.iter().all(|v| v.is_nan()), "{u:?} {sample:?} {value:?}");
+        }
+        assert!(drawn > 400, "{drawn}");
+        for i in 0..sphere.len() {
+            let value = spectrum(&one, at(None, Some(sphere.centroid(i))), how);
+            let pdf = one.pdf(&[], None, sphere.centroid(i), options).unwrap();
+            assert_eq!(pdf > 0.0, !value.iter().all(|v| v.is_nan()), "{i} {pdf} {value:?}");
+        }
+    }
 }
 
 #[test]
@@ -539,8 +563,11 @@ fn directions_lead_back_to_their_point_and_wavelengths_have_their_own_trees() {
     for _ in 0..20_000 {
         let u = [rng.random(), rng.random()];
         let drawn = m.sample(&[], wi, u, None).unwrap().unwrap();
+        // Two nodes and the defensive part draw it, each from a point of its own.
         let back = m.invert(&[], wi, drawn.direction, None).unwrap().unwrap();
-        assert!(u.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-5));
+        let again = m.sample(&[], wi, back, None).unwrap().unwrap();
+        let cosine = dot(drawn.direction.xyz(), again.direction.xyz());
+        assert!(cosine > 1.0 - 1e-9 && (again.pdf / drawn.pdf - 1.0).abs() < 1e-4, "{u:?} {back:?}");
         let drawn = at_405.sample(&[], wi, u, CONSTANT).unwrap().unwrap();
         let back = at_405.invert(&[], wi, drawn.direction, CONSTANT).unwrap().unwrap();
         assert!(u.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-5));

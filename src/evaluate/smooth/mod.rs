@@ -171,6 +171,11 @@ impl Smooth {
         self.looked_up(entry * self.node_count + node, there)
     }
 
+    /// What stands in the table of a node.
+    pub(super) fn under(&self, entry: usize, node: usize, wo: Vector) -> Mixed {
+        self.looked_up(entry * self.node_count + node, wo)
+    }
+
     /// What stands at a place, in index entry `entry`.
     #[inline(always)]
     pub(super) fn at(&self, entry: usize, seen: &Seen) -> Mixed {

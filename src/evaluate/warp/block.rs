@@ -7,7 +7,6 @@ use super::square::{Constant, Linear};
 use super::{BELOW_ONE, Density, Fraction, UNREDUCED, Warps, choose, flipped, inward};
 use crate::domain::wide;
 use crate::evaluate::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
-use crate::evaluate::located::OUTSIDE;
 
 /// Directions that were drawn.
 #[derive(Clone, Debug)]
@@ -77,18 +76,6 @@ impl Warps {
                 self.write_points(cells, &reached, &inside, to);
             },
         );
-    }
-
-    /// Multiplies the densities of `draws` with the tree's, linear in leaves, at unit vectors in known leaves; 0 outside.
-    pub(in crate::evaluate) fn scale_by_linear_density(&self, cells: &[u32; BLOCK], draws: &mut Draws) {
-        let Draws { directions, pdf, leaves } = draws;
-        for (i, (pdf, &leaf)) in pdf.iter_mut().zip(&*leaves).enumerate() {
-            *pdf = if leaf == OUTSIDE {
-                0.0
-            } else {
-                *pdf * self.linear_density(cells[i] as usize, leaf as usize, vector_of(directions, i))
-            };
-        }
     }
 
     /// The directions of points, and their densities.

@@ -190,6 +190,19 @@ impl WarpMesh {
             + size_of_val(&*self.exact)
     }
 
+    /// [`WarpMesh::memory`] of tables that are not there yet, and the memory of each tree on them.
+    pub(in crate::evaluate) fn expected_memory(lookup: &MeshLookup) -> [usize; 2] {
+        let (mesh, vertices) = (lookup.mesh(), lookup.vertices());
+        let octant = 1_usize << (2 * u32::from(mesh.level()));
+        let groups = size_of::<Group>() * (1 + mesh.bases() / 2 * (octant - 1) / 3);
+        let leaf = 2 * size_of::<u32>() + size_of::<u32>() + size_of::<f64>();
+        let point = size_of::<Direction>() + size_of::<f32>();
+        let places = size_of::<u32>() * mesh.bases() * first(mesh.level() + 1);
+        let shared =
+            size_of::<Self>() + octant * size_of::<Leaf>() + places + mesh.len() * leaf + vertices * point + groups;
+        [shared, groups + vertices * size_of::<f32>() + size_of::<f64>()]
+    }
+
     /// Groups of one tree: the root, then one for every square above the last level.
     #[inline]
     pub(super) fn groups(&self) -> usize {
@@ -226,7 +239,7 @@ impl WarpMesh {
     }
 
     /// The entry of triangle `node` of `level` in a tree, counted in single numbers.
-    #[inline]
+    #[inline(always)]
     pub(super) fn slot(&self, level: u8, node: usize) -> usize {
         // Groups of a level stand together, in the order of their squares.
         self.starts[usize::from(level)] + self.place(level, node)
@@ -256,7 +269,7 @@ impl WarpMesh {
     }
 
     /// The numbers of a leaf's vertices.
-    #[inline]
+    #[inline(always)]
     pub(super) fn corners_of(&self, leaf: usize) -> [u32; 3] {
         self.lookup.corners(leaf)
     }
@@ -292,7 +305,7 @@ impl WarpMesh {
     }
 
     /// The coordinates and the factor of a direction in `leaf`, folded into the first octant.
-    #[inline]
+    #[inline(always)]
     fn coordinates(&self, leaf: usize, folded: Vector) -> ([f64; 3], f64) {
         let geometry = &self.leaves[leaf & (self.leaves.len() - 1)];
         let [d0, d1, d2] = geometry.duals;
@@ -302,7 +315,7 @@ impl WarpMesh {
     }
 
     /// The coordinates of the planar point on the ray of a unit vector in `leaf`, and the factor of [`WarpMesh::point`].
-    #[inline]
+    #[inline(always)]
     pub(super) fn coordinates_in(&self, leaf: usize, [x, y, z]: Vector) -> ([f64; 3], f64) {
         let is_odd = (leaf >> (2 * u32::from(self.mesh.level()))) & 1;
         let sides = [x.abs(), y.abs()];

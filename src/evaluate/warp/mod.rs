@@ -44,11 +44,11 @@ pub use mesh::WarpMesh;
 
 use crate::domain::{Direction, Domain};
 use mesh::{FLIPS, Group};
-use rayon::prelude::*;
 use square::{Constant, Linear, Point, linear_at};
 use std::f64::consts::{FRAC_1_PI, TAU};
 use std::hint::select_unpredictable;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
 
 /// The largest number below 1.
 pub(super) const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
@@ -76,7 +76,7 @@ pub enum Density {
 }
 
 /// How directions are drawn. Sampling, density and inversion belong together only with the same options.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampleOptions {
     /// Ends the choice by value at this level (0 = the base triangles, `None` or more than there are = the leaves) and
     /// goes on by the measure.
@@ -84,10 +84,21 @@ pub struct SampleOptions {
     /// The density inside the last triangle.
     pub density: Density,
     /// The part δ in 0..1 of directions drawn without regard to the function: by the cosine for [`Measure::Projected`],
-    /// uniformly for [`Measure::SolidAngle`], over the whole domain. Then no direction of the domain has density 0, as a
-    /// function needs that is not 0 on leaves whose integral is (data evaluated smoothly at the edge of zeros). The first
-    /// coordinate is split: below 1 − δ the tree's, above it the defensive one's.
+    /// uniformly for [`Measure::SolidAngle`]. Then no direction where the function is not 0 has density 0: a smooth function
+    /// has light beside leaves without any, and between incoming directions where no tree expects it. The first coordinate
+    /// is split: below 1 − δ the tree's, above it the defensive one's.
     pub defensive: f64,
+}
+
+impl SampleOptions {
+    /// The defensive part where none is named.
+    pub const DEFENSIVE: f64 = 0.03;
+}
+
+impl Default for SampleOptions {
+    fn default() -> Self {
+        Self { level: None, density: Density::default(), defensive: Self::DEFENSIVE }
+    }
 }
 
 impl From<Option<u8>> for SampleOptions {
@@ -130,8 +141,8 @@ impl Warps {
         let mut trees = vec![Group::default(); cells * groups];
         let mut vertices = vec![0.0_f32; cells * points];
         let mut totals = vec![0.0; cells];
-        let each = trees.par_chunks_mut(groups).zip(vertices.par_chunks_mut(points)).zip(&mut totals).enumerate();
-        each.for_each(|(cell, ((tree, vertices), total))| {
+        let each = trees.chunks_mut(groups).zip(vertices.chunks_mut(points)).zip(&mut totals).enumerate();
+        side_by_side(each.collect(), leaves, |(cell, ((tree, vertices), total))| {
             let (mut integrals, mut values) = (vec![0.0; leaves], vec![0.0; points]);
             fill(cell, &mut integrals, &mut values);
             for number in integrals.iter_mut().chain(&mut values) {
@@ -243,14 +254,14 @@ impl Warps {
         options.level.map_or(level, |end| end.min(level))
     }
 
-    #[inline]
+    #[inline(always)]
     fn tree(&self, cell: usize) -> &[Group] {
         let groups = self.mesh.groups();
         &self.trees[cell * groups..][..groups]
     }
 
     /// The share of triangle `node` of `level`.
-    #[inline]
+    #[inline(always)]
     fn probability_at(&self, cell: usize, level: u8, node: usize) -> f32 {
         let slot = self.mesh.slot(level, node);
         self.tree(cell)[slot / 8].0[slot % 8]
@@ -269,7 +280,7 @@ impl Warps {
     }
 
     /// The numbers at the vertices that shape the linear density inside a leaf.
-    #[inline]
+    #[inline(always)]
     fn shape(&self, cell: usize, end: u8) -> &[f32] {
         if end == self.mesh.mesh().level() {
             let points = self.mesh.vertices().len();
@@ -280,14 +291,14 @@ impl Warps {
     }
 
     /// The tree's density at a unit vector in `leaf`, uniform in leaves of the last level.
-    #[inline]
+    #[inline(always)]
     pub(in crate::evaluate) fn uniform_density(&self, cell: usize, leaf: usize, direction: [f64; 3]) -> f64 {
         f64::from(self.probability_at(cell, self.mesh.mesh().level(), leaf))
             * self.mesh.coordinates_in(leaf, direction).1
     }
 
     /// The same, linear in leaves of the last level.
-    #[inline]
+    #[inline(always)]
     pub(in crate::evaluate) fn linear_density(&self, cell: usize, leaf: usize, direction: [f64; 3]) -> f64 {
         let level = self.mesh.mesh().level();
         let (coordinates, factor) = self.mesh.coordinates_in(leaf, direction);
@@ -295,8 +306,27 @@ impl Warps {
         self.linear_in(cell, level, leaf, probability, coordinates) * factor
     }
 
+    /// The sum of the same in several cells, each with its share.
+    #[inline(always)]
+    pub(in crate::evaluate) fn linear_densities(
+        &self,
+        cells: &[usize],
+        shares: &[f64],
+        leaf: usize,
+        direction: [f64; 3],
+    ) -> f64 {
+        let level = self.mesh.mesh().level();
+        let (coordinates, factor) = self.mesh.coordinates_in(leaf, direction);
+        let mut sum = 0.0;
+        for (&cell, share) in cells.iter().zip(shares) {
+            let probability = f64::from(self.probability_at(cell, level, leaf));
+            sum += share * (self.linear_in(cell, level, leaf, probability, coordinates) * factor);
+        }
+        sum
+    }
+
     /// The linear density inside a leaf of this probability, over its triangle.
-    #[inline]
+    #[inline(always)]
     fn linear_in(&self, cell: usize, end: u8, leaf: usize, probability: f64, coordinates: [f64; 3]) -> f64 {
         let shape = self.shape(cell, end);
         let values = self.mesh.corners_of(leaf).map(|id| f64::from(shape[id as usize]));
@@ -478,6 +508,32 @@ impl Warps {
         [u, direction.phi() / TAU].map(|u| u.clamp(0.0, BELOW_ONE))
     }
 }
+
+/// `work` for each of `items` of some `size`, on as many threads as rayon has, but on none of its own: trees are built when
+/// they are first asked for, by a thread for which others may wait, and rayon's threads must not be among those.
+fn side_by_side<T: Send>(items: Vec<T>, size: usize, work: impl Fn(T) + Sync) {
+    let threads = rayon::current_num_threads().min(items.len() * size / LEAST_WORK).max(1);
+    let share = items.len().div_ceil(threads).max(1);
+    let mut items = items.into_iter();
+    let mut shares =
+        std::iter::from_fn(|| Some(items.by_ref().take(share).collect::<Vec<T>>()).filter(|s| !s.is_empty()));
+    let own = shares.next().unwrap_or_default();
+    let others: Vec<Mutex<Vec<T>>> = shares.map(Mutex::new).collect();
+    let take = |share: &Mutex<Vec<T>>| {
+        let items = std::mem::take(&mut *share.lock().unwrap_or_else(PoisonError::into_inner));
+        items.into_iter().for_each(&work);
+    };
+    thread::scope(|scope| {
+        let started: Vec<bool> =
+            others.iter().map(|share| thread::Builder::new().spawn_scoped(scope, || take(share)).is_ok()).collect();
+        own.into_iter().for_each(&work);
+        // What no thread could be started for.
+        others.iter().zip(started).filter(|(_, started)| !started).for_each(|(share, _)| take(share));
+    });
+}
+
+/// Leaves that are worth a thread.
+const LEAST_WORK: usize = 1 << 14;
 
 /// Levels after which a fraction is reduced: its terms shrink with the masses of triangles, which are no less than 1e-45.
 const UNREDUCED: u8 = 3;

@@ -351,7 +351,7 @@ fn where_nothing_is_nothing_is_drawn() {
                 }
             }
             let dark = mesh.centroid((bright + 1) % mesh.len());
-            assert_eq!(one.pdf(0, dark, &SampleOptions::default()), 0.0);
+            assert_eq!(one.pdf(0, dark, &options(None, Density::Linear, 0.0)), 0.0);
         }
     }
 }

@@ -1,0 +1,230 @@
+//! The defensive part of a sampler: directions drawn without regard to the function, wherever it may be other than 0.
+
+use super::Material;
+use super::lookup::MeshLookup;
+use super::warp::{Density, Warps};
+use crate::domain::vector::{Vector, add, cross, dot, norm, scale, sub, unit};
+use crate::domain::{Direction, TriangleMesh};
+
+/// The largest number below 1.
+const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
+/// The square of a sine below which a direction is a corner of its triangle.
+const CORNER: f64 = 1e-24;
+
+/// Where defensive directions go.
+#[derive(Debug)]
+pub(super) enum Background {
+    /// Over the whole outgoing domain, by |cos θ| or uniformly.
+    Whole,
+    /// Uniformly over the cells that hold light, for each entry of the opaque axes: of the piecewise constant form, and of
+    /// the smooth one, which reaches into the cells beside.
+    Lit(Vec<[LitCells; 2]>),
+}
+
+impl Background {
+    /// Luminaires keep to their light. What depends on an incoming direction, and what has a cosine, has the whole domain.
+    pub(super) fn new(material: &Material, lookup: &MeshLookup) -> Self {
+        if material.has_incoming() || material.quantity().has_cosine() {
+            return Self::Whole;
+        }
+        let mesh = lookup.mesh();
+        let lit = |entry: usize| {
+            let has_light: Vec<bool> =
+                (0..mesh.len()).map(|leaf| material.is_lit_cell(entry * mesh.len() + leaf)).collect();
+            let is_beside = |leaf: usize| {
+                let mut around = lookup.corners(leaf).into_iter().flat_map(|corner| lookup.ring(corner));
+                around.any(|(cell, _)| has_light[cell])
+            };
+            let reached = (0..mesh.len()).map(is_beside).collect();
+            [has_light, reached].map(|is_lit| LitCells::new(mesh, is_lit))
+        };
+        let entries: Vec<[LitCells; 2]> = (0..material.entries()).map(lit).collect();
+        let is_whole = |cells: &LitCells| cells.leaves.len() == mesh.len();
+        if entries.iter().flatten().all(is_whole) { Self::Whole } else { Self::Lit(entries) }
+    }
+
+    /// Whether there is light anywhere in an entry of the opaque axes.
+    #[inline]
+    pub(super) fn has_any(&self, entry: usize, density: Density) -> bool {
+        match self {
+            Self::Whole => true,
+            Self::Lit(entries) => !of(entries, entry, density).leaves.is_empty(),
+        }
+    }
+
+    /// The density in sr⁻¹ at a direction of the domain, which lies in `leaf` of the outgoing mesh.
+    #[inline]
+    pub(super) fn pdf(&self, warps: &Warps, at: (usize, Density), direction: Direction) -> f64 {
+        match self {
+            Self::Whole => warps.background(direction),
+            Self::Lit(entries) => {
+                let leaf = warps.mesh().mesh().locate(direction);
+                of(entries, at.0, at.1).pdf(leaf)
+            }
+        }
+    }
+
+    /// The direction of a point of the unit square.
+    pub(super) fn draw(&self, warps: &Warps, at: (usize, Density), u: [f64; 2]) -> Option<Direction> {
+        match self {
+            Self::Whole => Some(warps.draw_background(u)),
+            Self::Lit(entries) => of(entries, at.0, at.1).draw(warps.mesh().mesh(), u),
+        }
+    }
+
+    /// The point that [`Background::draw`] takes to a direction.
+    pub(super) fn place(&self, warps: &Warps, at: (usize, Density), direction: Direction) -> Option<[f64; 2]> {
+        match self {
+            Self::Whole => Some(warps.place_background(direction)),
+            Self::Lit(entries) => of(entries, at.0, at.1).place(warps.mesh().mesh(), direction),
+        }
+    }
+
+    pub(super) fn memory(&self) -> usize {
+        match self {
+            Self::Whole => 0,
+            Self::Lit(entries) => entries.iter().flatten().map(LitCells::memory).sum(),
+        }
+    }
+}
+
+fn of(entries: &[[LitCells; 2]], entry: usize, density: Density) -> &LitCells {
+    &entries[entry][usize::from(density == Density::Linear)]
+}
+
+/// Cells that hold light.
+#[derive(Debug)]
+pub(super) struct LitCells {
+    is_lit: Vec<bool>,
+    leaves: Vec<u32>,
+    /// The solid angle of each leaf and those before it, in parts of that of all.
+    ends: Vec<f64>,
+    solid_angle: f64,
+}
+
+impl LitCells {
+    fn new(mesh: TriangleMesh, is_lit: Vec<bool>) -> Self {
+        let leaves: Vec<u32> = (0..mesh.len()).filter(|&leaf| is_lit[leaf]).map(|leaf| leaf as u32).collect();
+        let mut solid_angle = 0.0;
+        let mut ends: Vec<f64> = Vec::with_capacity(leaves.len());
+        for &leaf in &leaves {
+            solid_angle += mesh.solid_angle(leaf as usize);
+            ends.push(solid_angle);
+        }
+        for end in &mut ends {
+            *end /= solid_angle;
+        }
+        Self { is_lit, leaves, ends, solid_angle }
+    }
+
+    fn pdf(&self, leaf: Option<usize>) -> f64 {
+        if leaf.is_some_and(|leaf| self.is_lit[leaf]) { 1.0 / self.solid_angle } else { 0.0 }
+    }
+
+    fn draw(&self, mesh: TriangleMesh, [u, v]: [f64; 2]) -> Option<Direction> {
+        let k = self.ends.partition_point(|&end| end <= u).min(self.leaves.len().checked_sub(1)?);
+        let [start, length] = self.interval(k);
+        let u = ((u - start) / length).clamp(0.0, BELOW_ONE);
+        Some(Direction::from_unit(in_triangle(mesh.vertices(self.leaves[k] as usize), [u, v])))
+    }
+
+    fn place(&self, mesh: TriangleMesh, direction: Direction) -> Option<[f64; 2]> {
+        let leaf = mesh.locate(direction).filter(|&leaf| self.is_lit[leaf])? as u32;
+        let k = self.leaves.binary_search(&leaf).ok()?;
+        let [start, length] = self.interval(k);
+        let [u, v] = place_in_triangle(mesh.vertices(leaf as usize), direction.xyz());
+        Some([start + length * u, v].map(|u| u.clamp(0.0, BELOW_ONE)))
+    }
+
+    /// Where the part of leaf `k` begins, and how long it is.
+    fn interval(&self, k: usize) -> [f64; 2] {
+        let start = if k == 0 { 0.0 } else { self.ends[k - 1] };
+        [start, self.ends[k] - start]
+    }
+
+    fn memory(&self) -> usize {
+        size_of_val(&*self.is_lit) + size_of_val(&*self.leaves) + size_of_val(&*self.ends)
+    }
+}
+
+/// The spherical area of a triangle of unit vectors (Van Oosterom and Strackee 1983, equation 8), with its sign.
+fn area([a, b, c]: [Vector; 3]) -> f64 {
+    2.0 * libm::atan2(dot(a, cross(b, c)), 1.0 + dot(a, b) + dot(b, c) + dot(c, a))
+}
+
+/// The point of a spherical triangle for a point of the unit square, uniform in solid angle (Arvo 1995, *Stratified sampling of
+/// spherical triangles*): the first coordinate cuts off an area between the corner a, the corner b and a point of the edge
+/// from a to c; the second is the height on the arc from b to that point.
+fn in_triangle([a, b, c]: [Vector; 3], [u, v]: [f64; 2]) -> Vector {
+    let whole = area([a, b, c]);
+    // The angle at a, and where the arc from b cuts the edge: tan of the half area is rational in tan of half the arc.
+    let part = u * whole;
+    let (x, y) = (perpendicular(a, b), perpendicular(a, c));
+    let (cos_b, sin_b) = (dot(a, b), dot(x, b));
+    let (cos_angle, sin_angle) = (dot(x, y), dot(a, cross(x, y)));
+    // With t = tan(arc/2): tan(area/2) = t·s·sin A / (1 + t·s·cos A), s = tan(side/2) of the side ab (the area of a triangle by
+    // two sides and the angle between them).
+    let s = sin_b / (1.0 + cos_b);
+    let (sin_part, cos_part) = libm::sincos(0.5 * part);
+    let t = sin_part / (s * (sin_angle * cos_part - cos_angle * sin_part));
+    let (cos_arc, sin_arc) = ((1.0 - t * t) / (1.0 + t * t), 2.0 * t / (1.0 + t * t));
+    let cut = add(scale(a, cos_arc), scale(y, sin_arc));
+    let cos = 1.0 - v * (1.0 - dot(b, cut));
+    let sin = (1.0 - cos * cos).max(0.0).sqrt();
+    unit(add(scale(b, cos), scale(perpendicular(b, cut), sin)))
+}
+
+/// The point of the unit square that [`in_triangle`] takes to a direction of the triangle.
+fn place_in_triangle([a, b, c]: [Vector; 3], d: Vector) -> [f64; 2] {
+    // Where the arc from b through d meets the edge from a to c.
+    let normal = cross(b, d);
+    if dot(normal, normal) < CORNER {
+        return [0.0; 2];
+    }
+    let cut = unit(cross(cross(a, c), normal));
+    let cut = if dot(cut, add(a, c)) < 0.0 { scale(cut, -1.0) } else { cut };
+    let u = area([a, b, cut]) / area([a, b, c]);
+    let v = (1.0 - dot(b, d)) / (1.0 - dot(b, cut));
+    [u, v]
+}
+
+/// The unit vector at a right angle to `a` on the side of `b`.
+fn perpendicular(a: Vector, b: Vector) -> Vector {
+    let d = sub(b, scale(a, dot(a, b)));
+    let length = norm(d);
+    if length > 0.0 { scale(d, 1.0 / length) } else { [0.0; 3] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::Domain;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn points_of_spherical_triangles_are_uniform_and_lead_back() {
+        for (level, leaf) in [(0, 0), (0, 5), (1, 13), (2, 7), (4, 900)] {
+            let mesh = TriangleMesh::new(Domain::Sphere, level).unwrap();
+            let corners = mesh.vertices(leaf);
+            assert!((area(corners).abs() / mesh.solid_angle(leaf) - 1.0).abs() < 1e-9);
+            let children = TriangleMesh::new(Domain::Sphere, level + 2).unwrap();
+            let mut counts = [0.0; 16];
+            let n = 64;
+            for k in 0..n * n {
+                let u = [k / n, k % n].map(|k| (f64::from(k) + 0.5) / f64::from(n));
+                let d = in_triangle(corners, u);
+                let back = place_in_triangle(corners, d);
+                assert!(u.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-9), "{level} {leaf} {u:?} {back:?}");
+                counts[children.locate(Direction::from_unit(d)).unwrap() - 16 * leaf] += 1.0;
+            }
+            for (k, count) in counts.into_iter().enumerate() {
+                let share = children.solid_angle(16 * leaf + k) / mesh.solid_angle(leaf);
+                assert!(
+                    (count / f64::from(n * n) - share).abs() < 4.0 / f64::from(n * n).sqrt() * share,
+                    "{k} {count}"
+                );
+            }
+        }
+        assert!((TAU - 4.0 * area([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])).abs() < 1e-12);
+    }
+}
