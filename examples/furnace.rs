@@ -5,8 +5,8 @@
 //! For some incoming directions and wavelengths it prints
 //! * `stored`: the albedo that the material stores, of the piecewise constant function;
 //! * `drawn`: its estimate by importance sampling alone, mean of f · cos / pdf ± one standard error;
-//! * `smooth`: that of the smooth function, drawn from the material three times in four and by the cosine otherwise (where
-//!   the smooth function has light in dark cells, the material's own density is 0), ± one standard error;
+//! * `smooth`: that of the smooth function, drawn from the material three times in four and by the cosine otherwise, ± one
+//!   standard error;
 //! * `differs`: what interpolation itself changes, by quadrature of the smooth function.
 //!
 //! It fails (exit code 1) if an estimate is more than four standard errors from what is stored, for the smooth function

@@ -63,7 +63,8 @@ def words(seeded):
         "/v1/jobs/..", "/v1/jobs/%00", "/v1/jobs/00000000-0000-0000-0000-000000000000", "/v1/jobs/urn:uuid:" + job[:8],
         "/v1/jobs/" + "9" * 10_000, "/V1/FORMATS", "/v1/formats/", "/%2e%2e%2f%2e%2e%2f", "/v1/formats%00", "/.git/config", "/wp-login.php",
     ]):
-        add(f"path {i}", f"GET {path}", {404, 400, 414})
+        # 431: with its request line the head of the request is longer than the limit.
+        add(f"path {i}", f"GET {path}", {404, 400, 414, 431})
     raw("path of raw bytes", b"GET /v1/formats/\xc3\x28/template HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n")
 
     # Query strings.
@@ -74,7 +75,7 @@ def words(seeded):
         "cursor=zz.b3", "cursor=" + "f" * 17 + ".b3-0", "cursor=1." + "x" * 200, "cursor=%00.%00", "quantity=brd", "quantity=", "unknown=1",
         "q[]=1", "q=a&q=b", "tag=" + "y" * 256, "measurement=b3-0", "measurement=../../etc", "&&&&", "=", "q", "%00=1", "q=%F0%9F%92",
     ]):
-        expected = None if query in ("&&&&", "q") else {400, 414}
+        expected = None if query in ("&&&&", "q") else {400, 414, 431}
         add(f"list query {i}", f"GET /v1/materials?{query}", expected)
     for i, query in enumerate([
         "wi=nan,0", "wi=0,inf", "wi=-1,0", "wi=181,0", "wi=1e400,0", "wi=0", "wi=0,0,0", "wi=,", "wi=" + "1," * 9000, "wi=0,0&wo=0,1e308",
