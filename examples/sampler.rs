@@ -119,7 +119,7 @@ pub(crate) fn run(count: Option<&str>, out: &mut impl Write) -> Result<bool, Box
     Ok(holds)
 }
 
-/// What is found of a material.
+/// The figures of a material.
 struct Row {
     chi2: f64,
     deviate: f64,
@@ -182,7 +182,7 @@ struct Estimate {
     error: f64,
     integral: f64,
     weight: f64,
-    /// Of one weight, over the square of the mean.
+    /// The variance of one weight over the square of the mean.
     variance: f64,
 }
 
@@ -296,7 +296,7 @@ fn floor(material: &Material, count: usize) -> Result<f64, Box<dyn Error>> {
     Ok(least)
 }
 
-/// Whether the smooth function has light anywhere in a cell: at points of it.
+/// Whether the smooth function has light at one of four points of a cell.
 fn is_lit(material: &Material, outgoing: TriangleMesh, cell: usize) -> Result<bool, Box<dyn Error>> {
     let corners = outgoing.vertices(cell);
     for step in [[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0], [1.0, 1.0, 1.0]] {

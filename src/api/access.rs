@@ -1,4 +1,4 @@
-//! Who may ask: the hosts that a request may name, and the pages of other origins that may read.
+//! Access by host and origin: the hosts that a request may name, and the pages of other origins that may read.
 //!
 //! A page can let its own host name point at this machine (DNS rebinding) and is then of the same origin as the service.
 //! Its requests still name that host. A service that listens on a loopback address therefore answers requests for

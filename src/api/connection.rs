@@ -78,7 +78,7 @@ impl Entrance {
     }
 }
 
-/// What all connections of a listener have in common.
+/// The router and the limits that all connections of a listener share.
 pub(crate) struct Host {
     router: Router,
     idle: Duration,

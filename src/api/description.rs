@@ -95,7 +95,7 @@ const OPERATIONS: &[(&str, &[&[Kind]])] = &[
     ("list_bases", &[]),
 ];
 
-/// What the description is about.
+/// The title, version and introduction of the description.
 pub(super) fn info() -> Info {
     InfoBuilder::new()
         .title("wavelume")

@@ -149,7 +149,7 @@ enum StateSchema {
 pub(super) struct Job {
     #[schema(value_type = JobIdText)]
     id: String,
-    /// What it is doing or how it ended.
+    /// The state in which it is or ended.
     #[schema(value_type = StateSchema)]
     state: &'static str,
     /// 0 to 1.

@@ -1,4 +1,4 @@
-//! What surrounds every handler: request ids, logs and figures, hosts and origins, panics as problems.
+//! Layers around every handler: request ids, logs and figures, hosts and origins, panics as problems.
 
 use super::access::{Access, Page};
 use super::problem::{Kind, Problem};

@@ -63,7 +63,7 @@ struct Material {
     id: Digest,
     /// The last name that a job gave it.
     name: Option<String>,
-    /// Of all jobs that made it.
+    /// The tags that any of its jobs gave it.
     tags: Vec<String>,
     /// The measurements it was made of; several if they gave equal bytes.
     #[schema(value_type = Vec<DigestText>)]

@@ -61,7 +61,7 @@ described! {
     /// A name, a file name, a licence, a tag.
     Text = "Text", text("A text of the user without control characters.")
         .min_length(Some(1)).max_length(Some(MAX_TEXT)).pattern(Some(TEXT));
-    /// What a list is filtered by.
+    /// A word by which a list is filtered.
     Word = "Word", text("A text to compare with; U+0000 is refused.")
         .max_length(Some(LONGEST_WORD)).pattern(Some(r"^[^\x00]*$"));
     /// The name of a quantity.
@@ -73,12 +73,12 @@ described! {
     );
     /// The name of a unit.
     UnitName = "Unit", one_of("The unit of a value.", Unit::ALL.iter().map(|known| known.name()));
-    /// What a phase table integrates to.
+    /// The integral of a phase table.
     NormalizationName = "Normalization",
         one_of("The integral of a phase table over the sphere.", ["1", "4pi", "vsf", "relative"]);
     /// The name of a policy.
     PolicyName = "Policy", one_of("How coefficients are chosen and coded.", Policy::ALL.iter().map(|known| known.name()));
-    /// What an export is written as.
+    /// The format of an export, or `manifest`.
     ExportName = "ExportFormat", one_of(
         "A format that is written, or `manifest`.",
         ExportFormat::ALL.iter().map(|known| known.name()).chain(["manifest"]),

@@ -38,18 +38,27 @@ pub(crate) fn largest<E>(
     Ok(Some(low))
 }
 
-/// Watches an error while a step is halved: what no longer falls never will.
+/// Watches an error while a step is halved: what has not fallen twice in a row never will. Once says little where the error is
+/// near to that of rounding.
 #[derive(Default)]
 pub(crate) struct Falling {
+    /// The last step, and the smallest error so far.
     last: Option<(f64, f64)>,
+    stood: u32,
 }
 
 impl Falling {
+    /// How often in a row an error may stand still.
+    const MOST: u32 = 2;
+
     /// Whether `error` at `step` still falls with the step.
     pub(crate) fn falls(&mut self, step: f64, error: f64) -> bool {
-        let stands = self.last.is_some_and(|(before, then)| step <= 0.51 * before && error > 0.98 * then);
-        self.last = Some((step, error));
-        !stands
+        let least = self.last.map_or(f64::INFINITY, |(_, least)| least);
+        if self.last.is_some_and(|(before, _)| step <= 0.51 * before) {
+            self.stood = if error > 0.98 * least { self.stood + 1 } else { 0 };
+        }
+        self.last = Some((step, error.min(least)));
+        self.stood < Self::MOST
     }
 }
 

@@ -33,6 +33,12 @@ pub(crate) fn norm(a: Vector) -> f64 {
     dot(a, a).sqrt()
 }
 
+/// `a` turned about +z by the angle with this cosine and sine.
+#[inline]
+pub(crate) fn turned(a: Vector, [cos, sin]: [f64; 2]) -> Vector {
+    [cos * a[0] - sin * a[1], sin * a[0] + cos * a[1], a[2]]
+}
+
 /// `a` at unit length; `a` must not be zero.
 #[inline]
 pub(crate) fn unit(a: Vector) -> Vector {

@@ -139,10 +139,10 @@ impl Material {
         };
         let has_cosine = self.quantity().has_cosine();
         // The whole of isotropic data is turned by the azimuth of wi; so are the triangles.
-        let [cos, sin] = self.azimuth(wi);
+        let azimuth = self.azimuth(wi);
         let mut sums = vec![(0.0_f64, false); value.len()];
         for i in 0..mesh.len() {
-            let wo = turned(mesh.centroid(i), cos, sin);
+            let wo = turned(mesh.centroid(i), azimuth);
             let is_same = is_above(wi) == (wo.cos_theta() >= 0.0);
             if (side == Side::Reflected && !is_same) || (side == Side::Transmitted && is_same) {
                 continue;

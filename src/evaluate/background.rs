@@ -2,12 +2,10 @@
 
 use super::Material;
 use super::lookup::MeshLookup;
-use super::warp::{Density, Warps};
+use super::warp::{BELOW_ONE, Density, Warps};
 use crate::domain::vector::{Vector, add, cross, dot, norm, scale, sub, unit};
 use crate::domain::{Direction, TriangleMesh};
 
-/// The largest number below 1.
-const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
 /// The square of a sine below which a direction is a corner of its triangle.
 const CORNER: f64 = 1e-24;
 
@@ -52,15 +50,12 @@ impl Background {
         }
     }
 
-    /// The density in sr⁻¹ at a direction of the domain, which lies in `leaf` of the outgoing mesh.
+    /// The density in sr⁻¹ at a direction of the domain.
     #[inline]
     pub(super) fn pdf(&self, warps: &Warps, at: (usize, Density), direction: Direction) -> f64 {
         match self {
             Self::Whole => warps.background(direction),
-            Self::Lit(entries) => {
-                let leaf = warps.mesh().mesh().locate(direction);
-                of(entries, at.0, at.1).pdf(leaf)
-            }
+            Self::Lit(entries) => of(entries, at.0, at.1).pdf(warps.mesh().lookup().locate(direction)),
         }
     }
 

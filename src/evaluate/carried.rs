@@ -1,9 +1,12 @@
 //! Directions carried from the incoming direction of a node to the one asked for, with their density: one, or a block.
 
-use super::incoming::Alignment;
+use super::incoming::{Alignment, NEARLY_BACK, NO_HALF_VECTOR, azimuth};
 use super::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
-use crate::domain::vector::{Vector, add, cross, dot, scale, sub, unit};
+use crate::domain::vector::{Vector, add, cross, dot, scale, sub, turned, unit};
 use crate::domain::{Direction, Domain, wide};
+
+/// How directions are carried from a node to the incoming direction asked for, and over which outgoing domain.
+pub(super) type Carry = (Alignment, Domain);
 
 /// The way of directions from a node, whose incoming direction is `from`, to the incoming direction `to`, and back.
 pub(super) struct Carried {
@@ -34,16 +37,10 @@ impl Carried {
         Self { alignment, side, from, to, turn, turned: turned(to, turn) }
     }
 
-    /// Of directions on the side of the horizon where `z` is: over a whole sphere each side has a way of its own, as the
-    /// function has.
+    /// Of directions on the side of the horizon where `z` is.
     #[inline(always)]
     pub(super) fn over(alignment: Alignment, domain: Domain, z: f64, from: Vector, to: Vector) -> Self {
-        let (alignment, side) = match domain {
-            Domain::Lower => (alignment, -1.0),
-            Domain::Sphere if alignment == Alignment::Rotation => (alignment, 0.0),
-            Domain::Sphere if z < 0.0 => (Alignment::Rotation, -1.0),
-            Domain::Hemisphere | Domain::Sphere => (alignment, 1.0),
-        };
+        let (alignment, side) = side_by(alignment, domain, z);
         Self::new(alignment, side, from, to)
     }
 
@@ -81,13 +78,13 @@ impl Carried {
         Way { there, solid_angle, is_open: is_there & (self.side * there[2] >= 0.0) }
     }
 
-    /// Where a direction that the node drew goes. What has no way, or would go below the horizon, stays; so does, if it
-    /// `may_stay`, what lies where nothing is carried.
+    /// Where a direction that the node drew goes, and whether it stays: what has no way, or would go below the horizon, does,
+    /// and if it `may_stay` what lies where nothing is carried.
     #[inline(always)]
-    pub(super) fn drawn(&self, wo: Vector, may_stay: bool) -> Vector {
+    pub(super) fn drawn(&self, wo: Vector, may_stay: bool) -> (Vector, bool) {
         let way = self.out(wo);
         let stays = !way.is_open | (may_stay & !self.back(wo).is_open);
-        if stays { wo } else { unit(way.there) }
+        (if stays { wo } else { unit(way.there) }, stays)
     }
 
     /// The node's direction that is carried to `wo`, the part of its density that comes from there, 0 where none does, and the
@@ -112,14 +109,26 @@ impl Carried {
     }
 }
 
-/// The half vector of `a` and `b` times what makes its inner product with `to` the half of its length twice over: `to` mirrored at
-/// it is that, less `to`. With it the factor of solid angles, and whether `to` is on its side.
+/// How directions are carried on the side of the horizon where `z` is, and the sign of z there, 0 where there is no horizon:
+/// over a whole sphere each side has a way of its own, as the function has.
+#[inline(always)]
+fn side_by(alignment: Alignment, domain: Domain, z: f64) -> (Alignment, f64) {
+    match domain {
+        Domain::Lower => (alignment, -1.0),
+        Domain::Sphere if alignment == Alignment::Rotation => (alignment, 0.0),
+        Domain::Sphere if z < 0.0 => (Alignment::Rotation, -1.0),
+        Domain::Hemisphere | Domain::Sphere => (alignment, 1.0),
+    }
+}
+
+/// Returns the factor of solid angles, 2 (to · h) h for the unit half vector h of `a` and `b`, and whether `to` is on the side
+/// of h. What is returned second, less `to`, is `to` mirrored at h.
 #[inline(always)]
 #[allow(clippy::needless_bitwise_bool, reason = "loops over places without branches become vector code")]
 fn along(a: Vector, b: Vector, to: Vector) -> (f64, Vector, bool) {
     let h = add(a, b);
     let (square, there) = (dot(h, h), dot(to, h));
-    let is_there = (square > NO_HALF_VECTOR) & (there > 0.0);
+    let is_there = (square > f64::from(NO_HALF_VECTOR)) & (there > 0.0);
     let factor = 2.0 * there / if is_there { square } else { 1.0 };
     (factor, scale(h, factor), is_there)
 }
@@ -129,34 +138,18 @@ fn along(a: Vector, b: Vector, to: Vector) -> (f64, Vector, bool) {
 fn rotated(from: Vector, to: Vector, d: Vector) -> Vector {
     let axis = cross(from, to);
     let cos = dot(from, to);
-    let sign = if cos < NEARLY_BACK { -1.0 } else { 1.0 };
+    let sign = if cos < f64::from(NEARLY_BACK) { -1.0 } else { 1.0 };
     let once = cross(axis, d);
     let twice = cross(axis, once);
     add(add(scale(d, sign), once), scale(twice, 1.0 / (sign + cos)))
 }
 
-/// Cosine and sine of the turn about the normal from the azimuth of `a` to that of `b`; the normal has the azimuth 0.
+/// Cosine and sine of the turn about the normal from the azimuth of `a` to that of `b`.
 #[inline(always)]
 fn turn_between(a: Vector, b: Vector) -> [f64; 2] {
-    let flat = |d: Vector| {
-        let has_azimuth = d[0] * d[0] + d[1] * d[1] > NO_AZIMUTH;
-        [if has_azimuth { d[0] } else { 1.0 }, if has_azimuth { d[1] } else { 0.0 }]
-    };
-    let ([ax, ay], [bx, by]) = (flat(a), flat(b));
-    let share = 1.0 / ((ax * ax + ay * ay) * (bx * bx + by * by)).sqrt();
-    [share * (ax * bx + ay * by), share * (ax * by - ay * bx)]
+    let ([cos_a, sin_a], [cos_b, sin_b]) = (azimuth(a), azimuth(b));
+    [cos_a * cos_b + sin_a * sin_b, cos_a * sin_b - sin_a * cos_b]
 }
-
-#[inline(always)]
-fn turned(d: Vector, [cos, sin]: [f64; 2]) -> Vector {
-    [cos * d[0] - sin * d[1], sin * d[0] + cos * d[1], d[2]]
-}
-
-/// The square of a half vector below which it has no direction, and of a sine below which a direction has no azimuth.
-const NO_HALF_VECTOR: f64 = 1e-12;
-const NO_AZIMUTH: f64 = 1e-18;
-/// The cosine of a turn that hardly has an axis.
-const NEARLY_BACK: f64 = -0.999;
 
 /// Where a lobe is carried up from the horizon nothing is carried, and yet the function goes on: this part of what a node has
 /// there stays.
@@ -175,36 +168,35 @@ impl CarriedBlock {
     pub(super) const NOWHERE: Self =
         Self { alignment: Alignment::None, side: 0.0, from: [[0.0; BLOCK]; 3], to: [[0.0; BLOCK]; 3] };
 
-    /// For these incoming directions.
-    pub(super) fn set(&mut self, alignment: Alignment, domain: Domain, to: &Vectors) {
-        let side = match domain {
-            Domain::Hemisphere => 1.0,
-            Domain::Lower => -1.0,
-            Domain::Sphere => 0.0,
-        };
-        (self.alignment, self.side, self.to) = (alignment, side, *to);
+    /// For these incoming directions; over a whole sphere directions turn on both sides alike.
+    pub(super) fn set(&mut self, (alignment, domain): Carry, to: &Vectors) {
+        (self.alignment, self.side) = side_by(alignment, domain, 1.0);
+        self.to = *to;
     }
 
-    /// [`Carried::drawn`] of all directions.
-    pub(super) fn drawn(&self, directions: &mut Vectors, may_stay: &[bool; BLOCK]) {
+    /// [`Carried::drawn`] of all directions; returns which of them stay.
+    pub(super) fn drawn(&self, directions: &mut Vectors, may_stay: &[bool; BLOCK]) -> [bool; BLOCK] {
         let from = *directions;
-        *directions = wide(
+        let (moved, stays) = wide(
             #[inline(always)]
             || {
-                let mut moved = [[0.0; BLOCK]; 3];
+                let (mut moved, mut stays) = ([[0.0; BLOCK]; 3], [false; BLOCK]);
                 known(
                     self.alignment,
                     #[inline(always)]
                     |alignment| {
                         for (i, &may_stay) in may_stay.iter().enumerate() {
-                            let wo = self.at(alignment, i).drawn(vector_of(&from, i), may_stay);
+                            let (wo, is_staying) = self.at(alignment, i).drawn(vector_of(&from, i), may_stay);
                             set_vector(&mut moved, i, wo);
+                            stays[i] = is_staying;
                         }
                     },
                 );
-                moved
+                (moved, stays)
             },
         );
+        *directions = moved;
+        stays
     }
 
     /// [`Carried::origin`] of all directions. What is written is known to no one else, or the loop is no vector code.

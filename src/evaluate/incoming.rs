@@ -15,11 +15,11 @@ const NONE: u32 = u32::MAX;
 const LOW: f32 = 0.1;
 const WORTHLESS: f32 = 1e-3;
 /// The square of a half vector below which it has no direction.
-const NO_HALF_VECTOR: f32 = 1e-12;
+pub(super) const NO_HALF_VECTOR: f32 = 1e-12;
 /// The square of the sine below which a direction has the azimuth 0.
 const NO_AZIMUTH: f32 = 1e-18;
 /// The cosine of a turn that hardly has an axis: opposite directions are turned to instead, and then mirrored.
-const NEARLY_BACK: f32 = -0.999;
+pub(super) const NEARLY_BACK: f32 = -0.999;
 
 /// How the function around one incoming direction is carried to another before two are mixed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -439,7 +439,9 @@ pub(super) fn carried_to<T: Number>(
 
 /// Cosine and sine of the azimuth; of 0 for the normal.
 #[inline(always)]
-fn azimuth(d: Vector) -> [f64; 2] {
-    let length = (d[0] * d[0] + d[1] * d[1]).sqrt();
-    if length * length > f64::from(NO_AZIMUTH) { [d[0] / length, d[1] / length] } else { [1.0, 0.0] }
+pub(super) fn azimuth(d: Vector) -> [f64; 2] {
+    let square = d[0] * d[0] + d[1] * d[1];
+    let is_turned = square > f64::from(NO_AZIMUTH);
+    let length = if is_turned { square.sqrt() } else { 1.0 };
+    [if is_turned { d[0] / length } else { 1.0 }, if is_turned { d[1] / length } else { 0.0 }]
 }

@@ -9,6 +9,7 @@ use super::smooth::Smooth;
 use super::trees::Trees;
 use super::{EvaluateError, unfit};
 use crate::compress::{self, LevelInfo, Summary};
+use crate::domain::vector::{self, Vector};
 use crate::domain::{Axis, Direction, Domain, Layout, Measurement, Quantity, Sampling, Unit, WavelengthGrid};
 use std::sync::{Arc, OnceLock};
 
@@ -341,10 +342,9 @@ impl Material {
 
     /// `wi` as nodes know it: turned to azimuth 0 where they are elevations, and anything where there is none.
     #[inline]
-    pub(super) fn wi_in_plane(&self, wi: Option<Direction>) -> [f64; 3] {
+    pub(super) fn wi_in_plane(&self, wi: Option<Direction>) -> Vector {
         let Some(wi) = wi else { return [0.0, 0.0, 1.0] };
-        let [x, y, z] = wi.xyz();
-        if self.is_isotropic() { [(x * x + y * y).sqrt(), 0.0, z] } else { [x, y, z] }
+        if self.is_isotropic() { in_plane(wi.xyz()).0 } else { wi.xyz() }
     }
 
     /// Entries of the opaque axes together.
@@ -398,7 +398,7 @@ impl Material {
                     return Ok(Some((lookup, wo)));
                 }
                 let [cos, sin] = self.azimuth(wi);
-                Ok(Some((lookup, turned(wo, cos, -sin))))
+                Ok(Some((lookup, turned(wo, [cos, -sin]))))
             }
         }
     }
@@ -407,9 +407,7 @@ impl Material {
     #[inline]
     pub(super) fn azimuth(&self, wi: Option<Direction>) -> [f64; 2] {
         let (Incoming::Elevations(_), Some(wi)) = (&self.incoming, wi) else { return [1.0, 0.0] };
-        let [x, y, _] = wi.xyz();
-        let length = (x * x + y * y).sqrt();
-        if length > 0.0 { [x / length, y / length] } else { [1.0, 0.0] }
+        in_plane(wi.xyz()).1
     }
 }
 
@@ -441,7 +439,15 @@ fn planes(
 
 /// `direction` turned about `+z` by the angle with this cosine and sine.
 #[inline]
-pub(super) fn turned(direction: Direction, cos: f64, sin: f64) -> Direction {
-    let [x, y, z] = direction.xyz();
-    Direction::from_unit([cos * x - sin * y, sin * x + cos * y, z])
+pub(super) fn turned(direction: Direction, by: [f64; 2]) -> Direction {
+    Direction::from_unit(vector::turned(direction.xyz(), by))
+}
+
+/// `d` turned about +z to azimuth 0, and cosine and sine of the azimuth that it had; the normal's is 0.
+#[inline(always)]
+pub(super) fn in_plane([x, y, z]: Vector) -> (Vector, [f64; 2]) {
+    let length = (x * x + y * y).sqrt();
+    let is_turned = length > 0.0;
+    let azimuth = [if is_turned { x / length } else { 1.0 }, if is_turned { y / length } else { 0.0 }];
+    ([length, 0.0, z], azimuth)
 }

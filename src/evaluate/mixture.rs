@@ -13,15 +13,15 @@
 //! piecewise constant form, with its uniform density, has one node: the cell of wi.
 
 use super::background::Background;
-use super::carried::{Carried, STAYING};
-use super::incoming::Alignment;
+use super::carried::{Carried, Carry, STAYING};
+use super::incoming::Around;
 use super::lookup::Stencil;
 use super::material::Form;
 use super::trees::Trees;
 use super::warp::{BELOW_ONE, Density, SampleOptions};
 use super::{EvaluateError, Material};
+use crate::domain::Direction;
 use crate::domain::vector::Vector;
-use crate::domain::{Direction, Domain};
 
 /// Nodes that are around a direction, but where every sample is kept.
 pub(super) const FEW: usize = 3;
@@ -33,8 +33,8 @@ pub(super) struct Mixture<'a> {
     entry: usize,
     options: SampleOptions,
     parts: Parts,
-    /// How directions are carried, over which domain, and to which incoming direction.
-    carry: Option<(Alignment, Domain, Vector)>,
+    /// How directions are carried, and to which incoming direction.
+    carry: Option<(Carry, Vector)>,
     defensive: f64,
 }
 
@@ -45,12 +45,18 @@ enum Parts {
     Many(Stencil, usize, f64),
 }
 
-/// Trees and their shares, which add up to the part of trees; 0 beyond those that there are.
+/// Trees and their shares of the part of trees; 0 beyond those that there are.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shares {
     pub(super) nodes: [u32; FEW],
     pub(super) parts: [f64; FEW],
-    pub(super) count: usize,
+}
+
+/// What a number from 0 to 1 chooses among parts that are offered in turn and add up to 1.
+struct Choice<T> {
+    left: f64,
+    /// The last part that was offered, and what is left of the number, stretched over it.
+    chosen: Option<(T, f64)>,
 }
 
 impl<'a> Mixture<'a> {
@@ -61,48 +67,31 @@ impl<'a> Mixture<'a> {
         index: &[usize],
         wi: Option<Direction>,
         options: SampleOptions,
-        carries: bool,
+        carry: Option<Carry>,
     ) -> Result<Self, EvaluateError> {
         let entry = material.sampled_entry(index, options)?;
-        let defensive = if trees.background().has_any(entry, options.density) { options.defensive } else { 0.0 };
-        let mut mixture =
-            Self { trees, material, entry, options, parts: Parts::Few(Shares::NONE), carry: None, defensive };
-        match (options.density, &material.form) {
-            (Density::Uniform, _) => {
-                let nodes = [material.incoming_entry(wi)? as u32, 0, 0];
-                let shares = Shares::new(trees, entry, nodes, [1.0, 0.0, 0.0], 1);
-                mixture.parts = Parts::Few(shares);
-            }
+        let mut to = None;
+        let parts = match (options.density, &material.form) {
+            (Density::Uniform, _) => Parts::Few(Shares::one(trees, entry, material.incoming_entry(wi)? as u32)),
             (Density::Linear, Form::Planes { smooth, .. }) => {
                 let (around, wi) = material.around(smooth, None, wi)?;
-                let weights = around.weights.map(f64::from);
-                mixture.parts = Parts::Few(Shares::new(trees, entry, around.nodes, weights, around.count));
-                if carries {
-                    mixture.carry = material.aligned_domain().map(|(alignment, domain)| (alignment, domain, wi));
-                }
+                to = carry.map(|carry| (carry, wi));
+                Parts::Few(Shares::around(trees, entry, &around))
             }
             (Density::Linear, Form::Samples { .. }) => {
                 let stencil = material.incoming_stencil(wi)?;
                 let first = trees.tree(entry, 0);
                 let light = |(cell, weight): (usize, f32)| f64::from(weight) * trees.warps().total(first + cell);
                 let sum = stencil.entries().map(light).sum();
-                mixture.parts = Parts::Many(stencil, first, sum);
+                Parts::Many(stencil, first, sum)
             }
-        }
-        mixture.settle();
-        Ok(mixture)
-    }
-
-    /// Leaves all to the defensive part where no tree has light.
-    #[inline(always)]
-    fn settle(&mut self) {
-        let has_light = match &self.parts {
+        };
+        let has_light = match &parts {
             Parts::Few(shares) => shares.has_light(),
             Parts::Many(.., sum) => *sum > 0.0,
         };
-        if !has_light {
-            self.defensive = if self.defensive > 0.0 { 1.0 } else { 0.0 };
-        }
+        let defensive = trees.defensive(entry, options, has_light);
+        Ok(Self { trees, material, entry, options, parts, carry: to, defensive })
     }
 
     /// The entry of the incoming axis that holds the direction, where that is known.
@@ -128,9 +117,8 @@ impl<'a> Mixture<'a> {
     fn each(&self, mut work: impl FnMut(usize, usize, f64) -> bool) {
         match &self.parts {
             Parts::Few(shares) => {
-                for k in 0..shares.count {
-                    let node = shares.nodes[k] as usize;
-                    if shares.parts[k] > 0.0 && work(self.trees.tree(self.entry, node), node, shares.parts[k]) {
+                for (node, share) in shares.each() {
+                    if work(self.trees.tree(self.entry, node as usize), node as usize, share) {
                         return;
                     }
                 }
@@ -149,7 +137,7 @@ impl<'a> Mixture<'a> {
     /// How a direction is carried from a node, on the side of the horizon where `z` is.
     #[inline(always)]
     fn carried(&self, node: usize, z: f64) -> Option<Carried> {
-        let (alignment, domain, to) = self.carry?;
+        let ((alignment, domain), to) = self.carry?;
         Some(Carried::over(alignment, domain, z, self.material.node_direction(node), to))
     }
 
@@ -181,8 +169,7 @@ impl<'a> Mixture<'a> {
         if self.defensive == 0.0 {
             return trees;
         }
-        let background = self.background().pdf(self.trees.warps(), self.at(), wo);
-        (1.0 - self.defensive) * trees + self.defensive * background
+        mixed(self.defensive, trees, self.background().pdf(self.trees.warps(), self.at(), wo))
     }
 
     fn background(&self) -> &'a Background {
@@ -196,28 +183,18 @@ impl<'a> Mixture<'a> {
     /// A direction, and the leaf in which a tree drew it where that does not move; `None` where nothing is drawn.
     #[inline(always)]
     pub(super) fn draw(&self, u: [f64; 2]) -> Option<(Direction, Option<usize>)> {
-        let by_trees = 1.0 - self.defensive;
         let warps = self.trees.warps();
-        if u[0] >= by_trees && self.defensive > 0.0 {
-            let u = [((u[0] - by_trees) / self.defensive).min(BELOW_ONE), u[1].min(BELOW_ONE)];
-            return Some((self.background().draw(warps, self.at(), u)?, None));
+        let (left, is_defensive) = split(u[0], self.defensive);
+        if is_defensive {
+            return Some((self.background().draw(warps, self.at(), [left, u[1].min(BELOW_ONE)])?, None));
         }
-        let mut left = (u[0] / by_trees).min(BELOW_ONE);
-        let mut chosen = None;
-        // Rounding may leave a little beyond the last one.
-        self.each(|tree, node, share| {
-            chosen = Some((tree, node, (left / share).min(BELOW_ONE)));
-            left -= share;
-            left < 0.0
-        });
-        let (tree, node, mut first) = chosen?;
-        let mut may_stay = false;
-        if self.carry.is_some() {
-            (first, may_stay) = stays(first);
-        }
-        let drawn = warps.sample(tree, [first, u[1]], &self.own())?;
+        let mut choice = Choice::by(left);
+        self.each(|tree, node, share| choice.is_made((tree, node), share));
+        let ((tree, node), left) = choice.chosen?;
+        let (left, may_stay) = if self.carry.is_some() { split(left, STAYING) } else { (left, false) };
+        let drawn = warps.sample(tree, [left, u[1]], &self.own())?;
         match self.carried(node, drawn.direction.cos_theta()) {
-            Some(carried) => Some((Direction::from_unit(carried.drawn(drawn.direction.xyz(), may_stay)), None)),
+            Some(carried) => Some((Direction::from_unit(carried.drawn(drawn.direction.xyz(), may_stay).0), None)),
             None => Some((drawn.direction, Some(drawn.leaf))),
         }
     }
@@ -252,47 +229,81 @@ impl<'a> Mixture<'a> {
     }
 }
 
-/// What is left of a node's part of the first coordinate, and whether it is among those directions that may stay.
+/// Splits the unit interval into a first part and a second one of this length: what is left of a number in it, stretched over
+/// the part in which it is, and whether that is the second.
 #[inline(always)]
-pub(super) fn stays(u: f64) -> (f64, bool) {
-    let carrying = 1.0 - STAYING;
-    let may_stay = u >= carrying;
-    let left = if may_stay { (u - carrying) / STAYING } else { u / carrying };
-    (left.min(BELOW_ONE), may_stay)
+pub(super) fn split(u: f64, second: f64) -> (f64, bool) {
+    let first = 1.0 - second;
+    let is_second = u >= first && second > 0.0;
+    let left = if is_second { (u - first) / second } else { u / first };
+    (left.min(BELOW_ONE), is_second)
+}
+
+/// The density of a mixture, by that of its trees and that of its defensive part.
+#[inline(always)]
+pub(super) fn mixed(defensive: f64, trees: f64, background: f64) -> f64 {
+    (1.0 - defensive) * trees + defensive * background
+}
+
+impl<T> Choice<T> {
+    #[inline(always)]
+    fn by(u: f64) -> Self {
+        Self { left: u, chosen: None }
+    }
+
+    /// Whether what is offered is chosen. Rounding may leave a little beyond the last one, which is chosen then.
+    #[inline(always)]
+    fn is_made(&mut self, offered: T, share: f64) -> bool {
+        self.chosen = Some((offered, (self.left / share).min(BELOW_ONE)));
+        self.left -= share;
+        self.left < 0.0
+    }
 }
 
 impl Shares {
     /// No tree.
-    pub(super) const NONE: Self = Self { nodes: [0; FEW], parts: [0.0; FEW], count: 0 };
+    pub(super) const NONE: Self = Self { nodes: [0; FEW], parts: [0.0; FEW] };
 
-    /// Of nodes with these weights; shares add up to 1, or are 0 where no tree has light.
+    /// The tree of one node, without a share where it has no light.
     #[inline(always)]
-    pub(super) fn new(trees: &Trees, entry: usize, nodes: [u32; FEW], weights: [f64; FEW], count: usize) -> Self {
-        let first = trees.tree(entry, 0);
-        let mut light = [0.0; FEW];
-        for k in 0..count {
-            light[k] = weights[k] * trees.warps().total(first + nodes[k] as usize);
-        }
-        let sum = light[0] + light[1] + light[2];
-        let scale = if sum > 0.0 { 1.0 / sum } else { 0.0 };
-        Self { nodes, parts: light.map(|light| light * scale), count }
+    pub(super) fn one(trees: &Trees, entry: usize, node: u32) -> Self {
+        let has_light = trees.warps().total(trees.tree(entry, node as usize)) > 0.0;
+        Self { nodes: [node, 0, 0], parts: [if has_light { 1.0 } else { 0.0 }, 0.0, 0.0] }
     }
 
-    /// The node that a number from 0 to 1 chooses, and what is left of the number, stretched over the node's share.
+    /// Of nodes around an incoming direction; shares add up to 1, or are 0 where no tree has light.
     #[inline(always)]
-    pub(super) fn choose(&self, mut u: f64) -> (u32, f64) {
-        let mut chosen = (self.nodes[0], u);
-        for (&node, &share) in self.nodes.iter().zip(&self.parts) {
-            if share > 0.0 {
-                // Rounding may leave a little beyond the last one.
-                chosen = (node, (u / share).min(BELOW_ONE));
-                u -= share;
-                if u < 0.0 {
-                    break;
-                }
+    pub(super) fn around(trees: &Trees, entry: usize, &Around { nodes, weights, .. }: &Around) -> Self {
+        let first = trees.tree(entry, 0);
+        let mut parts = weights.map(f64::from);
+        for (part, node) in parts.iter_mut().zip(nodes) {
+            *part *= trees.warps().total(first + node as usize);
+        }
+        let sum = parts[0] + parts[1] + parts[2];
+        let scale = if sum > 0.0 { 1.0 / sum } else { 0.0 };
+        Self { nodes, parts: parts.map(|part| part * scale) }
+    }
+
+    /// Nodes that have a share.
+    #[inline(always)]
+    fn each(&self) -> impl Iterator<Item = (u32, f64)> {
+        self.nodes.into_iter().zip(self.parts).filter(|(_, share)| *share > 0.0)
+    }
+
+    /// Puts the node first that a number from 0 to 1 chooses, and returns what is left of the number, stretched over the
+    /// node's share.
+    #[inline(always)]
+    pub(super) fn choose(&mut self, u: f64) -> f64 {
+        let mut choice = Choice::by(u);
+        for (k, &share) in self.parts.iter().enumerate() {
+            if share > 0.0 && choice.is_made(k, share) {
+                break;
             }
         }
-        chosen
+        let Some((k, left)) = choice.chosen else { return u };
+        self.nodes.swap(0, k);
+        self.parts.swap(0, k);
+        left
     }
 
     #[inline(always)]

@@ -212,7 +212,7 @@ impl Material {
         u: [f64; 2],
         options: SampleOptions,
     ) -> Result<Option<Draw>, EvaluateError> {
-        let mixture = Mixture::new(self, trees, index, wi, options, trees.carries())?;
+        let mixture = Mixture::new(self, trees, index, wi, options, trees.carry(options.density))?;
         check_point(u)?;
         let Some((wo, leaf)) = mixture.draw(u) else { return Ok(None) };
         let pdf = mixture.density(wo);
@@ -240,7 +240,7 @@ impl Material {
         let pdf = wide(
             #[inline(always)]
             || -> Result<f64, EvaluateError> {
-                let mixture = Mixture::new(self, trees, index, wi, options, trees.carries())?;
+                let mixture = Mixture::new(self, trees, index, wi, options, trees.carry(options.density))?;
                 let Some((lookup, wo)) = self.outgoing(wi, Some(wo))? else { return Ok(0.0) };
                 Ok(if lookup.holds(wo.xyz()) { mixture.density(wo) } else { 0.0 })
             },
@@ -261,7 +261,7 @@ impl Material {
         if self.pdf_by(trees, index, wi, wo, options)? <= 0.0 {
             return Ok(None);
         }
-        let mixture = Mixture::new(self, trees, index, wi, options, trees.carries())?;
+        let mixture = Mixture::new(self, trees, index, wi, options, trees.carry(options.density))?;
         let Some((_, wo)) = self.outgoing(wi, Some(wo))? else { return Ok(None) };
         Ok(mixture.invert(wo))
     }
@@ -295,8 +295,7 @@ impl Material {
         if !self.is_isotropic() {
             return wo;
         }
-        let [cos, sin] = self.azimuth(wi);
-        turned(wo, cos, sin)
+        turned(wo, self.azimuth(wi))
     }
 
     /// The nodes around an incoming direction, and the direction as they know it; the entry that holds it may be known.

@@ -4,18 +4,19 @@
 //! stage finds (the nodes around an incoming direction, the leaf that was drawn) the next ones need not search for.
 
 use super::batch::{Directions, Pairs};
-use super::carried::{CarriedBlock, Origins};
-use super::incoming::Around;
+use super::carried::{CarriedBlock, Carry, Origins, STAYING};
+use super::incoming::{Alignment, Around};
 use super::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
 use super::located::OUTSIDE;
-use super::material::Form;
-use super::mixture::{FEW, Shares, stays};
+use super::material::{Form, in_plane};
+use super::mixture::{self, FEW, Shares, split};
 use super::planes::Planes;
 use super::sampling::check_point;
 use super::smooth::{Mixed, SeenBlock, Smooth};
 use super::trees::Trees;
 use super::warp::{BELOW_ONE, Density, Draws, SampleOptions};
 use super::{EvaluateError, Material, unfit};
+use crate::domain::vector::turned;
 use crate::domain::{Direction, Domain, wide};
 
 /// What the stages of a block write, kept from one block to the next.
@@ -36,10 +37,46 @@ impl Room {
             around: [Around::NOWHERE; BLOCK],
         },
         draws: Draws::NOTHING,
-        mixed: MixedBlock { shares: [Shares::NONE; BLOCK], defensive: [0.0; BLOCK], entry: 0 },
+        mixed: MixedBlock {
+            shares: [Shares::NONE; BLOCK],
+            defensive: [0.0; BLOCK],
+            is_drawn: false,
+            drawn: [[0.0; BLOCK]; 2],
+            entry: 0,
+        },
         carried: CarriedBlock::NOWHERE,
         seen: SeenBlock::NOTHING,
     };
+}
+
+impl Room {
+    /// The densities of trees whose directions stay, in the leaves of `draws`.
+    fn write_densities_in_leaves(&mut self, trees: &Trees, density: Density, count: usize) {
+        let Self { draws, mixed, .. } = self;
+        let (warps, first) = (trees.warps(), trees.tree(mixed.entry, 0));
+        for i in 0..count {
+            let (leaf, direction) = (draws.leaves[i] as usize, vector_of(&draws.directions, i));
+            let Shares { nodes, parts: shares } = mixed.shares[i];
+            draws.pdf[i] = match density {
+                _ if draws.leaves[i] == OUTSIDE => 0.0,
+                Density::Uniform => shares[0] * warps.uniform_density(first + nodes[0] as usize, leaf, direction),
+                Density::Linear => {
+                    let nodes = nodes.map(|node| first + node as usize);
+                    warps.linear_densities(&nodes, &shares, leaf, direction)
+                }
+            };
+        }
+    }
+
+    /// Mixes the densities of trees with those of defensive parts.
+    fn defend(&mut self, trees: &Trees, density: Density, count: usize) {
+        let Self { draws, mixed, .. } = self;
+        for i in (0..count).filter(|&i| mixed.defensive[i] > 0.0) {
+            let direction = Direction::from_unit(vector_of(&draws.directions, i));
+            let background = trees.background().pdf(trees.warps(), (mixed.entry, density), direction);
+            draws.pdf[i] = mixture::mixed(mixed.defensive[i], draws.pdf[i], background);
+        }
+    }
 }
 
 /// The incoming side of a block of places.
@@ -59,17 +96,19 @@ struct MixedBlock {
     entry: usize,
     shares: [Shares; BLOCK],
     defensive: Block,
+    /// Whether directions were drawn, each by its first tree; and the density that this has where it drew, of those directions
+    /// that were carried and of those that stay; 0 for the others, and for those that the defensive part drew.
+    is_drawn: bool,
+    drawn: [Block; 2],
 }
 
 impl Material {
     /// Whether blocks are drawn stage by stage: to the leaves of trees, and alike on both sides of the horizon.
     pub(super) fn is_staged(&self, trees: &Trees, options: SampleOptions) -> bool {
-        let is_alike = |(alignment, domain)| {
-            domain != Domain::Sphere || alignment == super::Alignment::Rotation || !trees.carries()
-        };
+        let is_alike = |(alignment, domain)| domain != Domain::Sphere || alignment == Alignment::Rotation;
         options.level.is_none()
             && matches!(self.form, Form::Planes { .. })
-            && (options.density == Density::Uniform || self.aligned_domain().is_none_or(is_alike))
+            && trees.carry(options.density).is_none_or(is_alike)
     }
 
     /// Writes the incoming side of up to [`BLOCK`] places: the entries that hold directions where they are asked for, and the
@@ -81,26 +120,25 @@ impl Material {
         count: usize,
         to: &mut Arrived,
     ) -> Result<(), EvaluateError> {
-        let entries = &mut to.entries[..count];
-        let Some(directions) = wi else { return self.incoming_entries(Pairs { index: &[], wi, wo: None }, entries) };
+        let Some(directions) = wi else {
+            return self.incoming_entries(Pairs { index: &[], wi, wo: None }, &mut to.entries[..count]);
+        };
         directions.write_block(&mut to.wi)?;
-        if let Some(lookup) = self.incoming_mesh() {
+        let needs_each = if let Some(lookup) = self.incoming_mesh() {
             lookup.locate_block(&to.wi, &mut to.entries);
-            if to.entries.contains(&OUTSIDE) {
-                // One by one, which tells what is wrong.
-                return self.incoming_entries(Pairs { index: &[], wi, wo: None }, &mut to.entries[..count]);
-            }
-        } else if smooth.is_none() || !self.is_isotropic() || to.wi[2].iter().any(|&z| z < 0.0) {
-            self.incoming_entries(Pairs { index: &[], wi, wo: None }, entries)?;
+            to.entries[..count].contains(&OUTSIDE)
+        } else {
+            smooth.is_none() || !self.is_isotropic() || to.wi[2].iter().any(|&z| z < 0.0)
+        };
+        if needs_each {
+            // One by one, which tells what is wrong.
+            self.incoming_entries(Pairs { index: &[], wi, wo: None }, &mut to.entries[..count])?;
         }
         if self.is_isotropic() {
             for i in 0..BLOCK {
-                let [x, y, z] = vector_of(&to.wi, i);
-                let length = (x * x + y * y).sqrt();
-                let is_turned = length > 0.0;
-                to.turns[0][i] = if is_turned { x / length } else { 1.0 };
-                to.turns[1][i] = if is_turned { y / length } else { 0.0 };
-                set_vector(&mut to.wi, i, [length, 0.0, z]);
+                let (wi, [cos, sin]) = in_plane(vector_of(&to.wi, i));
+                set_vector(&mut to.wi, i, wi);
+                (to.turns[0][i], to.turns[1][i]) = (cos, sin);
             }
         }
         let Some(smooth) = smooth else { return Ok(()) };
@@ -126,16 +164,13 @@ impl Material {
         self.arrive(smooth, wi, count, &mut room.arrived)?;
         let Room { arrived, mixed, .. } = room;
         mixed.entry = entry;
-        let defensive = if trees.background().has_any(entry, options.density) { options.defensive } else { 0.0 };
-        let in_the_dark = if defensive > 0.0 { 1.0 } else { 0.0 };
         for i in 0..count {
             let shares = if smooth.is_some() {
-                let Around { nodes, weights, count } = arrived.around[i];
-                Shares::new(trees, entry, nodes, weights.map(f64::from), count)
+                Shares::around(trees, entry, &arrived.around[i])
             } else {
-                Shares::new(trees, entry, [arrived.entries[i], 0, 0], [1.0, 0.0, 0.0], 1)
+                Shares::one(trees, entry, arrived.entries[i])
             };
-            mixed.defensive[i] = if shares.has_light() { defensive } else { in_the_dark };
+            mixed.defensive[i] = trees.defensive(entry, options, shares.has_light());
             mixed.shares[i] = shares;
         }
         Ok(())
@@ -160,6 +195,8 @@ impl Material {
             let [cos, sin] = room.arrived.turns;
             turn_block(&mut room.draws.directions, &[cos, sin.map(|sin| -sin)]);
         }
+        room.mixed.is_drawn = false;
+        lookup.locate_block(&room.draws.directions, &mut room.draws.leaves);
         self.write_densities(trees, options, out.len(), room);
         for (i, out) in out.iter_mut().enumerate() {
             let is_held = lookup.holds(vector_of(&room.draws.directions, i));
@@ -168,69 +205,71 @@ impl Material {
         Ok(())
     }
 
-    /// Writes the densities of the mixtures at the directions of `draws`.
+    /// Writes the densities of the mixtures at the directions of `draws`, into their `pdf`. Leaves are those of the
+    /// directions, or those in which they were drawn.
     fn write_densities(&self, trees: &Trees, options: SampleOptions, count: usize, room: &mut Room) {
+        if let Some(carry) = trees.carry(options.density) {
+            self.write_carried_densities(trees, carry, count, room);
+        } else {
+            room.write_densities_in_leaves(trees, options.density, count);
+        }
+        room.defend(trees, options.density, count);
+    }
+
+    /// The densities of trees whose directions are carried.
+    fn write_carried_densities(&self, trees: &Trees, carry: Carry, count: usize, room: &mut Room) {
         let Room { arrived, draws, mixed, carried, .. } = room;
         let (Some(lookup), warps) = (&self.outgoing, trees.warps()) else { return };
         let first = trees.tree(mixed.entry, 0);
         let sum = &mut draws.pdf;
         sum.fill(0.0);
-        let alignment = self.aligned_domain().filter(|_| trees.carries() && options.density == Density::Linear);
-        if let Some((alignment, domain)) = alignment {
-            carried.set(alignment, domain, &arrived.wi);
-            let mut own = [0; BLOCK];
+        carried.set(carry, &arrived.wi);
+        let mut own = draws.leaves;
+        if mixed.is_drawn {
             lookup.locate_block(&draws.directions, &mut own);
-            for k in 0..FEW {
-                if mixed.shares[..count].iter().all(|shares| shares.parts[k] == 0.0) {
-                    continue;
+        }
+        for k in 0..FEW {
+            if mixed.shares[..count].iter().all(|shares| shares.parts[k] == 0.0) {
+                continue;
+            }
+            for i in 0..count {
+                let node = mixed.shares[i].nodes[k] as usize;
+                set_vector(&mut carried.from, i, self.node_direction(node));
+            }
+            let Origins { there, parts: mut carried_part, mut staying } = carried.origins(&draws.directions);
+            let mut densities = [0.0; BLOCK];
+            if k == 0 && mixed.is_drawn {
+                let [carried, stayed] = &mixed.drawn;
+                for i in 0..BLOCK {
+                    densities[i] = carried_part[i] * carried[i] + staying[i] * stayed[i];
+                    carried_part[i] = if carried[i] > 0.0 { 0.0 } else { carried_part[i] };
+                    staying[i] = if stayed[i] > 0.0 { 0.0 } else { staying[i] };
                 }
-                for i in 0..count {
-                    let node = mixed.shares[i].nodes[k] as usize;
-                    set_vector(&mut carried.from, i, self.node_direction(node));
+                for i in (0..count).filter(|&i| carried_part[i] > 0.0) {
+                    let leaf = lookup.locate_vector(vector_of(&there, i));
+                    draws.leaves[i] = leaf.map_or(OUTSIDE, |leaf| leaf as u32);
                 }
-                let Origins { there, parts, staying } = carried.origins(&draws.directions);
+            } else {
                 lookup.locate_block(&there, &mut draws.leaves);
-                wide(
-                    #[inline(always)]
-                    || {
-                        for i in 0..count {
-                            let Shares { nodes, parts: shares, .. } = mixed.shares[i];
-                            let tree = first + nodes[k] as usize;
-                            let mut density = 0.0;
-                            if draws.leaves[i] != OUTSIDE && parts[i] > 0.0 {
-                                density = parts[i]
-                                    * warps.linear_density(tree, draws.leaves[i] as usize, vector_of(&there, i));
-                            }
-                            if staying[i] > 0.0 && own[i] != OUTSIDE {
-                                let direction = vector_of(&draws.directions, i);
-                                density += staying[i] * warps.linear_density(tree, own[i] as usize, direction);
-                            }
-                            sum[i] += shares[k] * density;
+            }
+            wide(
+                #[inline(always)]
+                || {
+                    for (i, density) in densities.iter_mut().enumerate().take(count) {
+                        let Shares { nodes, parts: shares } = mixed.shares[i];
+                        let tree = first + nodes[k] as usize;
+                        if carried_part[i] > 0.0 && draws.leaves[i] != OUTSIDE {
+                            let leaf = draws.leaves[i] as usize;
+                            *density += carried_part[i] * warps.linear_density(tree, leaf, vector_of(&there, i));
                         }
-                    },
-                );
-            }
-        } else {
-            lookup.locate_block(&draws.directions, &mut draws.leaves);
-            for i in (0..count).filter(|&i| draws.leaves[i] != OUTSIDE) {
-                let (leaf, direction) = (draws.leaves[i] as usize, vector_of(&draws.directions, i));
-                let Shares { nodes, parts: shares, count } = mixed.shares[i];
-                sum[i] = match options.density {
-                    Density::Uniform => shares[0] * warps.uniform_density(first + nodes[0] as usize, leaf, direction),
-                    Density::Linear => {
-                        let nodes = nodes.map(|node| first + node as usize);
-                        warps.linear_densities(&nodes[..count], &shares, leaf, direction)
+                        if staying[i] > 0.0 && own[i] != OUTSIDE {
+                            let direction = vector_of(&draws.directions, i);
+                            *density += staying[i] * warps.linear_density(tree, own[i] as usize, direction);
+                        }
+                        sum[i] += shares[k] * *density;
                     }
-                };
-            }
-        }
-        if mixed.defensive[..count].iter().all(|&defensive| defensive == 0.0) {
-            return;
-        }
-        for i in (0..count).filter(|&i| mixed.defensive[i] > 0.0) {
-            let direction = Direction::from_unit(vector_of(&draws.directions, i));
-            let background = trees.background().pdf(warps, (mixed.entry, options.density), direction);
-            sum[i] = (1.0 - mixed.defensive[i]) * sum[i] + mixed.defensive[i] * background;
+                },
+            );
         }
     }
 
@@ -242,6 +281,7 @@ impl Material {
         options: SampleOptions,
         room: &mut Room,
     ) -> Result<(), EvaluateError> {
+        let Some(lookup) = &self.outgoing else { return Ok(()) };
         let Room { arrived, draws, mixed, carried, .. } = room;
         let count = u[0].len();
         let mut points = [[0.0; BLOCK]; 2];
@@ -258,34 +298,40 @@ impl Material {
         let (warps, first) = (trees.warps(), trees.tree(mixed.entry, 0));
         let mut chosen = [first as u32; BLOCK];
         let (mut is_defensive, mut may_stay) = ([false; BLOCK], [false; BLOCK]);
-        let alignment = self.aligned_domain().filter(|_| trees.carries() && options.density == Density::Linear);
+        let carry = trees.carry(options.density);
         for i in 0..count {
-            let by_trees = 1.0 - mixed.defensive[i];
-            is_defensive[i] = points[0][i] >= by_trees && mixed.defensive[i] > 0.0;
+            (points[0][i], is_defensive[i]) = split(points[0][i], mixed.defensive[i]);
             if is_defensive[i] {
-                points[0][i] = ((points[0][i] - by_trees) / mixed.defensive[i]).min(BELOW_ONE);
                 points[1][i] = points[1][i].min(BELOW_ONE);
-            } else {
-                let (node, left) = mixed.shares[i].choose((points[0][i] / by_trees).min(BELOW_ONE));
-                chosen[i] += node;
-                points[0][i] = left;
-                if alignment.is_some() {
-                    (points[0][i], may_stay[i]) = stays(left);
-                }
+                continue;
+            }
+            let left = mixed.shares[i].choose(points[0][i]);
+            let node = mixed.shares[i].nodes[0];
+            chosen[i] += node;
+            points[0][i] = left;
+            if carry.is_some() {
+                (points[0][i], may_stay[i]) = split(left, STAYING);
                 set_vector(&mut carried.from, i, self.node_direction(node as usize));
             }
         }
         warps.draw_block(&chosen, &points, options.density, draws);
         // A tree without light draws nothing.
         let is_drawn = draws.pdf.map(|pdf| pdf > 0.0);
-        if let Some((alignment, domain)) = alignment {
-            carried.set(alignment, domain, &arrived.wi);
-            carried.drawn(&mut draws.directions, &may_stay);
+        if let Some(carry) = carry {
+            carried.set(carry, &arrived.wi);
+            let stays = carried.drawn(&mut draws.directions, &may_stay);
+            mixed.is_drawn = true;
+            for i in 0..BLOCK {
+                let pdf = if is_drawn[i] && !is_defensive[i] { draws.pdf[i] } else { 0.0 };
+                mixed.drawn[0][i] = if stays[i] { 0.0 } else { pdf };
+                mixed.drawn[1][i] = if stays[i] { pdf } else { 0.0 };
+            }
         }
         for i in (0..count).filter(|&i| is_defensive[i]) {
             let at = (mixed.entry, options.density);
             if let Some(direction) = trees.background().draw(warps, at, [points[0][i], points[1][i]]) {
                 set_vector(&mut draws.directions, i, direction.xyz());
+                draws.leaves[i] = lookup.locate(direction).map_or(OUTSIDE, |leaf| leaf as u32);
             }
         }
         self.write_densities(trees, options, count, room);
@@ -359,8 +405,8 @@ impl Material {
 /// Turns directions about +z by the angles with these cosines and sines.
 fn turn_block(directions: &mut Vectors, [cos, sin]: &[Block; 2]) {
     for i in 0..BLOCK {
-        let [x, y, z] = vector_of(directions, i);
-        set_vector(directions, i, [cos[i] * x - sin[i] * y, sin[i] * x + cos[i] * y, z]);
+        let to = turned(vector_of(directions, i), [cos[i], sin[i]]);
+        set_vector(directions, i, to);
     }
 }
 

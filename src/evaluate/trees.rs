@@ -9,12 +9,15 @@
 //! the variance that either leaves, measured between the nodes: carrying serves lobes, and spoils what does not move.
 
 use super::background::Background;
+use super::carried::Carry;
+use super::incoming::Alignment;
 use super::lookup::MeshLookup;
 use super::material::Form;
 use super::mixture::Mixture;
-use super::warp::{Measure, SampleOptions, WarpMesh, Warps};
+use super::warp::{Density, Measure, SampleOptions, WarpMesh, Warps};
 use super::{Interpolation, Material, Place};
-use crate::domain::{Direction, Domain};
+use crate::domain::vector::Vector;
+use crate::domain::{Direction, wide};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -30,10 +33,10 @@ pub(super) struct Trees {
     warps: Warps,
     /// Trees of one entry of the opaque axes: of the entries of the incoming axis, then of the nodes between.
     per_entry: usize,
-    background: Background,
+    background: Arc<Background>,
     /// What the value is made of: a weight for each sample of a spectrum.
     weights: Vec<f32>,
-    carries: bool,
+    carry: Option<Carry>,
     has_masked: bool,
 }
 
@@ -43,26 +46,34 @@ impl Trees {
         let measure = if material.quantity().has_cosine() { Measure::Projected } else { Measure::SolidAngle };
         let mesh = Arc::new(WarpMesh::over(Arc::clone(lookup), measure));
         let weights = vec![1.0 / material.lambdas() as f32; material.lambdas()];
-        let mut trees = Self::new(&mesh, material, lookup, &weights);
-        if material.aligned_domain().is_some() {
-            trees.carries = true;
-            let carried = trees.second_moments(material);
-            trees.carries = carried[0] <= carried[1];
-        }
+        let warps = Self::warps_by(&mesh, material, lookup, &weights);
+        let background = Arc::new(Background::new(material, lookup));
+        let has_masked = material.has_masked();
+        let per_entry = material.trees_of_entry();
+        let mut trees = Self { warps, per_entry, background, weights, carry: None, has_masked };
+        trees.carry = material.carry().filter(|carry| {
+            let [carried, staying] = trees.second_moments(material, *carry);
+            carried <= staying
+        });
         trees
     }
 
     /// By the inner product of spectra with `weights`, otherwise as these.
     pub(super) fn by(&self, material: &Material, lookup: &MeshLookup, weights: &[f32]) -> Self {
-        Self { carries: self.carries, ..Self::new(self.warps.mesh(), material, lookup, weights) }
+        Self {
+            warps: Self::warps_by(self.warps.mesh(), material, lookup, weights),
+            background: Arc::clone(&self.background),
+            weights: weights.to_vec(),
+            ..*self
+        }
     }
 
-    fn new(shared: &Arc<WarpMesh>, material: &Material, lookup: &MeshLookup, weights: &[f32]) -> Self {
+    fn warps_by(shared: &Arc<WarpMesh>, material: &Material, lookup: &MeshLookup, weights: &[f32]) -> Warps {
         let (leaves, has_cosine) = (lookup.mesh().len(), material.quantity().has_cosine());
         let own = material.shape[0];
-        let per_entry = own.max(material.node_count());
-        let centroids: Vec<[f64; 3]> = (0..leaves).map(|leaf| lookup.mesh().centroid(leaf).xyz()).collect();
-        let warps = Warps::new(Arc::clone(shared), material.entries() * per_entry, |tree, integrals, values| {
+        let per_entry = material.trees_of_entry();
+        let centroids: Vec<Vector> = (0..leaves).map(|leaf| lookup.mesh().centroid(leaf).xyz()).collect();
+        Warps::new(Arc::clone(shared), material.entries() * per_entry, |tree, integrals, values| {
             let (entry, node) = (tree / per_entry, tree % per_entry);
             let mut at_corners = vec![0.0; values.len()];
             for ((vertex, value), point) in at_corners.iter_mut().enumerate().zip(shared.vertices()) {
@@ -85,21 +96,18 @@ impl Trees {
                 let value = f64::from(value.max(0.0));
                 *to = if has_cosine { value * point.cos_theta().abs() } else { value };
             }
-        });
-        let background = Background::new(material, lookup);
-        let has_masked = material.has_masked();
-        Self { warps, per_entry, background, weights: weights.to_vec(), carries: false, has_masked }
+        })
     }
 
     /// The second moments of the weights of a sample, with the trees' directions carried and staying: the mean over some
     /// incoming directions of that over the square of the first moment. Both are estimated from directions of both.
-    fn second_moments(&self, material: &Material) -> [f64; 2] {
+    fn second_moments(&self, material: &Material, carry: Carry) -> [f64; 2] {
         let mut sums = [0.0; 2];
         let options = SampleOptions::default();
-        let ways = [true, false];
+        let ways = [Some(carry), None];
         for wi in compared(material) {
             let index = vec![0; material.layout().indices];
-            let mixtures = ways.map(|carries| Mixture::new(material, self, &index, Some(wi), options, carries).ok());
+            let mixtures = ways.map(|carry| Mixture::new(material, self, &index, Some(wi), options, carry).ok());
             let [Some(carried), Some(staying)] = mixtures else { continue };
             let (mut first, mut second) = (0.0, [0.0; 2]);
             for k in 0..2 * POINTS * POINTS {
@@ -140,10 +148,22 @@ impl Trees {
         &self.weights
     }
 
-    /// Whether directions are carried as the function is.
+    /// How directions of a density are carried as the function is, if they are.
     #[inline]
-    pub(super) fn carries(&self) -> bool {
-        self.carries
+    pub(super) fn carry(&self, density: Density) -> Option<Carry> {
+        self.carry.filter(|_| density == Density::Linear)
+    }
+
+    /// The defensive part of an entry of the opaque axes under an incoming direction: what was asked for, but all where no
+    /// tree has light, and nothing where no light is anywhere.
+    #[inline(always)]
+    pub(super) fn defensive(&self, entry: usize, options: SampleOptions, has_light: bool) -> f64 {
+        let is_defended = options.defensive > 0.0 && self.background.has_any(entry, options.density);
+        match (is_defended, has_light) {
+            (false, _) => 0.0,
+            (true, true) => options.defensive,
+            (true, false) => 1.0,
+        }
     }
 
     /// Whether some cells are masked: a direction that is drawn there is none.
@@ -165,7 +185,7 @@ impl Trees {
 
     pub(super) fn expected_memory(material: &Material, lookup: &MeshLookup) -> usize {
         let [shared, each] = WarpMesh::expected_memory(lookup);
-        let trees = material.entries() * material.shape[0].max(material.node_count());
+        let trees = material.entries() * material.trees_of_entry();
         size_of::<Warps>() + shared + each * trees + material.lambdas() * size_of::<f32>()
     }
 }
@@ -191,27 +211,26 @@ fn compared(material: &Material) -> Vec<Direction> {
 }
 
 impl Material {
-    /// How the smooth function is carried and over which outgoing domain, where it is.
-    #[inline]
-    pub(super) fn aligned_domain(&self) -> Option<(super::Alignment, Domain)> {
+    /// How the smooth function is carried, where it is.
+    fn carry(&self) -> Option<Carry> {
         let Form::Planes { smooth, .. } = &self.form else { return None };
         let domain = self.outgoing.as_ref()?.mesh().domain();
-        (smooth.alignment != super::Alignment::None && self.has_incoming()).then_some((smooth.alignment, domain))
+        (smooth.alignment != Alignment::None && self.has_incoming()).then_some((smooth.alignment, domain))
     }
 
-    /// Nodes of the incoming axis, with those between its entries; 1 where every sample is kept.
-    fn node_count(&self) -> usize {
+    /// Trees of one entry of the opaque axes: of the entries of the incoming axis, and of nodes between them.
+    fn trees_of_entry(&self) -> usize {
         match &self.form {
-            Form::Planes { smooth, .. } => smooth.nodes.counts().0,
-            Form::Samples { .. } => 1,
+            Form::Planes { smooth, .. } => self.shape[0].max(smooth.nodes.counts().0),
+            Form::Samples { .. } => self.shape[0],
         }
     }
 
     /// The inner product with weights of the smooth function under a node.
-    fn node_value(&self, entry: usize, node: usize, d: [f64; 3], weights: &[f32]) -> f32 {
+    fn node_value(&self, entry: usize, node: usize, d: Vector, weights: &[f32]) -> f32 {
         let Form::Planes { planes, smooth } = &self.form else { return 0.0 };
         let mixed = smooth.under(entry, node, d);
-        crate::domain::wide(
+        wide(
             #[inline(always)]
             || planes.weighted(&mixed.row, mixed.presence, weights),
         )

@@ -54,12 +54,11 @@ const LEVELS: usize = MAX_LEVEL as usize + 1;
 /// The cosine and sine that turn octant 0 into octant q (of 4) about z.
 const TURNS: [[f64; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]];
 
-/// A leaf of octant 0: the density of area and the way between barycentric coordinates and directions.
+/// The vertices of a leaf of octant 0, or what they are dual to: inner products of these with a direction ω are the barycentric
+/// coordinates of the planar point on its ray, over its length.
 #[derive(Clone, Copy, Debug)]
 struct Leaf {
-    vertices: [Vector; 3],
-    /// Inner products with a direction ω are the barycentric coordinates of the planar point on its ray, over its length.
-    duals: [Vector; 3],
+    vectors: [Vector; 3],
     /// 1 / (area · distance from the origin) of the planar triangle.
     density: f64,
 }
@@ -71,6 +70,8 @@ pub struct WarpMesh {
     measure: Measure,
     lookup: Arc<MeshLookup>,
     leaves: Vec<Leaf>,
+    /// The same with what is dual to the vertices.
+    duals: Vec<Leaf>,
     /// For each triangle, level by level: 2 · its square + 1 if it is the upper half.
     places: Vec<u32>,
     /// Where each level starts in `places`, and in a tree, counted in single numbers.
@@ -101,7 +102,7 @@ impl WarpMesh {
     pub(in crate::evaluate) fn over(lookup: Arc<MeshLookup>, measure: Measure) -> Self {
         let mesh = lookup.mesh();
         let count = 1_usize << (2 * u32::from(mesh.level()));
-        let leaves: Vec<Leaf> = octant(mesh.level()).map(Leaf::new).collect();
+        let (leaves, duals): (Vec<Leaf>, Vec<Leaf>) = octant(mesh.level()).map(leaf_and_dual).unzip();
         let (places, framed) = places(mesh);
         let vertex = |place: usize, corner: usize| {
             let (leaf, frame) = unframed(framed[place]);
@@ -133,6 +134,7 @@ impl WarpMesh {
             measure,
             lookup,
             leaves,
+            duals,
             places,
             firsts: std::array::from_fn(|level| mesh.bases() * first(level as u8)),
             starts: [0; LEVELS],
@@ -155,6 +157,11 @@ impl WarpMesh {
     /// The mesh.
     pub fn mesh(&self) -> TriangleMesh {
         self.mesh
+    }
+
+    /// The tables that find its triangles.
+    pub(in crate::evaluate) fn lookup(&self) -> &MeshLookup {
+        &self.lookup
     }
 
     /// What the trees weigh values with.
@@ -181,6 +188,7 @@ impl WarpMesh {
     pub fn memory(&self) -> usize {
         size_of::<Self>()
             + size_of_val(&*self.leaves)
+            + size_of_val(&*self.duals)
             + size_of_val(&*self.places)
             + size_of_val(&*self.framed)
             + size_of_val(&*self.quads)
@@ -199,7 +207,7 @@ impl WarpMesh {
         let point = size_of::<Direction>() + size_of::<f32>();
         let places = size_of::<u32>() * mesh.bases() * first(mesh.level() + 1);
         let shared =
-            size_of::<Self>() + octant * size_of::<Leaf>() + places + mesh.len() * leaf + vertices * point + groups;
+            size_of::<Self>() + 2 * octant * size_of::<Leaf>() + places + mesh.len() * leaf + vertices * point + groups;
         [shared, groups + vertices * size_of::<f32>() + size_of::<f64>()]
     }
 
@@ -281,7 +289,7 @@ impl WarpMesh {
     pub(super) fn point(&self, leaf: usize, frame: Frame, [a, b, c]: [f64; 3]) -> (Direction, f64) {
         let geometry = &self.leaves[leaf & (self.leaves.len() - 1)];
         let [v0, v1, v2] = frame;
-        let vertex = |k: u8| &geometry.vertices[usize::from(k)];
+        let vertex = |k: u8| &geometry.vectors[usize::from(k)];
         let (v0, v1, v2) = (vertex(v0), vertex(v1), vertex(v2));
         let on = |k: usize| a * v0[k] + b * v1[k] + c * v2[k];
         let [x, y, z] = [on(0), on(1), on(2)];
@@ -307,8 +315,8 @@ impl WarpMesh {
     /// The coordinates and the factor of a direction in `leaf`, folded into the first octant.
     #[inline(always)]
     fn coordinates(&self, leaf: usize, folded: Vector) -> ([f64; 3], f64) {
-        let geometry = &self.leaves[leaf & (self.leaves.len() - 1)];
-        let [d0, d1, d2] = geometry.duals;
+        let geometry = &self.duals[leaf & (self.duals.len() - 1)];
+        let [d0, d1, d2] = geometry.vectors;
         let (a, b, c) = (dot(d0, folded).max(0.0), dot(d1, folded).max(0.0), dot(d2, folded).max(0.0));
         let length = 1.0 / (a + b + c);
         ([a * length, b * length, c * length], length * length * length * geometry.density)
@@ -323,14 +331,15 @@ impl WarpMesh {
     }
 }
 
-impl Leaf {
-    fn new(vertices: [Vector; 3]) -> Self {
-        let [a, b, c] = vertices;
-        let planes = [cross(b, c), cross(c, a), cross(a, b)];
-        // Six volumes of the tetrahedron with the origin: twice the area times the distance. Negative for clockwise.
-        let determinant = dot(a, planes[0]);
-        Self { vertices, duals: planes.map(|plane| plane.map(|x| x / determinant)), density: 2.0 / determinant.abs() }
-    }
+/// A leaf with these vertices, and what is dual to them.
+fn leaf_and_dual(vertices: [Vector; 3]) -> (Leaf, Leaf) {
+    let [a, b, c] = vertices;
+    let planes = [cross(b, c), cross(c, a), cross(a, b)];
+    // Six volumes of the tetrahedron with the origin: twice the area times the distance. Negative for clockwise.
+    let determinant = dot(a, planes[0]);
+    let density = 2.0 / determinant.abs();
+    let duals = planes.map(|plane| plane.map(|x| x / determinant));
+    (Leaf { vectors: vertices, density }, Leaf { vectors: duals, density })
 }
 
 #[inline]

@@ -318,7 +318,7 @@ impl Warps {
         let level = self.mesh.mesh().level();
         let (coordinates, factor) = self.mesh.coordinates_in(leaf, direction);
         let mut sum = 0.0;
-        for (&cell, share) in cells.iter().zip(shares) {
+        for (&cell, share) in cells.iter().zip(shares).filter(|(_, share)| **share > 0.0) {
             let probability = f64::from(self.probability_at(cell, level, leaf));
             sum += share * (self.linear_in(cell, level, leaf, probability, coordinates) * factor);
         }

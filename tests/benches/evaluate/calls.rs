@@ -1,6 +1,6 @@
 //! The time of each kind of call, and of the same in batches.
 
-use super::surfaces::{Vector, brdf, compressed, direction, lamp, large, opened, point, uniform};
+use super::surfaces::{Vector, brdf, compressed, direction, isotropic_brdf, lamp, large, opened, point, uniform};
 use std::hint::black_box;
 use std::time::Instant;
 use wavelume::domain::Direction;
@@ -155,7 +155,7 @@ fn times(calls: &mut [Call<'_>]) -> Vec<f64> {
     best
 }
 
-pub(crate) fn speed() {
+pub(crate) fn speed(only: &str) {
     let bytes = compressed(&brdf());
     let start = Instant::now();
     let material = Material::open(&bytes).unwrap_or_else(|e| unreachable!("{e}"));
@@ -168,13 +168,18 @@ pub(crate) fn speed() {
     let [lamp, spectrum] = lamp().map(|measurement| opened(&measurement));
     let asked = Questions::new(CALLS);
     let chosen = material.choose(&WAVELENGTHS, Beyond::Nearest).unwrap_or_else(|e| unreachable!("{e}"));
+    let isotropic = opened(&isotropic_brdf());
+    let of_isotropic = isotropic.choose(&WAVELENGTHS, Beyond::Nearest).unwrap_or_else(|e| unreachable!("{e}"));
     let mut all = calls(&material, &chosen, &asked);
     all.extend(emission(&lamp, &spectrum, &asked));
+    let drawn = calls(&isotropic, &of_isotropic, &asked).into_iter().filter(|(name, _)| name.contains("pdf"));
+    all.extend(drawn.map(|(name, call)| (format!("isotropic: {name}"), call)));
     let (samples, mut copy) = ((0..1 << 19).map(|i| i as f32).collect::<Vec<_>>(), vec![0.0; 75]);
     all.push(each("copy of 75 samples from 2 MiB of float32".to_owned(), move |i| {
         copy.copy_from_slice(&samples[(i * 7919 * 75) % (samples.len() - 75)..][..75]);
         copy[7]
     }));
+    all.retain(|(name, _)| name.contains(only));
     let best = times(&mut all);
     println!("| one call, one thread, material in cache | ns |\n|---|--:|");
     for ((name, _), ns) in all.iter().zip(&best) {

@@ -1,7 +1,7 @@
 //! Accuracy of evaluation against analytic truth, and its speed.
 //!
-//! `cargo bench --no-default-features --bench evaluate [-- accuracy | speed | memory | count]`. Best of several runs,
-//! everything in one process, so that ratios are of the same moment. `tests/benches/instructions.py` counts instructions and
+//! `cargo bench --no-default-features --bench evaluate [-- accuracy | speed [only=WORDS] | memory | count]`. Best of several
+//! runs, everything in one process, so that ratios are of the same moment; `only` leaves calls with these words in their names. `tests/benches/instructions.py` counts instructions and
 //! cache misses of the same calls.
 #![allow(clippy::print_stdout, reason = "a bench prints its figures")]
 
@@ -19,7 +19,8 @@ fn main() {
         accuracy::accuracy(&surfaces::grid(400.0, 50.0, 7));
     }
     if is_wanted("speed") {
-        calls::speed();
+        let only = wanted.iter().find_map(|word| word.strip_prefix("only="));
+        calls::speed(only.unwrap_or_default());
     }
     if is_wanted("memory") {
         calls::from_memory();

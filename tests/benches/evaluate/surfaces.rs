@@ -102,6 +102,13 @@ pub(crate) fn brdf() -> Measurement {
     measurement(Axis::Triangles(mesh(Domain::Hemisphere, 1)), 4, &grid(380.0, 5.0, 75), f)
 }
 
+/// The same as an isotropic surface: 10 elevations × 1024 × 75.
+pub(crate) fn isotropic_brdf() -> Measurement {
+    let f = |wi, wo, lambda| gloss(0.2, 0.5, wi, wo, lambda);
+    let elevations = (0..10).map(|k| 9.0 * f64::from(k)).collect();
+    measurement(Axis::Elevation(elevations), 4, &grid(380.0, 5.0, 75), f)
+}
+
 /// A lamp whose spectrum is the same in all directions, 2048 × 91, and that spectrum alone.
 pub(crate) fn lamp() -> [Measurement; 2] {
     let (sphere, lambdas) = (mesh(Domain::Sphere, 4), grid(380.0, 5.0, 91));
