@@ -190,7 +190,8 @@ enum Uploaded {
     post, path = "/v1/measurements", tag = "measurements", params(PostQuery),
     request_body(content = Binary, content_type = "application/octet-stream",
         description = "The bytes of the file; `Content-Encoding: gzip` and `zstd` are decoded, `Content-Type` is ignored. \
-                       Each file of a zip archive becomes a measurement, read with the options given"),
+                       Each file of a zip archive becomes a measurement, read with the options given. Bytes that are there already keep the \
+                       name and file name of their first upload"),
     responses(
         (status = 201, description = "New, of an archive at least one", body = Uploaded, headers(("Location" = String, description = "The measurement"))),
         (status = 200, description = "Known already", body = Uploaded),

@@ -104,7 +104,9 @@ pub(crate) fn keep(settings: &Settings, floor: f32, compressed: &Compressed) -> 
         } else {
             "a larger one".to_owned()
         };
-        let (wanted, found) = (shown(wanted), shown(found));
+        let rounded = [wanted, found].map(shown);
+        let [wanted, found] =
+            if rounded[0] == rounded[1] { [wanted, found].map(|x| format!("{x:e}")) } else { rounded };
         let text = format!(
             "{option} {wanted}: the closest file found, with basis {}, has {found}; ask for {more}, another basis, or lossless",
             compressed.summary.basis

@@ -79,7 +79,7 @@ pub(super) fn below_rounding(target: Target, measurement: &Measurement) -> Compr
             )
         }
         Target::MaxRelativeError(wanted) => format!(
-            "max_relative_error {}: float32 logarithms resolve about 1e-6 of a sample; ask for 1e-5 or more, or lossless",
+            "max_relative_error {}: float32 logarithms resolve about 1e-5 of a sample; ask for 3e-5 or more, or lossless",
             shown(wanted)
         ),
         _ => "the error asked for is below what float32 resolves; ask for a larger one, or lossless".to_owned(),
@@ -101,10 +101,13 @@ pub(super) fn too_large(
             basis.name(),
             shown((samples as f64 / least.max(1.0)).floor().max(1.0)),
         ),
-        Target::Bytes(bytes) => format!(
-            "bytes {bytes}: the smallest file of this material has {least} bytes{}; ask for at least that",
-            if has_metadata { ", its metadata included" } else { "" }
-        ),
+        Target::Bytes(bytes) => {
+            let (what, enough) =
+                if has_metadata { (", its metadata included", with_longer_request(bytes, least)) } else { ("", least) };
+            format!(
+                "bytes {bytes}: the smallest file of this material has {least} bytes{what}; ask for {enough} or more"
+            )
+        }
         _ => "the file is larger than was asked for".to_owned(),
     };
     match target {
@@ -115,6 +118,13 @@ pub(super) fn too_large(
         _ => {}
     }
     CompressError::Unreachable(text)
+}
+
+/// The size of a file that has `least` bytes and metadata with a request for `bytes`, once the request is for that size: a longer
+/// number in the metadata, and in what is computed from it.
+fn with_longer_request(bytes: u64, least: f64) -> f64 {
+    let digits = |number: f64| number.max(1.0).log10().floor();
+    least + 4.0 + 2.0 * (digits(least) - digits(bytes as f64)).max(0.0)
 }
 
 /// A sample that decodes beyond what float32 holds.

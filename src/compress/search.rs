@@ -38,6 +38,16 @@ pub(crate) fn largest<E>(
     Ok(Some(low))
 }
 
+/// Steps to try where rounding misleads a search by halves: powers of two from `start` down, then `finest`. They are the same
+/// for any start, so that an error which one search found is found by another that asks for a little more.
+pub(crate) fn powers_of_two(start: f64, finest: f64) -> impl Iterator<Item = f64> {
+    /// The most powers: more than rounding spans.
+    const MOST: usize = 12;
+    let first = libm::exp2(libm::floor(libm::log2(start.max(finest))));
+    let powers = std::iter::successors(Some(first), |step| Some(0.5 * step));
+    powers.take_while(move |&step| step > finest).take(MOST).chain([finest])
+}
+
 /// Watches an error while a step is halved: what has not fallen twice in a row never will. Once says little where the error is
 /// near to that of rounding.
 #[derive(Default)]

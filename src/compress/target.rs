@@ -2,12 +2,13 @@
 
 use crate::domain::ErrorReport;
 use crate::domain::colour::Illuminant;
-use serde::de::{Deserialize, Deserializer, Error, MapAccess, Visitor, value::MapAccessDeserializer};
-use serde::{Deserialize as DeriveDeserialize, Serialize};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, IntoDeserializer, MapAccess, Visitor};
+use serde::{Deserialize as DeriveDeserialize, Serialize, Serializer};
 
 /// What the user is promised.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, DeriveDeserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
+#[serde(rename_all = "snake_case", deny_unknown_fields, remote = "Self")]
 pub enum Target {
     /// er(L1) at most this (0.01 = 1 %): the mean relative error of the samples > 0.
     ErL1(f64),
@@ -110,6 +111,40 @@ impl Target {
     }
 }
 
+impl Serialize for Target {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Self::serialize(self, serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for Target {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct One;
+
+        impl<'de> Visitor<'de> for One {
+            type Value = Target;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("auto, lossless, or an object with one promise such as {\"er_l2\": 0.01}")
+            }
+
+            fn visit_str<E: Error>(self, name: &str) -> Result<Target, E> {
+                Target::deserialize(name.into_deserializer())
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Target, A::Error> {
+                let target = Target::deserialize(MapAccessDeserializer::new(&mut map))?;
+                if map.next_key::<IgnoredAny>()?.is_some() {
+                    return Err(A::Error::custom("several promises, expected one: a target bounds one figure"));
+                }
+                Ok(target)
+            }
+        }
+
+        deserializer.deserialize_any(One)
+    }
+}
+
 impl<'de> Deserialize<'de> for DeltaE {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(DeriveDeserialize)]
@@ -187,6 +222,9 @@ mod tests {
             (r#"{"delta_e":{"at_most":1,"observer":10}}"#, "unknown field `observer`"),
             (r#"{"delta_e":{"at_most":1,"illuminant":"D93"}}"#, "expected one of A, B, C, D50, D65, F11, E"),
             (r#"{"er_l3":1}"#, "unknown variant `er_l3`"),
+            (r#"{"er_l2":0.1,"bytes":300}"#, "several promises, expected one"),
+            (r#""smallest""#, "unknown variant `smallest`"),
+            ("0.01", "expected auto, lossless, or an object with one promise"),
         ] {
             let error = read(text).unwrap_err();
             assert!(error.contains(reason), "{error}");

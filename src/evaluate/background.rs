@@ -2,12 +2,19 @@
 
 use super::Material;
 use super::lookup::MeshLookup;
+use super::smooth::Smooth;
 use super::warp::{BELOW_ONE, Density, Warps};
 use crate::domain::vector::{Vector, add, cross, dot, norm, scale, sub, unit};
 use crate::domain::{Direction, TriangleMesh};
 
 /// The square of a sine below which a direction is a corner of its triangle.
 const CORNER: f64 = 1e-24;
+
+/// Points along an edge of a cell, their distance from the edge in parts of that between them, and the distance from a node at which
+/// patches around it are looked for.
+const STEPS: u32 = 24;
+const INSIDE: f64 = 1e-5;
+const BESIDE: f64 = 1e-5;
 
 /// Where defensive directions go.
 #[derive(Debug)]
@@ -29,11 +36,7 @@ impl Background {
         let lit = |entry: usize| {
             let has_light: Vec<bool> =
                 (0..mesh.len()).map(|leaf| material.is_lit_cell(entry * mesh.len() + leaf)).collect();
-            let is_beside = |leaf: usize| {
-                let mut around = lookup.corners(leaf).into_iter().flat_map(|corner| lookup.ring(corner));
-                around.any(|(cell, _)| has_light[cell])
-            };
-            let reached = (0..mesh.len()).map(is_beside).collect();
+            let reached = reached(material.smooth(), entry, lookup, &has_light);
             [has_light, reached].map(|is_lit| LitCells::new(mesh, is_lit))
         };
         let entries: Vec<[LitCells; 2]> = (0..material.entries()).map(lit).collect();
@@ -81,6 +84,46 @@ impl Background {
             Self::Lit(entries) => entries.iter().flatten().map(LitCells::memory).sum(),
         }
     }
+}
+
+/// The cells in which the smooth function may have light. It reaches over the edges of lit cells as far as patches do whose corners
+/// touch one; where every sample is kept, into all cells beside.
+fn reached(smooth: Option<&Smooth>, entry: usize, lookup: &MeshLookup, has_light: &[bool]) -> Vec<bool> {
+    let cells = 0..has_light.len();
+    let beside = |lit: &[bool]| -> Vec<bool> {
+        let is_beside = |leaf: usize| {
+            let mut around = lookup.corners(leaf).into_iter().flat_map(|corner| lookup.ring(corner));
+            around.any(|(cell, _)| lit[cell])
+        };
+        cells.clone().map(is_beside).collect()
+    };
+    let near = beside(has_light);
+    let Some(smooth) = smooth else { return near };
+    let near = beside(&near);
+    // Points all over a cell, a hair inside.
+    let vertices = lookup.mesh().all_vertices();
+    let is_lit_at = |leaf: usize, parts: [u32; 3]| {
+        let [a, b, c] = vertices[leaf];
+        let [p, q, r] = parts.map(|part| f64::from(part) + INSIDE);
+        smooth.is_lit_around(entry, unit(add(scale(a, p), add(scale(b, q), scale(c, r)))))
+    };
+    let is_reached = |leaf: usize| {
+        is_lit_at(leaf, [1; 3]) || (0..=STEPS).any(|i| (0..=STEPS - i).any(|j| is_lit_at(leaf, [i, j, STEPS - i - j])))
+    };
+    let mut reached: Vec<bool> = cells.map(|leaf| near[leaf] && is_reached(leaf)).collect();
+    // A corner of a patch may lie in a cell, between those points.
+    for node in smooth.outgoing_nodes() {
+        let [across, along] = [perpendicular(node, [0.3, 0.5, 0.8]), perpendicular(node, [-0.7, 0.6, 0.1])];
+        for [u, v] in
+            [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [-1.0, 1.0], [-1.0, 0.0], [-1.0, -1.0], [0.0, -1.0], [1.0, -1.0]]
+        {
+            let beside = unit(add(node, add(scale(across, u * BESIDE), scale(along, v * BESIDE))));
+            if let Some(leaf) = lookup.locate_vector(beside).filter(|_| smooth.is_lit_around(entry, beside)) {
+                reached[leaf] = true;
+            }
+        }
+    }
+    reached
 }
 
 fn of(entries: &[[LitCells; 2]], entry: usize, density: Density) -> &LitCells {

@@ -91,6 +91,68 @@ fn where_there_is_light_there_is_a_density() {
     }
 }
 
+/// A luminaire of random light, from 1e-7 to 1, in the cells that `is_lit` names.
+fn cut_lamp(mesh: TriangleMesh, is_lit: impl Fn(usize) -> bool, rng: &mut impl Rng) -> Material {
+    let samples = (0..mesh.len()).map(|cell| {
+        let light = 10_f32.powf(-7.0 * rng.random::<f32>());
+        if is_lit(cell) { light } else { 0.0 }
+    });
+    let tensor = Tensor::new(vec![Axis::Triangles(mesh)], samples.collect()).unwrap();
+    Material::of(Measurement::new(Quantity::Edf, Unit::Relative, Sampling::Average, tensor).unwrap()).unwrap()
+}
+
+/// Patches of the smooth form reach further than the cells beside the lit ones.
+#[test]
+fn luminaires_with_dark_cells_have_a_density_wherever_they_shine() {
+    let mut rng = Pcg32::new(77, 1);
+    for (domain, level) in [(Domain::Sphere, 1), (Domain::Hemisphere, 2), (Domain::Lower, 3), (Domain::Sphere, 4)] {
+        let outgoing = mesh(domain, level);
+        let rules: [&dyn Fn(usize) -> bool; 4] =
+            [&|cell| cell < 5, &|cell| cell >= 20, &|cell| cell % 7 < 3, &|cell| cell == 17];
+        for (rule, is_lit) in rules.into_iter().enumerate() {
+            let lamp = cut_lamp(outgoing, is_lit, &mut rng);
+            let shines = |wo: Direction| {
+                let mut value = [0.0];
+                lamp.spectrum(Place { index: &[], wi: None, wo: Some(wo) }, Interpolation::Smooth, &mut value).unwrap();
+                value[0] > 0.0
+            };
+            let finer = mesh(domain, level + 4);
+            let parts = finer.len() / outgoing.len();
+            let shining = |cell: &usize| (parts * cell..parts * (cell + 1)).any(|part| shines(finer.centroid(part)));
+            let solid_angle: f64 = (0..outgoing.len()).filter(shining).map(|cell| outgoing.solid_angle(cell)).sum();
+            let floor = SampleOptions::DEFENSIVE / solid_angle;
+            for _ in 0..40_000 {
+                let wo = uniform(domain, &mut rng);
+                let pdf = lamp.pdf(&[], None, wo, None).unwrap();
+                assert!(pdf >= 0.9 * floor || !shines(wo), "{domain} {level}, rule {rule}: {wo:?}: {pdf}, not {floor}");
+            }
+        }
+    }
+}
+
+/// A quadratic through logarithms extrapolates beyond any number where cells around are missing.
+#[test]
+fn beside_holes_values_stay_near_those_around() {
+    let mut rng = Pcg32::new(78, 1);
+    let (incoming, outgoing) = (mesh(Domain::Sphere, 1), mesh(Domain::Sphere, 2));
+    let samples: Vec<f32> = (0..incoming.len() * outgoing.len())
+        .map(|i| match i % outgoing.len() {
+            3 => f32::NAN,
+            cell if cell >= 70 => 0.0,
+            _ => 0.5 * 10_f32.powf(-3.0 * rng.random::<f32>()),
+        })
+        .collect();
+    let tensor = Tensor::new(vec![Axis::Triangles(incoming), Axis::Triangles(outgoing)], samples).unwrap();
+    let measurement = Measurement::new(Quantity::Bsdf, Unit::PerSteradian, Sampling::Average, tensor).unwrap();
+    let m = Material::of(measurement).unwrap();
+    for _ in 0..40_000 {
+        let [wi, wo] = [(); 2].map(|()| Some(uniform(Domain::Sphere, &mut rng)));
+        let mut value = [0.0];
+        m.spectrum(Place { index: &[], wi, wo }, Interpolation::Smooth, &mut value).unwrap();
+        assert!(value[0].is_nan() || value[0] < 50.0, "{wi:?} {wo:?}: {}", value[0]);
+    }
+}
+
 /// One side of z < 4.3 in 21 tests: a correct sampler fails with fresh seeds once in 5,000 runs.
 #[test]
 fn directions_between_nodes_follow_their_density_and_weights_have_the_integral_as_their_mean() {

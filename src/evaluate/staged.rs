@@ -176,7 +176,7 @@ impl Material {
         Ok(())
     }
 
-    fn smooth(&self) -> Option<&Smooth> {
+    pub(super) fn smooth(&self) -> Option<&Smooth> {
         if let Form::Planes { smooth, .. } = &self.form { Some(smooth) } else { None }
     }
 

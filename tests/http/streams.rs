@@ -236,6 +236,9 @@ async fn what_is_wrong_in_a_stream_ends_it() {
     records[4900][0] = f32::NAN;
     let (found, whole) = read(asked.post("evaluate", FLOATS, packed(&records))).await;
     assert!(!whole && found.len() <= 4900 * 12, "{}", found.len());
+    let second = [records[0], [100.0, 0.0, 0.0, 0.0]];
+    let refused = problem(asked.post("evaluate", FLOATS, packed(&second)), 422, "unfit-query").await;
+    assert!(refused["detail"].as_str().unwrap().starts_with("record 2: wi has theta = 100"), "{refused}");
     records[0][0] = 100.0;
     let refused = problem(asked.post("evaluate", FLOATS, packed(&records)), 422, "unfit-query").await;
     assert!(refused["detail"].as_str().unwrap().starts_with("record 1: wi has theta = 100"), "{refused}");

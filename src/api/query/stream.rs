@@ -107,6 +107,10 @@ pub(super) async fn stream(
         let Some(next) = answered.next().await else { break };
         sent = next;
     }
+    // Numbers cannot carry a problem: while nothing is sent it can still be the answer.
+    if let Some(problem) = sent.problem.take_if(|_| encoding == Encoding::Floats) {
+        return Err(problem);
+    }
     let state = Sending { answered, sent, _place: place };
     let mut response =
         Body::from_stream(futures::stream::try_unfold(state, move |state| state.next(encoding))).into_response();

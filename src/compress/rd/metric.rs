@@ -6,7 +6,7 @@ use super::super::refusal;
 use super::super::search::Falling;
 use super::super::target::Bound;
 use super::super::{CompressError, SpectralBasis, Target};
-use super::{COARSE, largest_falling};
+use super::{COARSE, largest_falling, last_steps};
 use crate::codec::Class;
 use crate::domain::colour::SpectraColours;
 use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
@@ -94,7 +94,11 @@ impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
             return Ok(step);
         }
         // The search may have begun where steps are too fine already.
-        measure(finest)?;
+        for step in last_steps(self.first_step(target), finest, basis, closest) {
+            if measure(step)?.1 {
+                return Ok(step);
+            }
+        }
         let wanted = match &metric {
             Metric::Colours(_, at_most) => ("delta_e", *at_most),
             Metric::Samples(bound) => (bound.name, bound.at_most),

@@ -28,7 +28,7 @@ use super::header::Header;
 use super::light::{self, Light};
 use super::refusal;
 use super::rows::lanes;
-use super::search::{Falling, Until, largest};
+use super::search::{Falling, Until, largest, powers_of_two};
 use super::values::{self, Values};
 use super::{CompressError, Compressed, Policy, Settings, SpectralBasis, Target, estimate_noise};
 use crate::codec::{ChunkKind, Class, Encoder, code_corrections, code_steps};
@@ -231,6 +231,16 @@ fn largest_falling(
     if stood.get() { Ok(None) } else { found }
 }
 
+/// Steps that are tried before a refusal. Few vectors follow no step; for the others it is rounding that does not, and what the
+/// refusal names as closest is what these steps find.
+fn last_steps(start: f64, finest: f64, basis: SpectralBasis, closest: &Cell<f64>) -> impl Iterator<Item = f64> {
+    let is_followed = basis != SpectralBasis::Klt;
+    if is_followed {
+        closest.set(f64::INFINITY);
+    }
+    powers_of_two(if is_followed { start } else { finest }, finest)
+}
+
 fn chunk_bytes(chunks: &[(ChunkKind, Vec<u8>)]) -> usize {
     chunks.iter().map(|(_, payload)| payload.len()).sum()
 }
@@ -346,7 +356,12 @@ impl<'a> Work<'a> {
                     return Ok(Steps::of(step));
                 }
                 // The search may have begun where steps are too fine already.
-                measure(f64::from(self.finest().value()))?;
+                let (basis, finest) = (self.layer.basis(), f64::from(self.finest().value()));
+                for step in last_steps(4.0 * error, finest, basis, &self.closest) {
+                    if measure(step)? <= error {
+                        return Ok(Steps::of(step));
+                    }
+                }
                 Err(refusal::cannot_follow(("er_l2", error), self.closest.get(), (self.layer.basis(), false)))
             }
             Target::ErL1(_) | Target::RelativeRmse(_) | Target::DeltaE(_) => {
@@ -509,7 +524,11 @@ impl<'a> Work<'a> {
     /// The first layer's step for which both layers together are smallest.
     fn find_bounded(&self, correction: f64, progress: &dyn Progress) -> Result<Steps, CompressError> {
         // The largest step tried is a few times as large, and is a finite number too.
-        let correction = correction.min(f64::from(f32::MAX) / 8.0) as f32;
+        let mut correction = correction.min(f64::from(f32::MAX) / 8.0) as f32;
+        if self.measurement.tensor.range().is_none_or(|range| range == (0.0, 0.0)) {
+            // Zeros and masked samples come back as they are.
+            correction = correction.max(f32::MIN_POSITIVE);
+        }
         if correction < f32::MIN_POSITIVE {
             return Err(refusal::below_rounding(self.settings.target, self.measurement));
         }

@@ -18,6 +18,7 @@ use super::elements::{Elements, NODES, Patches};
 use super::incoming::{Alignment, Around, Nodes, Origin, carried, carried_to, carried_to_four};
 use super::kernel::{BLOCK, Vectors, vector_of};
 use super::planes::MOST_PLANES;
+use super::reconstruct::STEEPEST;
 use crate::domain::vector::Vector;
 use crate::domain::{Domain, wide};
 use ::wide::f32x4;
@@ -125,22 +126,25 @@ impl Mixed {
     }
 }
 
-/// Rows mixed by weight and presence; masked ones left out. Weights of a fit may be negative.
+/// Rows mixed by weight and presence; masked ones left out. Weights of a fit may be negative: where rows are missing and what is
+/// left of the weights is small beside their sizes, the fit would extrapolate, and the positive ones alone are taken.
 struct Mixture {
+    all: Sums,
+    positive: Sums,
+    /// The sum of the sizes of weights.
+    size: f32,
+}
+
+struct Sums {
     row: Row,
     live: f32,
     known: f32,
 }
 
-impl Mixture {
-    fn new() -> Self {
-        Self { row: [0.0; MOST_PLANES], live: 0.0, known: 0.0 }
-    }
+impl Sums {
+    const NOTHING: Self = Self { row: [0.0; MOST_PLANES], live: 0.0, known: 0.0 };
 
-    fn add(&mut self, mixed: Mixed, weight: f32) {
-        if mixed.presence.is_nan() {
-            return;
-        }
+    fn add(&mut self, mixed: &Mixed, weight: f32) {
         self.known += weight;
         if mixed.presence > 0.0 {
             let part = weight * mixed.presence;
@@ -148,9 +152,28 @@ impl Mixture {
             self.row.iter_mut().zip(mixed.row).for_each(|(sum, v)| *sum += part * v);
         }
     }
+}
+
+impl Mixture {
+    fn new() -> Self {
+        Self { all: Sums::NOTHING, positive: Sums::NOTHING, size: 0.0 }
+    }
+
+    fn add(&mut self, mixed: Mixed, weight: f32) {
+        if mixed.presence.is_nan() {
+            return;
+        }
+        self.all.add(&mixed, weight);
+        self.size += (weight * mixed.presence).abs();
+        if weight > 0.0 {
+            self.positive.add(&mixed, weight);
+        }
+    }
 
     fn finish(self) -> Mixed {
-        Mixed::settled(self.row, self.live, self.known)
+        let extrapolates = self.size > STEEPEST * self.all.live;
+        let Sums { row, live, known } = if extrapolates { self.positive } else { self.all };
+        Mixed::settled(row, live, known)
     }
 }
 
@@ -174,6 +197,23 @@ impl Smooth {
     /// What stands in the table of a node.
     pub(super) fn under(&self, entry: usize, node: usize, wo: Vector) -> Mixed {
         self.looked_up(entry * self.node_count + node, wo)
+    }
+
+    /// Returns true where the patch around a direction has light at a corner, so that the function is positive inside it; of
+    /// quantities without an incoming direction.
+    pub(super) fn is_lit_around(&self, entry: usize, d: Vector) -> bool {
+        let base = entry * self.node_count * self.elements.len();
+        let patch = self.elements.at(d.map(|x| x as f32));
+        self.presence.is_empty()
+            || patch.nodes[..3].iter().any(|&node| {
+                let [live, known] = self.presence[base + node as usize];
+                live * known > 0.0
+            })
+    }
+
+    /// The directions of outgoing nodes.
+    pub(super) fn outgoing_nodes(&self) -> Vec<Vector> {
+        self.elements.directions()
     }
 
     /// What stands at a place, in index entry `entry`.

@@ -135,6 +135,12 @@ const TABLE: &[Foreign] = &[
         },
     },
     Foreign {
+        name: "a table of directions without the lines of radiometric-csv",
+        advice: "write `# radiometric-csv: 1`, `# quantity: brdf`, `# angle_unit: deg` and the other lines of `wavelume formats \
+                 --template radiometric-csv-wide` before it, and name its columns theta_i, phi_i, theta_o, phi_o, lambda, value",
+        matches: words::is_under_symbols,
+    },
+    Foreign {
         name: "the manifest of an array",
         advice: "send the .npy file and name the manifest as its axes",
         matches: |s| s.head.trim_start().starts_with('{') && s.head.contains("\"axes\""),
@@ -311,6 +317,10 @@ mod tests {
                 "write `# radiometric-csv: 1`",
             ),
             (b"# quantity: brdf\ntheta_i,theta_o,v400\n1,2,3\n".to_vec(), "write `# radiometric-csv: 1`"),
+            (b"theta,phi,400,500,600\n0,10,.1,.2,.3\n0,20,.1,.2,.3\n0,30,.2,.2,.2\n".to_vec(), "radiometric-csv"),
+            (b"theta_i,theta_o,phi_o,brdf\n0,10,0,0.1\n30,10,0,0.2\n".to_vec(), "`# radiometric-csv: 1`"),
+            (b"Theta_r (deg)\tBRDF\n0\t0.1\n10\t0.2\n".to_vec(), "`# radiometric-csv: 1`"),
+            (b"Incidence,Reflection,Value\n0,10,0.1\n0,20,0.2\n".to_vec(), "directions"),
             (b"PAR1\x15\x04".to_vec(), "docs/labs.md"),
             (
                 b"TracePro Surface Property Data\nFile Name\tx.txt\nTracePro Release: 7 0 0\n\nTable_BSDF_Data\nTemperature\tWavelength\tIncAngle\n300\t0.55\t0\n".to_vec(),

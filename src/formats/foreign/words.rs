@@ -19,6 +19,11 @@ pub(super) fn is_directions(sample: &Sample<'_>) -> bool {
     sample.quantity != Some(Quantity::Phase) && has_columns(sample, is_angle, 1) && !of_phase()
 }
 
+/// Returns true for a table of which columns are angles by their symbols (`theta_i`, `theta` beside `phi`).
+pub(super) fn is_under_symbols(sample: &Sample<'_>) -> bool {
+    has_columns(sample, is_angle_of_a_side, 1) || has_columns(sample, is_symbol, 2)
+}
+
 /// Returns true for figures of a lamp (CCT, CRI, illuminance) without a spectrum: columns with a row each, or a line each.
 pub(super) fn is_summary(sample: &Sample<'_>) -> bool {
     const FEWEST: usize = 2;
@@ -88,10 +93,29 @@ fn is_angle(name: &str) -> bool {
     const OF: [&str; 9] =
         ["view", "incidence", "incident", "illumination", "emission", "detector", "source", "sensor", "solar"];
     let words = name.split(|c: char| !c.is_alphanumeric());
-    name.contains("zenith")
+    matches!(name, "incidence" | "reflection")
+        || name.contains("zenith")
         || name.contains("azimuth")
         || words.into_iter().any(|word| ACRONYMS.contains(&word))
         || name.contains("angle") && OF.iter().any(|of| name.contains(of))
+}
+
+/// The symbol at the start of a lower-case name, without a unit after it: `theta_i (deg)`.
+fn symbol(name: &str) -> String {
+    name.split(|c: char| c.is_whitespace() || matches!(c, '(' | '[')).next().unwrap_or_default().replace('_', "")
+}
+
+/// Returns true for the lower-case symbol of an angle of incidence, reflection or scattering.
+fn is_angle_of_a_side(name: &str) -> bool {
+    let symbol = symbol(name);
+    ["theta", "phi", "θ", "φ"].iter().any(|angle| {
+        symbol.strip_prefix(angle).is_some_and(|side| ["i", "o", "r", "s", "in", "out", "inc", "ref"].contains(&side))
+    })
+}
+
+/// Returns true for the lower-case symbol of an angle.
+fn is_symbol(name: &str) -> bool {
+    ["theta", "phi", "θ", "φ"].contains(&symbol(name).as_str())
 }
 
 /// Returns true for the lower-case name of a figure that summarises a lamp's spectrum.

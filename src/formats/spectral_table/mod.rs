@@ -139,6 +139,11 @@ fn quantity(table: &Table, how: &Interpretation, report: &mut ParseReport) -> Re
         return Ok(ReflectanceFactor);
     }
     if table.says(|prose| REFLECTANCE_WORDS.iter().any(|word| prose.contains(word))) {
+        if table.says(|prose| prose.contains("reflectance factor")) {
+            let message = "reflectance factors of a geometry that the header does not name, kept as reflectances: `--quantity \
+                           reflectance-factor` reads those of one direction of view as a BRDF (divided by π)";
+            report.note(NoteKind::Assumed, message);
+        }
         return Ok(Reflectance);
     }
     report.note(NoteKind::Assumed, "the header names no quantity, taken as spectrum in relative values");

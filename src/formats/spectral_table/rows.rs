@@ -5,6 +5,7 @@ use super::cells::{Delimiter, is_missing, missing_end, unquoted};
 use super::library::{self, Library};
 use super::pairs::are_pairs;
 use super::suffixed;
+use super::wavelength_unit::names_wavelength;
 use super::wide::is_wide;
 use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use crate::formats::acquisition::{NoteKind, ParseReport};
@@ -55,7 +56,9 @@ pub(in crate::formats) fn probe(head: &str) -> u8 {
         // The last line may be cut.
         lines.pop();
     }
-    if delimiter(&lines).is_some()
+    // A spectral library's file without rows is one that was cut.
+    if data > 0
+        || delimiter(&lines).is_some()
         || are_pairs(lines.iter().copied())
         || is_wide(lines.iter().copied())
         || suffixed::is_list(&lines)
@@ -99,7 +102,8 @@ pub(in crate::formats) fn read(source: &Source, report: &mut ParseReport) -> Res
         contents(source).skip_while(|line| line.offset < data).take(MAX_PREAMBLE + LOOKED_AT).collect();
     let Some((delimiter, width)) = delimiter(&looked_at) else {
         let at = looked_at.first().map_or(0, |line| line.offset);
-        let single = looked_at.iter().all(|line| Delimiter::Blank.numeric_cells(*line) == Some(1));
+        let single =
+            !looked_at.is_empty() && looked_at.iter().all(|line| Delimiter::Blank.numeric_cells(*line) == Some(1));
         return Err(source.malformed(
             at,
             if single {
@@ -233,6 +237,9 @@ impl<'a> Parser<'a> {
             return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));
         }
         let header = if self.library.is_some() { None } else { self.header() };
+        if header.is_none() {
+            self.refuse_decimal_commas()?;
+        }
         if let Some(header) = &header {
             self.heading = header.join("\n").to_lowercase();
             report.metadata.push(("columns".to_owned(), header.join(" | ").chars().take(4096).collect()));
@@ -264,6 +271,25 @@ impl<'a> Parser<'a> {
             library: None,
             dialect: if self.library.is_some() { "spectral library" } else { self.delimiter.dialect() },
         })
+    }
+
+    /// Refuses rows whose decimal commas cannot be told from those between cells: half as many names as cells.
+    fn refuse_decimal_commas(&self) -> Result<(), FormatError> {
+        let Some((line, _)) = self.preamble.last().filter(|_| self.delimiter == Delimiter::Comma) else {
+            return Ok(());
+        };
+        let names = self.delimiter.cells(*line);
+        let halves = [2 * names.len(), 2 * names.len() - 1].contains(&self.width);
+        if names.len() < 2 || !halves || !names_wavelength(&unquoted(names[0].text)) {
+            return Ok(());
+        }
+        let message = format!(
+            "{} names over rows of {} cells, expected as many: where commas are decimal marks, cells must be separated by `;`, \
+             tabs or blanks",
+            names.len(),
+            self.width
+        );
+        Err(self.source.malformed(line.offset, message))
     }
 
     /// The names of the columns: the last line before the data if it has as many cells, with the units beneath them.

@@ -69,6 +69,13 @@ pub(in crate::formats) fn names_wavelength(name: &str) -> bool {
     WavelengthUnit::of_header(name).is_some() || lower == "wl" || words.iter().any(|word| lower.contains(word))
 }
 
+/// A word in brackets at the end of a name, which is meant as its unit: `Wavelength (furlongs)`.
+fn bracketed(name: &str) -> Option<&str> {
+    let open = name.trim_end().strip_suffix([')', ']'])?;
+    let unit = open.rsplit(['(', '[']).next()?.trim();
+    (unit.len() < open.len() && !unit.is_empty() && unit.chars().all(char::is_alphabetic)).then_some(unit)
+}
+
 /// The unit of monotone `values`, first column of a table with the header `name`.
 pub(super) fn of(
     values: &[f64],
@@ -84,6 +91,9 @@ pub(super) fn of(
     }
     if let Some(unit) = name.and_then(WavelengthUnit::of_header) {
         return Ok(unit);
+    }
+    if let Some(unit) = name.and_then(bracketed) {
+        return Err(needs(format!("wavelengths in {}, expected one of {}", snippet(unit), known())));
     }
     let (first, last) = (values[0], values[values.len() - 1]);
     let (low, high) = (first.min(last), first.max(last));

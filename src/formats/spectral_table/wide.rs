@@ -135,7 +135,9 @@ fn bare(delimiter: Delimiter, line: Token<'_>, below: &[Token<'_>], is_first: bo
     } else {
         !IDENTIFIERS.contains(&first.to_lowercase().as_str()) && goes_on(None)
     };
-    if firsts.is_empty() || is_table_of_rows {
+    // A broken first row under a name such as `sample` is for the reader to point at.
+    let is_identified = from > 0 && !below.is_empty() && IDENTIFIERS.contains(&first.to_lowercase().as_str());
+    if firsts.is_empty() && !is_identified || is_table_of_rows {
         return None;
     }
     let axis = Some(first).filter(|first| WavelengthUnit::of_header(first).is_some());
