@@ -31,6 +31,7 @@ use std::error::Error;
 use std::f64::consts::{PI, TAU};
 use std::io::Write;
 use std::process::ExitCode;
+use std::sync::OnceLock;
 use std::time::Instant;
 use wavelume::compress::Target;
 use wavelume::domain::limits::MAX_LEVEL;
@@ -132,10 +133,11 @@ struct Row {
 
 impl Row {
     fn of(material: &Material, count: usize) -> Result<Self, Box<dyn Error>> {
+        let quadrature = Quadrature::of(material)?;
         let found = incidences()
             .into_par_iter()
             .enumerate()
-            .map(|(k, wi)| Estimate::of(material, wi, count, k as u64).map_err(|error| error.to_string()))
+            .map(|(k, wi)| Estimate::of(material, &quadrature, wi, count, k as u64).map_err(|error| error.to_string()))
             .collect::<Result<Vec<Estimate>, String>>()?;
         let chi2 = found
             .iter()
@@ -187,7 +189,13 @@ struct Estimate {
 }
 
 impl Estimate {
-    fn of(material: &Material, wi: Direction, count: usize, stream: u64) -> Result<Self, Box<dyn Error>> {
+    fn of(
+        material: &Material,
+        quadrature: &Quadrature,
+        wi: Direction,
+        count: usize,
+        stream: u64,
+    ) -> Result<Self, Box<dyn Error>> {
         let mut rng = Pcg32::new(0x5eed, stream);
         let (mut sum, mut squares, mut weight) = (0.0, 0.0, 0.0_f64);
         for _ in 0..count {
@@ -200,35 +208,65 @@ impl Estimate {
         }
         let mean = sum / count as f64;
         let variance = squares / count as f64 - mean * mean;
-        let integral = integral(material, wi)?;
+        let integral = quadrature.integral(material, wi)?;
         let error = (variance / count as f64).sqrt();
         Ok(Self { theta: wi.theta_degrees(), mean, error, integral, weight, variance: variance / (mean * mean) })
     }
 }
 
-/// ∫ f |cos θo| dωo of the smooth function.
-fn integral(material: &Material, wi: Direction) -> Result<f64, Box<dyn Error>> {
-    let Some(Axis::Triangles(outgoing)) = material.axes().iter().filter(|axis| axis.is_directional()).nth(1) else {
-        return Err("no outgoing triangles".into());
-    };
-    let mut coarse = None;
-    for level in COARSE.max(outgoing.level() + 1)..=MAX_LEVEL + FINER {
-        let mesh = TriangleMesh::new(outgoing.domain(), level.min(MAX_LEVEL)).ok_or("no such mesh")?;
-        let mut sum = 0.0;
-        for i in 0..mesh.len() {
-            let mut parts = Vec::new();
-            cut(mesh.vertices(i), level.saturating_sub(MAX_LEVEL), &mut parts);
-            let whole: f64 = parts.iter().map(|(_, cosine)| cosine).sum();
-            for (wo, cosine) in parts {
-                sum += mesh.projected_solid_angle(i) * cosine / whole * mean(material, Some(wi), wo)?;
-            }
-        }
-        if coarse.is_some_and(|coarse: f64| (coarse - sum).abs() <= AGREEMENT * sum) {
-            return Ok(sum);
-        }
-        coarse = Some(sum);
+/// The places and measures of quadrature over a material's outgoing directions, found once for all incoming ones.
+struct Quadrature {
+    outgoing: TriangleMesh,
+    /// Those of each level down to the finest mesh, once they are asked for.
+    levels: [OnceLock<Vec<(Direction, f64)>>; MAX_LEVEL as usize + 1],
+}
+
+impl Quadrature {
+    fn of(material: &Material) -> Result<Self, Box<dyn Error>> {
+        let Some(Axis::Triangles(outgoing)) = material.axes().iter().filter(|axis| axis.is_directional()).nth(1) else {
+            return Err("no outgoing triangles".into());
+        };
+        Ok(Self { outgoing: *outgoing, levels: [const { OnceLock::new() }; MAX_LEVEL as usize + 1] })
     }
-    Err(format!("quadrature does not settle at {:.1} degrees", wi.theta_degrees()).into())
+
+    /// ∫ f |cos θo| dωo of the smooth function.
+    fn integral(&self, material: &Material, wi: Direction) -> Result<f64, Box<dyn Error>> {
+        let mut coarse = None;
+        for level in COARSE.max(self.outgoing.level() + 1)..=MAX_LEVEL + FINER {
+            let sum = self.sum(level, |wo| mean(material, Some(wi), wo))?;
+            if coarse.is_some_and(|coarse: f64| (coarse - sum).abs() <= AGREEMENT * sum) {
+                return Ok(sum);
+            }
+            coarse = Some(sum);
+        }
+        Err(format!("quadrature does not settle at {:.1} degrees", wi.theta_degrees()).into())
+    }
+
+    fn sum(&self, level: u8, f: impl Fn(Direction) -> Result<f64, Box<dyn Error>>) -> Result<f64, Box<dyn Error>> {
+        let mesh = TriangleMesh::new(self.outgoing.domain(), level.min(MAX_LEVEL)).ok_or("no such mesh")?;
+        let finer = level.saturating_sub(MAX_LEVEL);
+        let mut sum = 0.0;
+        let mut add = |(wo, measure): (Direction, f64)| -> Result<(), Box<dyn Error>> {
+            sum += measure * f(wo)?;
+            Ok(())
+        };
+        if finer == 0 {
+            let places = || (0..mesh.len()).flat_map(|i| places(mesh, i, 0)).collect();
+            self.levels[usize::from(level)].get_or_init(places).iter().try_for_each(|&place| add(place))?;
+        } else {
+            (0..mesh.len()).try_for_each(|i| places(mesh, i, finer).into_iter().try_for_each(&mut add))?;
+        }
+        Ok(sum)
+    }
+}
+
+/// The middles of the parts of a triangle, and their projected solid angles.
+fn places(mesh: TriangleMesh, i: usize, finer: u8) -> Vec<(Direction, f64)> {
+    let mut parts = Vec::new();
+    cut(mesh.vertices(i), finer, &mut parts);
+    let whole: f64 = parts.iter().map(|(_, cosine)| cosine).sum();
+    let measure = mesh.projected_solid_angle(i);
+    parts.into_iter().map(|(wo, cosine)| (wo, measure * cosine / whole)).collect()
 }
 
 /// The middles of a triangle's parts, that many levels finer, and in what proportion their projected solid angles are.
