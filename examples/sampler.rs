@@ -217,7 +217,7 @@ impl Estimate {
 /// The places and measures of quadrature over a material's outgoing directions, found once for all incoming ones.
 struct Quadrature {
     outgoing: TriangleMesh,
-    /// Those of each level down to the finest mesh, once they are asked for.
+    /// The places of each level down to the finest mesh, filled when they are first asked for.
     levels: [OnceLock<Vec<(Direction, f64)>>; MAX_LEVEL as usize + 1],
 }
 
@@ -251,8 +251,8 @@ impl Quadrature {
             Ok(())
         };
         if finer == 0 {
-            let places = || (0..mesh.len()).flat_map(|i| places(mesh, i, 0)).collect();
-            self.levels[usize::from(level)].get_or_init(places).iter().try_for_each(|&place| add(place))?;
+            let all = || (0..mesh.len()).flat_map(|i| places(mesh, i, 0)).collect();
+            self.levels[usize::from(level)].get_or_init(all).iter().try_for_each(|&place| add(place))?;
         } else {
             (0..mesh.len()).try_for_each(|i| places(mesh, i, finer).into_iter().try_for_each(&mut add))?;
         }
@@ -334,7 +334,7 @@ fn floor(material: &Material, count: usize) -> Result<f64, Box<dyn Error>> {
     Ok(least)
 }
 
-/// Whether the smooth function has light at one of four points of a cell.
+/// Returns true where the smooth function has light at one of four points of a cell.
 fn is_lit(material: &Material, outgoing: TriangleMesh, cell: usize) -> Result<bool, Box<dyn Error>> {
     let corners = outgoing.vertices(cell);
     for step in [[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0], [1.0, 1.0, 1.0]] {

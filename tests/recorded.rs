@@ -33,7 +33,7 @@ const FOLDERS: [&str; 10] = [
     "tests/fixtures/spectra",
     "tests/fixtures/spectra/spectralon",
 ];
-/// Files of which the usual levels take long: they are put on triangles of this level.
+/// Files that take long on as many triangles as they ask for; they are projected onto those of `LEVEL`.
 const LARGE: [&str; 7] = [
     "data/carpaint_blue.mbsdf",
     "henyey_greenstein_angles",
@@ -87,7 +87,7 @@ fn scattered_scan() -> Vec<u8> {
     text.into_bytes()
 }
 
-/// Whether a fixture stands in `data`, too.
+/// Returns true for a fixture of which `data` has a copy.
 fn in_data(path: &Path) -> bool {
     path.starts_with(root().join("tests"))
         && path.file_name().is_some_and(|name| root().join("data").join(name).exists())

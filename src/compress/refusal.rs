@@ -123,8 +123,8 @@ pub(super) fn too_large(
 /// The size of a file that has `least` bytes and metadata with a request for `bytes`, once the request is for that size: a longer
 /// number in the metadata, and in what is computed from it.
 fn with_longer_request(bytes: u64, least: f64) -> f64 {
-    let digits = |number: f64| number.max(1.0).log10().floor();
-    least + 4.0 + 2.0 * (digits(least) - digits(bytes as f64)).max(0.0)
+    let digits = |number: u64| number.max(1).ilog10();
+    least + f64::from(4 + 2 * digits(least as u64).saturating_sub(digits(bytes)))
 }
 
 /// A sample that decodes beyond what float32 holds.

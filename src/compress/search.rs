@@ -58,7 +58,7 @@ pub(crate) struct Falling {
 }
 
 impl Falling {
-    /// How often in a row an error may stand still.
+    /// Halvings in a row that may leave the error as it was before the search ends.
     const MOST: u32 = 2;
 
     /// Whether `error` at `step` still falls with the step.

@@ -10,11 +10,15 @@ use crate::domain::{Direction, TriangleMesh};
 /// The square of a sine below which a direction is a corner of its triangle.
 const CORNER: f64 = 1e-24;
 
-/// Points along an edge of a cell, their distance from the edge in parts of that between them, and the distance from a node at which
-/// patches around it are looked for.
+/// Intervals between points along an edge of a cell at which light is looked for; more find narrower patches.
 const STEPS: u32 = 24;
+/// The distance of those points from the edge, in intervals.
 const INSIDE: f64 = 1e-5;
+/// The distance, in radians, of points beside a node, each in another of the patches that meet there.
 const BESIDE: f64 = 1e-5;
+/// The ways to those points, in two directions across that are not parallel.
+const WAYS: [[f64; 2]; 8] =
+    [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [-1.0, 1.0], [-1.0, 0.0], [-1.0, -1.0], [0.0, -1.0], [1.0, -1.0]];
 
 /// Where defensive directions go.
 #[derive(Debug)]
@@ -86,9 +90,13 @@ impl Background {
     }
 }
 
-/// The cells in which the smooth function may have light. It reaches over the edges of lit cells as far as patches do whose corners
-/// touch one; where every sample is kept, into all cells beside.
+/// The cells in which the smooth function may have light, of one entry of the opaque axes. Its patches are not the cells: one that
+/// has a corner on a lit cell is lit as a whole, and may reach across dark cells. Where every sample is kept (no smooth tables),
+/// light reaches all cells that share a corner with a lit one.
 fn reached(smooth: Option<&Smooth>, entry: usize, lookup: &MeshLookup, has_light: &[bool]) -> Vec<bool> {
+    if !has_light.contains(&false) {
+        return has_light.to_vec();
+    }
     let cells = 0..has_light.len();
     let beside = |lit: &[bool]| -> Vec<bool> {
         let is_beside = |leaf: usize| {
@@ -114,9 +122,7 @@ fn reached(smooth: Option<&Smooth>, entry: usize, lookup: &MeshLookup, has_light
     // A corner of a patch may lie in a cell, between those points.
     for node in smooth.outgoing_nodes() {
         let [across, along] = [perpendicular(node, [0.3, 0.5, 0.8]), perpendicular(node, [-0.7, 0.6, 0.1])];
-        for [u, v] in
-            [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [-1.0, 1.0], [-1.0, 0.0], [-1.0, -1.0], [0.0, -1.0], [1.0, -1.0]]
-        {
+        for [u, v] in WAYS {
             let beside = unit(add(node, add(scale(across, u * BESIDE), scale(along, v * BESIDE))));
             if let Some(leaf) = lookup.locate_vector(beside).filter(|_| smooth.is_lit_around(entry, beside)) {
                 reached[leaf] = true;

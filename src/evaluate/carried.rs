@@ -5,7 +5,7 @@ use super::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
 use crate::domain::vector::{Vector, add, cross, dot, scale, sub, turned, unit};
 use crate::domain::{Direction, Domain, wide};
 
-/// How directions are carried from a node to the incoming direction asked for, and over which outgoing domain.
+/// The alignment by which directions are carried from a node to the incoming direction asked for, and the outgoing domain.
 pub(super) type Carry = (Alignment, Domain);
 
 /// The way of directions from a node, whose incoming direction is `from`, to the incoming direction `to`, and back.
@@ -37,7 +37,7 @@ impl Carried {
         Self { alignment, side, from, to, turn, turned: turned(to, turn) }
     }
 
-    /// Of directions on the side of the horizon where `z` is.
+    /// Makes the way of those directions that are on the same side of the horizon as the height `z`.
     #[inline(always)]
     pub(super) fn over(alignment: Alignment, domain: Domain, z: f64, from: Vector, to: Vector) -> Self {
         let (alignment, side) = side_by(alignment, domain, z);
@@ -78,8 +78,8 @@ impl Carried {
         Way { there, solid_angle, is_open: is_there & (self.side * there[2] >= 0.0) }
     }
 
-    /// Where a direction that the node drew goes, and whether it stays: what has no way, or would go below the horizon, does,
-    /// and if it `may_stay` what lies where nothing is carried.
+    /// Carries a direction that the node drew; returns where it is then, and true if it stays where it was drawn. It stays if it
+    /// would go below the horizon or nowhere; and, if it `may_stay`, if no direction is carried to where it was drawn.
     #[inline(always)]
     pub(super) fn drawn(&self, wo: Vector, may_stay: bool) -> (Vector, bool) {
         let way = self.out(wo);
@@ -109,8 +109,8 @@ impl Carried {
     }
 }
 
-/// How directions are carried on the side of the horizon where `z` is, and the sign of z there, 0 where there is no horizon:
-/// over a whole sphere each side has a way of its own, as the function has.
+/// The alignment of directions on the same side of the horizon as the height `z`, and the sign of heights there, 0 where there is
+/// no horizon. Over a whole sphere, light that goes through the surface turns, whatever reflected light does.
 #[inline(always)]
 fn side_by(alignment: Alignment, domain: Domain, z: f64) -> (Alignment, f64) {
     match domain {
@@ -144,7 +144,7 @@ fn rotated(from: Vector, to: Vector, d: Vector) -> Vector {
     add(add(scale(d, sign), once), scale(twice, 1.0 / (sign + cos)))
 }
 
-/// Cosine and sine of the turn about the normal from the azimuth of `a` to that of `b`.
+/// Cosine and sine of the angle about the normal from the azimuth of `a` to that of `b`.
 #[inline(always)]
 fn turn_between(a: Vector, b: Vector) -> [f64; 2] {
     let ([cos_a, sin_a], [cos_b, sin_b]) = (azimuth(a), azimuth(b));

@@ -4,6 +4,7 @@ use super::batch::{Directions, Pairs};
 use super::kernel::{BLOCK, Vectors, set_vector, vector_of};
 use super::lookup::MeshLookup;
 use super::{EvaluateError, Material};
+use crate::domain::vector::Vector;
 use crate::domain::wide;
 use std::hint::select_unpredictable;
 use wide::f32x4;
@@ -12,6 +13,12 @@ use wide::f32x4;
 pub(super) const OUTSIDE: u32 = u32::MAX;
 
 impl MeshLookup {
+    /// The triangle that holds the unit vector `d`, or [`OUTSIDE`].
+    #[inline(always)]
+    pub(super) fn locate_or_outside(&self, d: Vector) -> u32 {
+        self.locate_vector(d).map_or(OUTSIDE, |triangle| triangle as u32)
+    }
+
     /// Writes the triangles that hold unit vectors, or [`OUTSIDE`]; the same as [`MeshLookup::locate_vector`].
     pub(super) fn locate_block(&self, d: &Vectors, to: &mut [u32; BLOCK]) {
         wide(
@@ -97,7 +104,7 @@ impl Material {
             let place = pairs.place(i)?;
             *to = match self.outgoing(place.wi, place.wo)? {
                 None => 0,
-                Some((lookup, wo)) => lookup.locate(wo).map_or(OUTSIDE, |triangle| triangle as u32),
+                Some((lookup, wo)) => lookup.locate_or_outside(wo.xyz()),
             };
         }
         Ok(())

@@ -33,7 +33,7 @@ pub(super) struct Mixture<'a> {
     entry: usize,
     options: SampleOptions,
     parts: Parts,
-    /// How directions are carried, and to which incoming direction.
+    /// The alignment, the outgoing domain and the incoming direction asked for, where directions are carried.
     carry: Option<(Carry, Vector)>,
     defensive: f64,
 }
@@ -52,7 +52,7 @@ pub(super) struct Shares {
     pub(super) parts: [f64; FEW],
 }
 
-/// What a number from 0 to 1 chooses among parts that are offered in turn and add up to 1.
+/// The choice of one of several parts, which add up to 1, by a number from 0 to 1; the parts are offered in turn.
 struct Choice<T> {
     left: f64,
     /// The last part that was offered, and what is left of the number, stretched over it.
@@ -229,8 +229,8 @@ impl<'a> Mixture<'a> {
     }
 }
 
-/// Splits the unit interval into a first part and a second one of this length: what is left of a number in it, stretched over
-/// the part in which it is, and whether that is the second.
+/// Splits 0..1 into two parts, the second of the length `second`. Returns the place of `u` within its part, from 0 to 1, and true
+/// if that is the second part.
 #[inline(always)]
 pub(super) fn split(u: f64, second: f64) -> (f64, bool) {
     let first = 1.0 - second;
@@ -251,7 +251,7 @@ impl<T> Choice<T> {
         Self { left: u, chosen: None }
     }
 
-    /// Whether what is offered is chosen. Rounding may leave a little beyond the last one, which is chosen then.
+    /// Offers a part; returns true if the number lies in it. Where rounding leaves the number beyond the last part, that is chosen.
     #[inline(always)]
     fn is_made(&mut self, offered: T, share: f64) -> bool {
         self.chosen = Some((offered, (self.left / share).min(BELOW_ONE)));
@@ -271,7 +271,7 @@ impl Shares {
         Self { nodes: [node, 0, 0], parts: [if has_light { 1.0 } else { 0.0 }, 0.0, 0.0] }
     }
 
-    /// Of nodes around an incoming direction; shares add up to 1, or are 0 where no tree has light.
+    /// The shares of nodes around an incoming direction, in proportion to weight times light; all are 0 where none has light.
     #[inline(always)]
     pub(super) fn around(trees: &Trees, entry: usize, &Around { nodes, weights, .. }: &Around) -> Self {
         let first = trees.tree(entry, 0);
@@ -290,8 +290,8 @@ impl Shares {
         self.nodes.into_iter().zip(self.parts).filter(|(_, share)| *share > 0.0)
     }
 
-    /// Puts the node first that a number from 0 to 1 chooses, and returns what is left of the number, stretched over the
-    /// node's share.
+    /// Chooses a node by a number `u` from 0 to 1 and exchanges it with the first one. Returns the place of `u` within the
+    /// node's share, from 0 to 1.
     #[inline(always)]
     pub(super) fn choose(&mut self, u: f64) -> f64 {
         let mut choice = Choice::by(u);

@@ -47,9 +47,7 @@ impl Room {
         carried: CarriedBlock::NOWHERE,
         seen: SeenBlock::NOTHING,
     };
-}
 
-impl Room {
     /// The densities of trees whose directions stay, in the leaves of `draws`.
     fn write_densities_in_leaves(&mut self, trees: &Trees, density: Density, count: usize) {
         let Self { draws, mixed, .. } = self;
@@ -96,9 +94,10 @@ struct MixedBlock {
     entry: usize,
     shares: [Shares; BLOCK],
     defensive: Block,
-    /// Whether directions were drawn, each by its first tree; and the density that this has where it drew, of those directions
-    /// that were carried and of those that stay; 0 for the others, and for those that the defensive part drew.
+    /// True while directions are drawn, false where densities of given directions are asked for.
     is_drawn: bool,
+    /// The density with which the tree of the first node drew each direction: in the first block of those that were carried from
+    /// the node, in the second of those that stay; 0 elsewhere, as for directions of the defensive part.
     drawn: [Block; 2],
 }
 
@@ -246,8 +245,7 @@ impl Material {
                     staying[i] = if stayed[i] > 0.0 { 0.0 } else { staying[i] };
                 }
                 for i in (0..count).filter(|&i| carried_part[i] > 0.0) {
-                    let leaf = lookup.locate_vector(vector_of(&there, i));
-                    draws.leaves[i] = leaf.map_or(OUTSIDE, |leaf| leaf as u32);
+                    draws.leaves[i] = lookup.locate_or_outside(vector_of(&there, i));
                 }
             } else {
                 lookup.locate_block(&there, &mut draws.leaves);
@@ -331,7 +329,7 @@ impl Material {
             let at = (mixed.entry, options.density);
             if let Some(direction) = trees.background().draw(warps, at, [points[0][i], points[1][i]]) {
                 set_vector(&mut draws.directions, i, direction.xyz());
-                draws.leaves[i] = lookup.locate(direction).map_or(OUTSIDE, |leaf| leaf as u32);
+                draws.leaves[i] = lookup.locate_or_outside(direction.xyz());
             }
         }
         self.write_densities(trees, options, count, room);

@@ -148,7 +148,7 @@ impl Trees {
         &self.weights
     }
 
-    /// How directions of a density are carried as the function is, if they are.
+    /// The alignment and the outgoing domain, if the directions of a density are carried.
     #[inline]
     pub(super) fn carry(&self, density: Density) -> Option<Carry> {
         self.carry.filter(|_| density == Density::Linear)
@@ -211,7 +211,7 @@ fn compared(material: &Material) -> Vec<Direction> {
 }
 
 impl Material {
-    /// How the smooth function is carried, where it is.
+    /// The alignment of the smooth function and its outgoing domain; `None` where it has no alignment.
     fn carry(&self) -> Option<Carry> {
         let Form::Planes { smooth, .. } = &self.form else { return None };
         let domain = self.outgoing.as_ref()?.mesh().domain();

@@ -6,7 +6,7 @@ use super::super::refusal;
 use super::super::search::Falling;
 use super::super::target::Bound;
 use super::super::{CompressError, SpectralBasis, Target};
-use super::{COARSE, largest_falling, last_steps};
+use super::{COARSE, largest_falling, largest_power};
 use crate::codec::Class;
 use crate::domain::colour::SpectraColours;
 use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
@@ -94,10 +94,9 @@ impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
             return Ok(step);
         }
         // The search may have begun where steps are too fine already.
-        for step in last_steps(self.first_step(target), finest, basis, closest) {
-            if measure(step)?.1 {
-                return Ok(step);
-            }
+        let keeps = |step: f64| Ok(measure(step)?.1);
+        if let Some(step) = largest_power((self.first_step(target), finest), basis, closest, keeps)? {
+            return Ok(step);
         }
         let wanted = match &metric {
             Metric::Colours(_, at_most) => ("delta_e", *at_most),

@@ -231,14 +231,27 @@ fn largest_falling(
     if stood.get() { Ok(None) } else { found }
 }
 
-/// Steps that are tried before a refusal. Few vectors follow no step; for the others it is rounding that does not, and what the
-/// refusal names as closest is what these steps find.
-fn last_steps(start: f64, finest: f64, basis: SpectralBasis, closest: &Cell<f64>) -> impl Iterator<Item = f64> {
-    let is_followed = basis != SpectralBasis::Klt;
-    if is_followed {
+/// The last attempt before a refusal: the largest of [`powers_of_two`] that `keeps` says yes to. `closest`, which the refusal names,
+/// starts anew, so that the error it advises is one that these steps find again. The Karhunen-Loève basis has too few vectors,
+/// not too coarse steps: of it only `finest` is tried.
+fn largest_power(
+    (start, finest): (f64, f64),
+    basis: SpectralBasis,
+    closest: &Cell<f64>,
+    mut keeps: impl FnMut(f64) -> Result<bool, CompressError>,
+) -> Result<Option<f64>, CompressError> {
+    let start = if basis == SpectralBasis::Klt {
+        finest
+    } else {
         closest.set(f64::INFINITY);
+        start
+    };
+    for step in powers_of_two(start, finest) {
+        if keeps(step)? {
+            return Ok(Some(step));
+        }
     }
-    powers_of_two(if is_followed { start } else { finest }, finest)
+    Ok(None)
 }
 
 fn chunk_bytes(chunks: &[(ChunkKind, Vec<u8>)]) -> usize {
@@ -357,10 +370,9 @@ impl<'a> Work<'a> {
                 }
                 // The search may have begun where steps are too fine already.
                 let (basis, finest) = (self.layer.basis(), f64::from(self.finest().value()));
-                for step in last_steps(4.0 * error, finest, basis, &self.closest) {
-                    if measure(step)? <= error {
-                        return Ok(Steps::of(step));
-                    }
+                let keeps = |step: f64| Ok(measure(step)? <= error);
+                if let Some(step) = largest_power((4.0 * error, finest), basis, &self.closest, keeps)? {
+                    return Ok(Steps::of(step));
                 }
                 Err(refusal::cannot_follow(("er_l2", error), self.closest.get(), (self.layer.basis(), false)))
             }

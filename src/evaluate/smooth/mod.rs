@@ -133,8 +133,11 @@ struct Mixture {
     positive: Sums,
     /// The sum of the sizes of weights.
     size: f32,
+    /// True once a row was masked or partly dark.
+    is_incomplete: bool,
 }
 
+/// Rows, the weight of what is live in them and that of what is known, summed.
 struct Sums {
     row: Row,
     live: f32,
@@ -156,10 +159,11 @@ impl Sums {
 
 impl Mixture {
     fn new() -> Self {
-        Self { all: Sums::NOTHING, positive: Sums::NOTHING, size: 0.0 }
+        Self { all: Sums::NOTHING, positive: Sums::NOTHING, size: 0.0, is_incomplete: false }
     }
 
     fn add(&mut self, mixed: Mixed, weight: f32) {
+        self.is_incomplete |= mixed.presence.is_nan() || mixed.presence < 1.0;
         if mixed.presence.is_nan() {
             return;
         }
@@ -171,7 +175,7 @@ impl Mixture {
     }
 
     fn finish(self) -> Mixed {
-        let extrapolates = self.size > STEEPEST * self.all.live;
+        let extrapolates = self.is_incomplete && self.size > STEEPEST * self.all.live;
         let Sums { row, live, known } = if extrapolates { self.positive } else { self.all };
         Mixed::settled(row, live, known)
     }

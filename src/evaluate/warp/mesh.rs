@@ -70,7 +70,7 @@ pub struct WarpMesh {
     measure: Measure,
     lookup: Arc<MeshLookup>,
     leaves: Vec<Leaf>,
-    /// The same with what is dual to the vertices.
+    /// The dual vectors of the same leaves, from which barycentric coordinates follow.
     duals: Vec<Leaf>,
     /// For each triangle, level by level: 2 · its square + 1 if it is the upper half.
     places: Vec<u32>,
