@@ -1,31 +1,16 @@
 //! wavelume: acquired radiometric measurements, compressed with generic wavelet transforms to a promised error.
 //!
-//! Data flow downward; nothing imports upward:
-//! file → [`formats`] → [`projection`] → tensor ([`domain`]) → [`transform`] → [`codec`] → [`compress`] → [`algebra`] → [`evaluate`].
-//! [`preview`] says what an opened material looks like: its colours, and a picture; [`export`] writes it as files that others
-//! open.
-//! `paper` makes the tables of the paper again on the same rooms.
-//! The service stands on these: `store` (bytes under their digest) → `catalog` (what is known of them) → `jobs` → `api`.
+//! The science is in crates of its own, whose rooms are named here again: `wavelume_core` is what a renderer links,
+//! `wavelume_formats` reads, projects and exports files, `wavelume_paper` makes the tables of the paper again.
+//! The service stands on these: [`store`] (bytes under their digest) → [`catalog`] (what is known of them) → [`jobs`] →
+//! [`api`] and [`cli`].
 
-pub mod algebra;
-#[cfg(feature = "service")]
 pub mod api;
-#[cfg(feature = "service")]
 pub mod catalog;
-#[cfg(feature = "service")]
 pub mod cli;
-pub mod codec;
-pub mod compress;
-pub mod domain;
-pub mod evaluate;
-pub mod export;
-pub mod formats;
-#[cfg(feature = "service")]
 pub mod jobs;
-pub mod paper;
-pub mod pipeline;
-pub mod preview;
-pub mod projection;
-#[cfg(feature = "service")]
 pub mod store;
-pub mod transform;
+
+pub use wavelume_core::{algebra, codec, compress, domain, evaluate, transform};
+pub use wavelume_formats::{export, formats, pipeline, preview, projection};
+pub use wavelume_paper as paper;

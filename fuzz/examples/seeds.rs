@@ -6,10 +6,10 @@
 use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
-use wavelume::compress::{Policy, Settings, Target, compress};
-use wavelume::domain::{Axis, Domain, Measurement, Quantity, Sampling, Silent, Tensor, TriangleMesh, WavelengthGrid};
-use wavelume::formats::{Interpretation, manifest_of, write_npy};
-use wavelume::pipeline::{self, Input, Request};
+use wavelume_core::compress::{Policy, Settings, Target, compress};
+use wavelume_core::domain::{Axis, Domain, Measurement, Quantity, Sampling, Silent, Tensor, TriangleMesh, WavelengthGrid};
+use wavelume_formats::formats::{Interpretation, manifest_of, write_npy};
+use wavelume_formats::pipeline::{self, Input, Request};
 use wavelume_fuzz::SEPARATOR;
 
 /// Larger files of a format are cut to this.

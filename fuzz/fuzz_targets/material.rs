@@ -5,7 +5,7 @@ use wavelume_fuzz::{MOST_OPENED, announced, one_thread, sealed, use_material};
 
 libfuzzer_sys::fuzz_target!(init: one_thread(), |bytes: &[u8]| {
     let bytes = sealed(bytes);
-    let announces = wavelume::compress::inspect(&bytes).as_ref().map_or(0, announced);
+    let announces = wavelume_core::compress::inspect(&bytes).as_ref().map_or(0, announced);
     if announces <= MOST_OPENED {
         use_material(&bytes);
     }

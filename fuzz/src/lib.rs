@@ -10,10 +10,10 @@ pub use material::use_material;
 pub use seal::sealed;
 
 use std::borrow::Cow;
-use wavelume::compress::{self, Summary};
-use wavelume::domain::Axis;
-use wavelume::formats::{self, Acquisition, Interpretation, Samples};
-use wavelume::projection::{self, AxesRequest};
+use wavelume_core::compress::{self, Summary};
+use wavelume_core::domain::Axis;
+use wavelume_formats::formats::{self, Acquisition, Interpretation, Samples};
+use wavelume_formats::projection::{self, AxesRequest};
 
 /// Samples that a header may announce to be decoded here: a valid one may announce 2^28, which only costs time.
 pub const MOST_DECODED: usize = 1 << 18;

@@ -1,7 +1,7 @@
 //! Queries of an opened material, with what holds for all of them.
 
-use wavelume::domain::{Axis, Direction};
-use wavelume::evaluate::{Beyond, Interpolation, Material, Place};
+use wavelume_core::domain::{Axis, Direction};
+use wavelume_core::evaluate::{Beyond, Interpolation, Material, Place};
 
 /// Theta and phi in degrees: poles, horizon, edges and vertices of the mesh, and places between.
 const DIRECTIONS: [(f64, f64); 12] = [

@@ -1,6 +1,6 @@
 //! Checksums made right again, so that mutations get behind them.
 
-use wavelume::compress::{DecodeError, inspect};
+use wavelume_core::compress::{DecodeError, inspect};
 
 /// Bytes of a checksum.
 const CHECKSUM: usize = 4;

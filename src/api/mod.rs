@@ -29,6 +29,7 @@ mod state;
 mod traffic;
 mod upload;
 mod words;
+mod zstd;
 
 pub use descriptors::raise_descriptor_limit;
 pub use server::{ServeConfig, ServeError, Server, Stop, serve};

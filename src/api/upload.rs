@@ -5,10 +5,10 @@ use super::pace::{Pace, Slow};
 use super::places::Peer;
 use super::problem::{Kind, Problem};
 use super::state::App;
+use super::zstd::ZstdReader;
 use crate::jobs::Limits;
 use crate::store::{Staged, StagedWriter, StoreError};
-use async_compression::tokio::bufread::{GzipDecoder, ZstdDecoder};
-use async_compression::zstd::DParameter;
+use async_compression::tokio::bufread::GzipDecoder;
 use axum::body::Body;
 use axum::extract::Request;
 use axum::http::{HeaderMap, header};
@@ -24,9 +24,6 @@ const PIECE: usize = 1 << 20;
 
 /// Decoded bytes before the ratio counts: a small file may well be all zeros.
 const FREE: u64 = 1 << 20;
-
-/// RFC 9659: a zstd content coding needs a window of at most 8 MB.
-const ZSTD_WINDOW_LOG: u32 = 23;
 
 /// How the body is coded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,12 +100,7 @@ async fn stage(
             decoder.multiple_members(true);
             Box::pin(decoder)
         }
-        Coding::Zstd => {
-            let window = [DParameter::window_log_max(ZSTD_WINDOW_LOG)];
-            let mut decoder = ZstdDecoder::with_params(reader, &window);
-            decoder.multiple_members(true);
-            Box::pin(decoder)
-        }
+        Coding::Zstd => Box::pin(ZstdReader::new(reader)),
     };
     let staging = app.engine.archive.staging.clone();
     let mut writer = blocking(move || staging.begin()).await?;

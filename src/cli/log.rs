@@ -2,20 +2,26 @@
 
 use super::LogFormat;
 use std::io::{self, IsTerminal, Write};
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+use tracing_subscriber::{fmt, registry};
 
 /// Bytes of a line; the rest of a longer one is left out. Events of the service are far below.
 const LONGEST_LINE: usize = 8 << 10;
 
-/// Begins the log; `RUST_LOG` filters it, else `level`.
-pub(super) fn start(format: LogFormat, level: &str) {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
+/// Begins the log; `RUST_LOG` filters it (`warn` or `info,sqlx=debug`: levels, also by the beginning of a target), else `level`.
+pub(super) fn start(format: LogFormat, level: LevelFilter) {
+    let asked = std::env::var("RUST_LOG").ok().and_then(|levels| levels.parse::<Targets>().ok());
+    let log = registry().with(asked.unwrap_or_else(|| Targets::new().with_default(level)));
     let colours = in_colour(io::stderr().is_terminal(), |name| std::env::var(name).ok());
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_ansi(colours);
+    let events = fmt::layer().with_ansi(colours);
     match format {
-        LogFormat::Human => log.with_target(false).with_writer(move || Line { to: io::stderr(), colours }).init(),
+        LogFormat::Human => {
+            log.with(events.with_target(false).with_writer(move || Line { to: io::stderr(), colours })).init();
+        }
         // JSON escapes by itself, and half an object is none.
-        LogFormat::Json => log.json().with_writer(io::stderr).init(),
+        LogFormat::Json => log.with(events.json().with_writer(io::stderr)).init(),
     }
 }
 

@@ -38,6 +38,7 @@ mod viewing;
 pub use failure::{Failure, one_line};
 
 use std::ffi::OsString;
+use tracing_subscriber::filter::LevelFilter;
 
 /// Compress, store, evaluate and sample acquired radiometric measurements.
 #[derive(Debug, clap::Parser)]
@@ -134,8 +135,8 @@ impl Cli {
     /// Begins the log on stderr; `RUST_LOG` filters it, else the service logs every request and other commands warn.
     pub fn start_log(&self) {
         let level = match self.command {
-            Command::Serve(_) => "info",
-            _ => "warn",
+            Command::Serve(_) => LevelFilter::INFO,
+            _ => LevelFilter::WARN,
         };
         log::start(self.log_format, level);
     }

@@ -3,7 +3,7 @@
 use crate::compress::{Policy, Target};
 use crate::formats::StatedQuantity;
 use crate::paper::TABLES;
-use crate::pipeline::{Request, is_false};
+use crate::pipeline::Request;
 use crate::store::Digest;
 use serde::{Deserialize, Serialize};
 
@@ -78,7 +78,7 @@ pub struct CompressRequest {
     #[serde(default = "yes")]
     pub metadata: bool,
     /// Whether one incoming direction is decoded without the others.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub random_access: bool,
     /// What to call the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -17,7 +17,7 @@ ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)
 
 
 def executable():
-    command = ["cargo", "bench", "--locked", "--no-default-features", "--bench", "evaluate", "--no-run", "--message-format=json"]
+    command = ["cargo", "bench", "--locked", "--package", "wavelume-core", "--bench", "evaluate", "--no-run", "--message-format=json"]
     built = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True)
     for line in built.stdout.splitlines():
         message = json.loads(line)

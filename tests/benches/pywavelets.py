@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""PyWavelets' time for the separable problem that `cargo bench --bench transform` prints last.
+"""PyWavelets' time for the separable problem that `cargo bench -p wavelume-core --bench transform` prints last.
 
     pip install PyWavelets==1.8.0 numpy
     python tests/benches/pywavelets.py

@@ -1,0 +1,170 @@
+//! Orthonormal bases of a few samples on an axis that start with the polynomials at the samples' positions.
+
+use crate::domain::TriangleMesh;
+
+/// Where the entries of an axis are.
+pub(super) enum Place {
+    /// Triangles that are fine enough for cubics.
+    Plane(TriangleMesh),
+    /// Positions on a line.
+    Line(Vec<f64>),
+    /// Entries without neighbours: they have a mean, no more.
+    Unordered,
+}
+
+/// The part of an orthonormal basis that tells noise from signal.
+pub(super) struct Basis {
+    /// Polynomials of degree 2, orthogonal to those below.
+    pub(super) second: Vec<Vec<f64>>,
+    /// Polynomials of degree 3, orthogonal to those below.
+    pub(super) third: Vec<Vec<f64>>,
+    /// Orthogonal to every polynomial of degree ≤ 3 (of entries without neighbours: to the constant).
+    pub(super) high: Vec<Vec<f64>>,
+}
+
+/// Directions with less than this of their length left are in the span already.
+const DEPENDENT: f64 = 1e-5;
+
+impl Basis {
+    /// The basis of one sample.
+    pub(super) fn single() -> Self {
+        Self { second: Vec::new(), third: Vec::new(), high: vec![vec![1.0]] }
+    }
+}
+
+impl Place {
+    /// The basis of the samples at `entries`; `None` if nothing would be left of them.
+    pub(super) fn basis(&self, entries: &[usize]) -> Option<Basis> {
+        let n = entries.len();
+        // What a polynomial of degree 3 needs, and one more.
+        let fewest = match self {
+            Self::Plane(_) => 11,
+            Self::Line(_) => 5,
+            Self::Unordered => 2,
+        };
+        if n < fewest {
+            return None;
+        }
+        let mut vectors: Vec<Vec<f64>> = vec![vec![1.0 / (n as f64).sqrt(); n]];
+        let (mut second, mut third) = (Vec::new(), Vec::new());
+        if let Some((x, y)) = self.coordinates(entries) {
+            for degree in 1_i32..=3 {
+                let powers = if y.is_some() { 0..=degree } else { 0..=0 };
+                for k in powers {
+                    let monomial: Vec<f64> =
+                        (0..n).map(|i| power(x[i], degree - k) * y.as_ref().map_or(1.0, |y| power(y[i], k))).collect();
+                    let Some(vector) = orthonormal(monomial, &vectors) else { continue };
+                    match degree {
+                        2 => second.push(vector.clone()),
+                        3 => third.push(vector.clone()),
+                        _ => {}
+                    }
+                    vectors.push(vector);
+                }
+            }
+        }
+        let mut high = Vec::new();
+        while vectors.len() < n {
+            // The unit vector with the most left of it.
+            let left = |i: usize| 1.0 - vectors.iter().map(|v| v[i] * v[i]).sum::<f64>();
+            let (_, best) = (0..n).map(|i| (left(i), i)).max_by(|a, b| a.0.total_cmp(&b.0))?;
+            let mut unit = vec![0.0; n];
+            unit[best] = 1.0;
+            let vector = orthonormal(unit, &vectors)?;
+            high.push(vector.clone());
+            vectors.push(vector);
+        }
+        Some(Basis { second, third, high })
+    }
+
+    /// Coordinates of about −1..1; the second on triangles only.
+    fn coordinates(&self, entries: &[usize]) -> Option<(Vec<f64>, Option<Vec<f64>>)> {
+        match self {
+            Self::Plane(mesh) => {
+                let points: Vec<[f64; 3]> = entries.iter().map(|&i| mesh.centroid(i).xyz()).collect();
+                let sum = points.iter().fold([0.0; 3], |sum, p| [sum[0] + p[0], sum[1] + p[1], sum[2] + p[2]]);
+                // Any two directions across the mean do: the axes of its two smallest components, projected.
+                let mut order = [0, 1, 2];
+                order.sort_by(|&a: &usize, &b| sum[a].abs().total_cmp(&sum[b].abs()));
+                let along = |axis: usize| {
+                    let squared = dot(&sum, &sum);
+                    let v: Vec<f64> = points.iter().map(|p| p[axis] - sum[axis] * dot(p, &sum) / squared).collect();
+                    centred(&v)
+                };
+                Some((along(order[0]), Some(along(order[1]))))
+            }
+            Self::Line(values) => {
+                let values: Vec<f64> = entries.iter().map(|&i| values[i]).collect();
+                Some((centred(&values), None))
+            }
+            Self::Unordered => None,
+        }
+    }
+}
+
+fn power(x: f64, exponent: i32) -> f64 {
+    (0..exponent).fold(1.0, |product, _| product * x)
+}
+
+/// Shifted and scaled to −1..1.
+fn centred(values: &[f64]) -> Vec<f64> {
+    let (low, high) = values.iter().fold((f64::MAX, f64::MIN), |(low, high), &v| (low.min(v), high.max(v)));
+    let half = ((high - low) / 2.0).max(f64::MIN_POSITIVE);
+    values.iter().map(|v| (v - f64::midpoint(low, high)) / half).collect()
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// What is left of `vector` outside the span of `vectors`, of length 1; `None` if that is nothing.
+fn orthonormal(mut vector: Vec<f64>, vectors: &[Vec<f64>]) -> Option<Vec<f64>> {
+    let before = dot(&vector, &vector).sqrt();
+    // Twice is enough (Parlett 1980, section 6-9).
+    for _ in 0..2 {
+        for other in vectors {
+            let along = dot(&vector, other);
+            for (v, o) in vector.iter_mut().zip(other) {
+                *v -= along * o;
+            }
+        }
+    }
+    let length = dot(&vector, &vector).sqrt();
+    (length > DEPENDENT * before).then(|| {
+        for v in &mut vector {
+            *v /= length;
+        }
+        vector
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::Domain;
+
+    #[test]
+    fn bases_are_orthonormal_and_complete_for_any_entries() {
+        let mesh = TriangleMesh::new(Domain::Sphere, 3).unwrap();
+        let even: Vec<f64> = (0..40).map(|i| 380.0 + 5.0 * f64::from(i) + f64::from(i % 3)).collect();
+        let cases: [(Place, Vec<usize>, usize, usize); 5] = [
+            (Place::Plane(mesh), (48..64).collect(), 4, 6),
+            (Place::Plane(mesh), (48..64).filter(|i| i % 5 != 0).collect(), 4, 3),
+            (Place::Line(even.clone()), (3..11).collect(), 1, 4),
+            (Place::Line(even), vec![3, 4, 6, 7, 9], 1, 1),
+            (Place::Unordered, vec![0, 1, 2], 0, 2),
+        ];
+        for (place, entries, third, high) in cases {
+            let basis = place.basis(&entries).unwrap();
+            assert_eq!((basis.third.len(), basis.high.len()), (third, high), "{entries:?}");
+            let all: Vec<&Vec<f64>> = [&basis.second, &basis.third, &basis.high].into_iter().flatten().collect();
+            for (i, a) in all.iter().enumerate() {
+                assert!(a.iter().sum::<f64>().abs() < 1e-12);
+                for (j, b) in all.iter().enumerate() {
+                    assert!((dot(a, b) - f64::from(u8::from(i == j))).abs() < 1e-12);
+                }
+            }
+        }
+        assert!(Place::Plane(mesh).basis(&[0, 1, 2, 3]).is_none());
+    }
+}

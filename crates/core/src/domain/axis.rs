@@ -1,0 +1,244 @@
+//! The axes of a tensor, and which of them are directions, wavelength or plain indices for a quantity.
+
+use super::limits::{MAX_AXES, MAX_ENTRIES, MAX_SAMPLES};
+use super::quantity::Quantity;
+use super::triangles::TriangleMesh;
+use super::wavelengths::WavelengthGrid;
+
+/// One axis of a tensor.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Axis {
+    /// Directions: the triangles of a mesh.
+    Triangles(TriangleMesh),
+    /// Incoming elevations of isotropic data: theta in degrees, strictly increasing, 0..=90. The incoming azimuth is 0.
+    Elevation(Vec<f64>),
+    /// Wavelengths in nm.
+    Wavelength(WavelengthGrid),
+    /// Entries without geometry: columns of a table, scan positions.
+    Index {
+        /// How many entries.
+        count: usize,
+        /// Their names; empty, or one each.
+        labels: Vec<String>,
+    },
+    /// The three channels red, green, blue of data without wavelengths.
+    Rgb,
+}
+
+/// Why axes do not make a tensor of a quantity.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum AxisError {
+    /// Too many axes.
+    #[error("{found} axes are more than the limit of {MAX_AXES}")]
+    TooManyAxes {
+        /// How many there were.
+        found: usize,
+    },
+    /// The product of the lengths is over the limit.
+    #[error("axes of lengths {shape:?} make more than the limit of {MAX_SAMPLES} samples")]
+    TooManySamples {
+        /// The lengths.
+        shape: Vec<usize>,
+    },
+    /// An elevation or index axis is out of its limits.
+    #[error("axis {axis}: {reason}")]
+    Malformed {
+        /// Its position, from 0.
+        axis: usize,
+        /// What was found and what was expected.
+        reason: String,
+    },
+    /// The axes do not fit the quantity.
+    #[error("{quantity}: {reason}")]
+    Unfit {
+        /// The quantity.
+        quantity: Quantity,
+        /// What was found and what was expected.
+        reason: String,
+    },
+}
+
+impl Axis {
+    /// The number of entries along the axis; never 0 on a checked axis.
+    #[allow(clippy::len_without_is_empty, reason = "a checked axis is never empty")]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Triangles(mesh) => mesh.len(),
+            Self::Elevation(values) => values.len(),
+            Self::Wavelength(grid) => grid.len(),
+            Self::Index { count, .. } => *count,
+            Self::Rgb => 3,
+        }
+    }
+
+    /// Whether an entry is a direction.
+    pub fn is_directional(&self) -> bool {
+        matches!(self, Self::Triangles(_) | Self::Elevation(_))
+    }
+
+    /// Whether an entry is a wavelength or colour channel.
+    pub fn is_spectral(&self) -> bool {
+        matches!(self, Self::Wavelength(_) | Self::Rgb)
+    }
+
+    /// A short form for people: `hemisphere:4`, `380..750 nm (75)`, `12 elevations`.
+    pub fn describe(&self) -> String {
+        match self {
+            Self::Triangles(mesh) => format!("{}:{} ({} triangles)", mesh.domain(), mesh.level(), mesh.len()),
+            Self::Elevation(values) if values.len() == 1 => "1 elevation".to_owned(),
+            Self::Elevation(values) => format!("{} elevations", values.len()),
+            Self::Wavelength(grid) => {
+                let (first, last) = grid.range();
+                // Spectrometers list wavelengths to the last bit of an f32; people do not read them.
+                let rounded = |nm: f64| libm::round(nm * 1000.0) / 1000.0;
+                format!("{}..{} nm ({})", rounded(first), rounded(last), grid.len())
+            }
+            Self::Index { count, .. } => format!("index ({count})"),
+            Self::Rgb => "rgb (3)".to_owned(),
+        }
+    }
+
+    fn check(&self, axis: usize) -> Result<(), AxisError> {
+        let malformed = |reason: String| Err(AxisError::Malformed { axis, reason });
+        match self {
+            Self::Elevation(values) => {
+                if values.is_empty() || values.len() > MAX_ENTRIES {
+                    return malformed(format!("{} elevations, expected 1 to {MAX_ENTRIES}", values.len()));
+                }
+                if let Some(bad) = values.iter().find(|v| !(0.0..=90.0).contains(*v)) {
+                    return malformed(format!("elevation {bad}, expected 0 to 90 degrees"));
+                }
+                if let Some(&[a, b]) = values.array_windows().find(|[a, b]| b <= a) {
+                    return malformed(format!("elevation {b} after {a}, expected strictly increasing"));
+                }
+                Ok(())
+            }
+            Self::Index { count, labels } => {
+                if *count == 0 || *count > MAX_ENTRIES {
+                    return malformed(format!("{count} entries, expected 1 to {MAX_ENTRIES}"));
+                }
+                if !labels.is_empty() && labels.len() != *count {
+                    return malformed(format!("{} labels for {count} entries", labels.len()));
+                }
+                Ok(())
+            }
+            Self::Triangles(_) | Self::Wavelength(_) | Self::Rgb => Ok(()),
+        }
+    }
+}
+
+/// Checks the axes' own limits and returns the product of their lengths.
+pub fn check_axes(axes: &[Axis]) -> Result<usize, AxisError> {
+    if axes.len() > MAX_AXES {
+        return Err(AxisError::TooManyAxes { found: axes.len() });
+    }
+    for (i, axis) in axes.iter().enumerate() {
+        axis.check(i)?;
+    }
+    axes.iter()
+        .try_fold(1_usize, |product, axis| product.checked_mul(axis.len()))
+        .filter(|&product| product <= MAX_SAMPLES)
+        .ok_or_else(|| AxisError::TooManySamples { shape: axes.iter().map(Axis::len).collect() })
+}
+
+/// Which axis of a tensor plays which role: leading opaque indices, then directions, then the spectral axis.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// How many leading axes are opaque indices.
+    pub indices: usize,
+    /// The axis of `wi`, where there is one.
+    pub incoming: Option<usize>,
+    /// The axis of `wo`, where there is one.
+    pub outgoing: Option<usize>,
+    /// The last axis, if it is spectral.
+    pub spectral: Option<usize>,
+}
+
+impl Layout {
+    /// The roles of `axes` for `quantity`, or why they do not fit: `[index…, incoming, outgoing, spectral]`, where each
+    /// part may be missing. Directional quantities may be all index (scans without geometry); then they have no
+    /// directions to ask for.
+    pub fn of(quantity: Quantity, axes: &[Axis]) -> Result<Self, AxisError> {
+        let unfit = |reason: String| AxisError::Unfit { quantity, reason };
+        let indices = axes.iter().take_while(|axis| matches!(axis, Axis::Index { .. })).count();
+        let directional = axes[indices..].iter().take_while(|axis| axis.is_directional()).count();
+        let spectral_at = indices + directional;
+        let spectral = (axes.get(spectral_at).is_some_and(Axis::is_spectral)).then_some(spectral_at);
+        if spectral_at + usize::from(spectral.is_some()) != axes.len() {
+            let found = axes.iter().map(Axis::describe).collect::<Vec<_>>().join(", ");
+            return Err(unfit(format!(
+                "axes [{found}], expected [index…, incoming, outgoing, wavelength] in this order"
+            )));
+        }
+        let expected = quantity.directions();
+        let (incoming, outgoing) = match (expected, directional) {
+            (_, 0) => (None, None),
+            (1, 1) if quantity == Quantity::Edf => (None, Some(indices)),
+            (1, 1) => (Some(indices), None),
+            (2, 2) => (Some(indices), Some(indices + 1)),
+            _ => return Err(unfit(format!("{directional} axes of directions, expected {expected}"))),
+        };
+        if let Some(axis) = outgoing
+            && matches!(axes[axis], Axis::Elevation(_))
+        {
+            return Err(unfit("elevations on the outgoing axis, expected triangles".to_owned()));
+        }
+        Ok(Self { indices, incoming, outgoing, spectral })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::Domain;
+
+    fn triangles(level: u8) -> Axis {
+        Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, level).unwrap())
+    }
+
+    fn lambda() -> Axis {
+        Axis::Wavelength(WavelengthGrid::even(380.0, 5.0, 75).unwrap())
+    }
+
+    fn index(count: usize) -> Axis {
+        Axis::Index { count, labels: vec![] }
+    }
+
+    #[test]
+    fn roles_follow_the_order_of_the_axes() {
+        let brdf = Layout::of(Quantity::Brdf, &[triangles(1), triangles(4), lambda()]).unwrap();
+        assert_eq!((brdf.incoming, brdf.outgoing, brdf.spectral), (Some(0), Some(1), Some(2)));
+        let isotropic =
+            Layout::of(Quantity::Brdf, &[Axis::Elevation(vec![0.0, 30.0]), triangles(4), Axis::Rgb]).unwrap();
+        assert_eq!((isotropic.incoming, isotropic.spectral), (Some(0), Some(2)));
+        let table = Layout::of(Quantity::Spectrum, &[index(24), lambda()]).unwrap();
+        assert_eq!((table.indices, table.incoming, table.spectral), (1, None, Some(1)));
+        let edf = Layout::of(Quantity::Edf, &[triangles(4)]).unwrap();
+        assert_eq!((edf.outgoing, edf.spectral), (Some(0), None));
+        let leaf = Layout::of(Quantity::Brdf, &[index(11), index(41), lambda()]).unwrap();
+        assert_eq!((leaf.indices, leaf.outgoing), (2, None));
+    }
+
+    #[test]
+    fn unfit_axes_are_named() {
+        for (quantity, axes) in [
+            (Quantity::Brdf, vec![triangles(1), lambda()]),
+            (Quantity::Edf, vec![triangles(1), triangles(1)]),
+            (Quantity::Brdf, vec![lambda(), triangles(1)]),
+            (Quantity::Spectrum, vec![triangles(1), lambda()]),
+            (Quantity::Brdf, vec![triangles(1), Axis::Elevation(vec![0.0])]),
+        ] {
+            assert!(matches!(Layout::of(quantity, &axes), Err(AxisError::Unfit { .. })), "{axes:?}");
+        }
+    }
+
+    #[test]
+    fn sizes_are_checked_before_they_multiply() {
+        assert!(matches!(check_axes(&[index(1 << 20), index(1 << 20)]), Err(AxisError::TooManySamples { .. })));
+        assert!(matches!(check_axes(&[index(0)]), Err(AxisError::Malformed { axis: 0, .. })));
+        assert!(matches!(check_axes(&[Axis::Elevation(vec![30.0, 10.0])]), Err(AxisError::Malformed { .. })));
+        assert!(matches!(check_axes(&[Axis::Elevation(vec![f64::NAN])]), Err(AxisError::Malformed { .. })));
+        assert_eq!(check_axes(&[triangles(1), triangles(4), lambda()]), Ok(1_228_800));
+        assert_eq!(check_axes(&[]), Ok(1));
+    }
+}

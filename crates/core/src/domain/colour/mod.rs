@@ -1,0 +1,56 @@
+//! What a spectrum looks like: CIE tristimulus values, CIELAB, CIEDE2000 and sRGB.
+//!
+//! # Conventions
+//! * [`Xyz`] has the perfect reflector (or the white named) at Y = 100; only [`Tristimulus::emission`] is absolute.
+//! * The observer is the CIE 1931 2° one unless another is given. No function adapts by itself: CIELAB is relative to the
+//!   white it is given, and sRGB is that of XYZ under D65, to which [`Adaptation`] leads from another white.
+//! * Negative samples are summed as they stand, so XYZ may be negative; no formula here clips.
+//!
+//! # Sources
+//! CIE 015:2018 *Colorimetry*; ASTM E308-18 and E2022; IEC 61966-2-1:1999 with its Amendment 1. The tables are the CIE's own,
+//! kept as data beside the program (`data/SOURCES.md`).
+
+mod adaptation;
+mod difference;
+mod gamut;
+mod lab;
+mod spectra;
+mod srgb;
+mod tables;
+mod temperature;
+mod tristimulus;
+
+pub use adaptation::Adaptation;
+pub use difference::ciede2000;
+pub use gamut::{Oklab, in_gamut, map_to_gamut};
+pub use lab::Lab;
+pub use spectra::xyz_of;
+pub use spectra::{ColourReport, SpectraColours};
+pub use srgb::{linear_to_bytes, linear_to_srgb, linear_to_xyz, srgb_to_linear, xyz_to_linear};
+pub use tables::{Curve, Illuminant, Observer, StandardObserver, TableError};
+pub use temperature::ColourTemperature;
+pub use tristimulus::{ColourError, MOST_GAP, NEEDED, RANGE, Tristimulus};
+
+/// CIE 1931 tristimulus values.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Xyz {
+    /// X.
+    pub x: f64,
+    /// Y; the luminance factor × 100, or the absolute luminous quantity of an emission.
+    pub y: f64,
+    /// Z.
+    pub z: f64,
+}
+
+impl Xyz {
+    /// All three × `factor`.
+    #[must_use]
+    pub fn scaled(self, factor: f64) -> Self {
+        Self { x: factor * self.x, y: factor * self.y, z: factor * self.z }
+    }
+}
+
+#[cfg(test)]
+mod display_tests;
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,249 @@
+//! The CIE's tables: colour-matching functions and relative spectral powers of illuminants.
+
+use super::ColourError;
+use super::tristimulus::check;
+use crate::domain::{Axis, Tensor, named};
+use std::sync::OnceLock;
+
+/// The standard illuminants known.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Illuminant {
+    /// Incandescent light, 2856 K.
+    A,
+    /// Direct sunlight (obsolete with the CIE).
+    B,
+    /// Average daylight (obsolete with the CIE).
+    C,
+    /// Daylight, 5003 K.
+    D50,
+    /// Daylight, 6504 K.
+    #[default]
+    D65,
+    /// A narrow-band fluorescent lamp, 4000 K; also called FL11.
+    F11,
+    /// The same power at every wavelength.
+    E,
+}
+named!(Illuminant, "illuminant", { A = "A", B = "B", C = "C", D50 = "D50", D65 = "D65", F11 = "F11", E = "E" });
+
+/// The standard observers known.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum StandardObserver {
+    /// CIE 1931, fields of 2°.
+    #[default]
+    Cie1931,
+    /// CIE 1964, fields of 10°.
+    Cie1964,
+}
+named!(StandardObserver, "observer", { Cie1931 = "1931", Cie1964 = "1964" });
+
+/// A tabulated function of wavelength: linear between its entries, its end values held beyond them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    lambdas: Vec<f64>,
+    values: Vec<f64>,
+}
+
+/// Three colour-matching functions; those of the CIE are 360 to 830 nm by 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Observer {
+    /// x̄.
+    pub x: Curve,
+    /// ȳ; that of the CIE 1931 observer is also V(λ).
+    pub y: Curve,
+    /// z̄.
+    pub z: Curve,
+}
+
+/// Why a table is no curve or no observer.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TableError {
+    /// Not the columns that were expected.
+    #[error("{0}")]
+    Shape(String),
+    /// The wavelengths are not enough for a colour.
+    #[error(transparent)]
+    Wavelengths(#[from] ColourError),
+}
+
+impl Curve {
+    /// Entry `column` of a table `[lambda]` or `[index, lambda]`: the spectrum of a light, say. Masked samples are passed
+    /// over; what is left must reach from 400 to 700 nm in steps of at most 20 nm.
+    pub fn of_tensor(tensor: &Tensor, column: usize) -> Result<Self, TableError> {
+        let (grid, columns) = match tensor.axes() {
+            [Axis::Wavelength(grid)] => (grid, 1),
+            [Axis::Index { count, .. }, Axis::Wavelength(grid)] => (grid, *count),
+            axes => {
+                let found: Vec<String> = axes.iter().map(Axis::describe).collect();
+                return Err(TableError::Shape(format!("axes {}, expected wavelengths", found.join(" × "))));
+            }
+        };
+        if column >= columns {
+            return Err(TableError::Shape(format!("no column {column}, expected 0 to {}", columns - 1)));
+        }
+        let samples = &tensor.samples()[column * grid.len()..][..grid.len()];
+        let measured = grid.values().into_iter().zip(samples).filter(|(_, sample)| !sample.is_nan());
+        let (lambdas, values): (Vec<f64>, Vec<f64>) = measured.map(|(l, &sample)| (l, f64::from(sample))).unzip();
+        check(&lambdas)?;
+        Ok(Self { lambdas, values })
+    }
+
+    /// The wavelengths in nm, strictly increasing.
+    pub fn lambdas(&self) -> &[f64] {
+        &self.lambdas
+    }
+
+    /// The values at [`Self::lambdas`].
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// The value at `lambda` nm.
+    pub fn at(&self, lambda: f64) -> f64 {
+        let (lambdas, values) = (&self.lambdas, &self.values);
+        match lambdas.partition_point(|&known| known <= lambda) {
+            0 => values.first().copied().unwrap_or(f64::NAN),
+            n if n == lambdas.len() => values[n - 1],
+            n => {
+                let t = (lambda - lambdas[n - 1]) / (lambdas[n] - lambdas[n - 1]);
+                if t > 0.0 { (1.0 - t) * values[n - 1] + t * values[n] } else { values[n - 1] }
+            }
+        }
+    }
+
+    /// A column of a CSV table whose first column is wavelength; the tables are the program's own and tested to be whole.
+    pub(super) fn of_table(text: &str, column: usize) -> Self {
+        let row = |line: &str| -> Option<(f64, f64)> {
+            let mut cells = line.split(',');
+            let lambda = cells.next()?.trim().parse().ok()?;
+            let value = cells.nth(column - 1)?.trim().parse().ok()?;
+            Some((lambda, value))
+        };
+        let (lambdas, values) = text.lines().skip(1).filter_map(row).unzip();
+        Self { lambdas, values }
+    }
+}
+
+impl Observer {
+    /// One of the standard observers.
+    pub fn standard(which: StandardObserver) -> &'static Self {
+        match which {
+            StandardObserver::Cie1931 => Self::cie_1931(),
+            StandardObserver::Cie1964 => Self::cie_1964(),
+        }
+    }
+
+    /// A table of x̄, ȳ and z̄, `[3, lambda]`.
+    pub fn of_tensor(tensor: &Tensor) -> Result<Self, TableError> {
+        let columns = match tensor.axes() {
+            [Axis::Wavelength(_)] => 1,
+            [Axis::Index { count, .. }, Axis::Wavelength(_)] => *count,
+            _ => 0,
+        };
+        if columns != 3 {
+            return Err(TableError::Shape(format!("{columns} columns over wavelength, expected 3: x, y and z")));
+        }
+        let observer =
+            Self { x: Curve::of_tensor(tensor, 0)?, y: Curve::of_tensor(tensor, 1)?, z: Curve::of_tensor(tensor, 2)? };
+        for (name, curve) in [("x", &observer.x), ("y", &observer.y), ("z", &observer.z)] {
+            if !curve.values.iter().any(|v| *v > 0.0) {
+                return Err(TableError::Shape(format!("{name} of the observer is nowhere above 0")));
+            }
+        }
+        Ok(observer)
+    }
+
+    /// The CIE 1964 10° standard observer.
+    pub fn cie_1964() -> &'static Self {
+        const TABLE: &str = include_str!("../../../../../data/cmfs_CIE_1964_10_Degree_Standard_Observer.csv");
+        static PARSED: OnceLock<Observer> = OnceLock::new();
+        PARSED.get_or_init(|| Self::of_table(TABLE))
+    }
+
+    /// The CIE 1931 2° standard observer.
+    pub fn cie_1931() -> &'static Self {
+        const TABLE: &str = include_str!("../../../../../data/cmfs_CIE_1931_2_Degree_Standard_Observer.csv");
+        static PARSED: OnceLock<Observer> = OnceLock::new();
+        PARSED.get_or_init(|| Self::of_table(TABLE))
+    }
+
+    fn of_table(text: &str) -> Self {
+        Self { x: Curve::of_table(text, 1), y: Curve::of_table(text, 2), z: Curve::of_table(text, 3) }
+    }
+}
+
+impl Illuminant {
+    /// The relative spectral power as the CIE gives it; A, D50, D65 and E are 100 at 560 nm.
+    pub fn power(self) -> &'static Curve {
+        const A: &str = include_str!("../../../../../data/illuminant_A.csv");
+        const B: &str = include_str!("../../../../../data/illuminant_B.csv");
+        const C: &str = include_str!("../../../../../data/illuminant_C.csv");
+        const D50: &str = include_str!("../../../../../data/illuminant_D50.csv");
+        const D65: &str = include_str!("../../../../../data/illuminant_D65.csv");
+        const F11: &str = include_str!("../../../../../data/illuminant_F11.csv");
+        const E: &str = "wavelength_nm,E\n300,100\n830,100\n";
+        const TABLES: [&str; 7] = [A, B, C, D50, D65, F11, E];
+        static PARSED: [OnceLock<Curve>; 7] = [const { OnceLock::new() }; 7];
+        let index = usize::from(self.code());
+        PARSED[index].get_or_init(|| Curve::of_table(TABLES[index], 1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_tables_are_whole() {
+        for &which in StandardObserver::ALL {
+            let observer = Observer::standard(which);
+            for curve in [&observer.x, &observer.y, &observer.z] {
+                let lambdas = curve.lambdas();
+                assert_eq!((lambdas.len(), lambdas[0], lambdas[470]), (471, 360.0, 830.0), "{which}");
+            }
+        }
+        assert_eq!(Observer::cie_1931().y.at(555.0), 1.0);
+        assert_eq!(Observer::cie_1964().y.at(557.0), 1.0);
+        for &illuminant in Illuminant::ALL {
+            let curve = illuminant.power();
+            let (lambdas, values) = (curve.lambdas(), curve.values());
+            assert!(lambdas[0] <= 380.0 && lambdas[lambdas.len() - 1] >= 780.0, "{illuminant}");
+            assert!(illuminant == Illuminant::E || lambdas.array_windows().all(|[a, b]| b - a == 5.0), "{illuminant}");
+            assert!(values.iter().all(|v| v.is_finite() && *v >= 0.0), "{illuminant}");
+            if matches!(illuminant, Illuminant::A | Illuminant::D50 | Illuminant::D65 | Illuminant::E) {
+                assert!((curve.at(560.0) - 100.0).abs() < 1e-4, "{illuminant}: {}", curve.at(560.0));
+            }
+        }
+    }
+
+    fn table(columns: usize, lambdas: usize, sample: impl Fn(usize) -> f32) -> Tensor {
+        let grid = Axis::Wavelength(crate::domain::WavelengthGrid::even(380.0, 10.0, lambdas).unwrap());
+        let index = Axis::Index { count: columns, labels: Vec::new() };
+        Tensor::new(vec![index, grid], (0..columns * lambdas).map(sample).collect()).unwrap()
+    }
+
+    #[test]
+    fn tables_of_the_user_are_curves_and_observers() {
+        let observer = Observer::of_tensor(&table(3, 41, |i| i as f32)).unwrap();
+        assert_eq!((observer.x.at(385.0), observer.y.at(380.0), observer.z.at(800.0)), (0.5, 41.0, 122.0));
+        let holes = table(2, 41, |i| if i == 42 { f32::NAN } else { i as f32 });
+        assert_eq!(Curve::of_tensor(&holes, 1).unwrap().at(390.0), 42.0);
+        let short = table(1, 20, |i| i as f32);
+        assert!(matches!(Curve::of_tensor(&short, 0), Err(TableError::Wavelengths(ColourError::Uncovered { .. }))));
+        assert!(matches!(Curve::of_tensor(&holes, 2), Err(TableError::Shape(_))));
+        let rgb = Tensor::new(vec![Axis::Rgb], vec![1.0; 3]).unwrap();
+        assert!(matches!(Curve::of_tensor(&rgb, 0), Err(TableError::Shape(_))));
+        for bad in [table(2, 41, |_| 1.0), table(3, 41, |i| if i < 41 { 0.0 } else { 1.0 }), rgb] {
+            assert!(matches!(Observer::of_tensor(&bad), Err(TableError::Shape(_))));
+        }
+    }
+
+    #[test]
+    fn curves_are_linear_between_entries_and_held_beyond() {
+        let curve = Curve::of_table("nm,v\r\n400,1\r\n410,3\r\n", 1);
+        let at = [390.0, 400.0, 405.0, 410.0, 500.0].map(|lambda| curve.at(lambda));
+        assert_eq!(at, [1.0, 1.0, 2.0, 3.0, 3.0]);
+    }
+}

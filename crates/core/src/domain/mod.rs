@@ -1,0 +1,45 @@
+//! What a measurement is: directions, wavelengths, triangles, axes, quantities, tensors, colours, and the errors between two.
+//!
+//! # Conventions (the one place)
+//! * **Surface frame**: right handed, `+z` the outward normal, `+x` the sample's reference direction. `wi` points to the
+//!   source, `wo` to the detector, both away from the surface; transmission has `wo.z < 0`. `theta` from `+z`, `phi`
+//!   counter-clockwise from `+x`.
+//! * **Luminaire frame**: `-z` is nadir (gamma 0), `+x` the C0 half-plane, so theta = 180° − gamma.
+//! * **Values**: BSDF in sr⁻¹ *without* the cosine; phase functions integrate to 1 over the sphere; intensity in its
+//!   declared unit; wavelengths in nm, strictly increasing. Missing is masked (NaN in memory), never 0.
+//! * **Axes** in order `[incoming, outgoing, wavelength]`, row-major, wavelength contiguous; `f32` samples, `f64` for
+//!   geometry and accumulation.
+//! * **Bits**: where they matter (all geometry here) elementary functions come from the pure Rust `libm`, so that the
+//!   same input gives the same bytes on every machine.
+
+mod axis;
+pub mod colour;
+mod direction;
+mod errors;
+mod lattice;
+pub mod limits;
+mod progress;
+mod quantity;
+mod tensor;
+mod triangles;
+pub mod vector;
+mod views;
+mod wavelengths;
+mod wide;
+
+pub use axis::check_axes;
+pub use axis::{Axis, AxisError, Layout};
+pub use direction::Direction;
+pub use errors::{ErrorAccumulator, ErrorReport};
+pub use lattice::{MOST_NEIGHBOURS, Neighbours, Symmetry};
+pub use progress::{Cancelled, Progress, Silent};
+#[doc(hidden)]
+pub use quantity::named;
+pub use quantity::{Quantity, Sampling, Unit, UnknownName};
+pub use tensor::first_where;
+pub use tensor::{Measurement, Tensor, TensorError};
+pub use triangles::{Domain, TriangleMesh};
+pub use triangles::{Vertices, centroid, child, solid_angle};
+pub use views::{Brdf, Reflectance, Spectrum};
+pub use wavelengths::{WavelengthError, WavelengthGrid};
+pub use wide::wide;

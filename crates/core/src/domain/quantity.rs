@@ -1,0 +1,222 @@
+//! Which radiometric quantity a tensor holds, in which unit, and what one sample stands for.
+
+/// A name that is not in a closed list, with what was expected.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("unknown {what} `{found}`, expected one of {expected}")]
+pub struct UnknownName {
+    /// What the name should have named.
+    pub what: &'static str,
+    /// The name found.
+    pub found: String,
+    /// The names known, comma separated.
+    pub expected: String,
+}
+
+/// Gives a fieldless enum its stable names: `Display`, `FromStr`, serde as text, a wire code, and the whole list.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! named {
+    ($type:ident, $what:literal, { $($variant:ident = $name:literal),+ $(,)? }) => {
+        impl $type {
+            /// Every value, in the order of its wire code.
+            pub const ALL: &[Self] = &[$(Self::$variant),+];
+
+            /// The stable name used in files, on the command line and over HTTP.
+            pub fn name(self) -> &'static str {
+                match self { $(Self::$variant => $name),+ }
+            }
+
+            #[allow(dead_code, reason = "not every list is stored")]
+            pub(crate) fn code(self) -> u8 {
+                self as u8
+            }
+
+            #[allow(dead_code, reason = "not every list is stored")]
+            pub(crate) fn from_code(code: u8) -> Option<Self> {
+                Self::ALL.get(usize::from(code)).copied()
+            }
+        }
+
+        impl std::fmt::Display for $type {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+
+        impl std::str::FromStr for $type {
+            type Err = $crate::domain::UnknownName;
+            fn from_str(name: &str) -> Result<Self, $crate::domain::UnknownName> {
+                Self::ALL.iter().copied().find(|known| known.name() == name).ok_or_else(|| $crate::domain::UnknownName {
+                    what: $what,
+                    found: name.to_owned(),
+                    expected: Self::ALL.iter().map(|known| known.name()).collect::<Vec<_>>().join(", "),
+                })
+            }
+        }
+
+        impl serde::Serialize for $type {
+            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.serialize_str(self.name())
+            }
+        }
+
+        impl<'de> serde::Deserialize<'de> for $type {
+            fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                let name = <std::borrow::Cow<'de, str>>::deserialize(deserializer)?;
+                name.parse().map_err(serde::de::Error::custom)
+            }
+        }
+    };
+}
+#[doc(hidden)]
+pub use crate::named;
+
+/// The radiometric quantity of a tensor (PAPER.md's signatures: zero, one or two directions and a wavelength).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Quantity {
+    /// A spectral power distribution, illuminant or any other function of wavelength.
+    Spectrum,
+    /// A reflectance or transmittance, 0..1: of wavelength, or of incoming direction and wavelength.
+    Reflectance,
+    /// An emission distribution: intensity by outgoing direction (and wavelength).
+    Edf,
+    /// A reflection distribution `f(wi, wo, lambda)` in sr⁻¹, without the cosine.
+    Brdf,
+    /// A transmission distribution in sr⁻¹, without the cosine; `wo` on the lower hemisphere.
+    Btdf,
+    /// Reflection and transmission together; `wo` on the whole sphere.
+    Bsdf,
+    /// A phase function `p(wi, wo)` that integrates to 1 over the sphere.
+    Phase,
+}
+named!(Quantity, "quantity", {
+    Spectrum = "spectrum",
+    Reflectance = "reflectance",
+    Edf = "edf",
+    Brdf = "brdf",
+    Btdf = "btdf",
+    Bsdf = "bsdf",
+    Phase = "phase",
+});
+
+impl Quantity {
+    /// Whether the rendering equation multiplies this quantity by |cos θ| of the outgoing direction.
+    pub fn has_cosine(self) -> bool {
+        matches!(self, Self::Brdf | Self::Btdf | Self::Bsdf)
+    }
+
+    /// How many directions the quantity is a function of, at most.
+    pub fn directions(self) -> usize {
+        match self {
+            Self::Spectrum => 0,
+            Self::Reflectance | Self::Edf => 1,
+            Self::Brdf | Self::Btdf | Self::Bsdf | Self::Phase => 2,
+        }
+    }
+
+    /// The unit assumed where a source states none.
+    pub fn default_unit(self) -> Unit {
+        match self {
+            Self::Reflectance => Unit::One,
+            Self::Brdf | Self::Btdf | Self::Bsdf | Self::Phase => Unit::PerSteradian,
+            Self::Spectrum | Self::Edf => Unit::Relative,
+        }
+    }
+}
+
+/// The unit of a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Unit {
+    /// Only ratios mean something.
+    Relative,
+    /// A pure number.
+    One,
+    /// sr⁻¹.
+    PerSteradian,
+    /// Luminous intensity.
+    Candela,
+    /// Luminous intensity per 1000 lamp lumens.
+    CandelaPerKilolumen,
+    /// W·sr⁻¹.
+    WattPerSteradian,
+    /// mW·sr⁻¹.
+    MilliwattPerSteradian,
+    /// µW·sr⁻¹.
+    MicrowattPerSteradian,
+    /// µmol·s⁻¹·sr⁻¹ of photons.
+    MicromolePerSecondSteradian,
+    /// W·sr⁻¹·nm⁻¹.
+    WattPerSteradianNanometre,
+    /// mW·sr⁻¹·nm⁻¹.
+    MilliwattPerSteradianNanometre,
+    /// µW·sr⁻¹·nm⁻¹.
+    MicrowattPerSteradianNanometre,
+    /// µmol·s⁻¹·sr⁻¹·nm⁻¹ of photons.
+    MicromolePerSecondSteradianNanometre,
+    /// Relative intensity per nm.
+    RelativePerNanometre,
+}
+named!(Unit, "unit", {
+    Relative = "relative",
+    One = "1",
+    PerSteradian = "1/sr",
+    Candela = "cd",
+    CandelaPerKilolumen = "cd/klm",
+    WattPerSteradian = "W/sr",
+    MilliwattPerSteradian = "mW/sr",
+    MicrowattPerSteradian = "uW/sr",
+    MicromolePerSecondSteradian = "umol/s/sr",
+    WattPerSteradianNanometre = "W/sr/nm",
+    MilliwattPerSteradianNanometre = "mW/sr/nm",
+    MicrowattPerSteradianNanometre = "uW/sr/nm",
+    MicromolePerSecondSteradianNanometre = "umol/s/sr/nm",
+    RelativePerNanometre = "relative/nm",
+});
+
+impl Unit {
+    /// The spectral density of this intensity, once a spectrum is attached; `None` for photometric and pure units.
+    pub fn per_nanometre(self) -> Option<Self> {
+        match self {
+            Self::WattPerSteradian => Some(Self::WattPerSteradianNanometre),
+            Self::MilliwattPerSteradian => Some(Self::MilliwattPerSteradianNanometre),
+            Self::MicrowattPerSteradian => Some(Self::MicrowattPerSteradianNanometre),
+            Self::MicromolePerSecondSteradian => Some(Self::MicromolePerSecondSteradianNanometre),
+            Self::Relative => Some(Self::RelativePerNanometre),
+            _ => None,
+        }
+    }
+}
+
+/// What one sample on a triangle axis stands for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Sampling {
+    /// The average over the cell (every projected measurement).
+    #[default]
+    Average,
+    /// The value at the triangle's centroid.
+    Point,
+}
+named!(Sampling, "sampling", { Average = "average", Point = "point" });
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_codes_round_trip() {
+        for &quantity in Quantity::ALL {
+            assert_eq!(quantity.name().parse(), Ok(quantity));
+            assert_eq!(Quantity::from_code(quantity.code()), Some(quantity));
+        }
+        for &unit in Unit::ALL {
+            assert_eq!(unit.name().parse(), Ok(unit));
+            assert_eq!(Unit::from_code(unit.code()), Some(unit));
+        }
+        assert_eq!(Unit::from_code(200), None);
+        let error = "brd".parse::<Quantity>().unwrap_err();
+        assert!(error.to_string().starts_with("unknown quantity `brd`, expected one of spectrum, "));
+    }
+}

@@ -1,0 +1,396 @@
+//! The container is frozen: the golden files decode to these very bits, and the same measurements give these very bytes.
+//!
+//! `tests/container/golden/NAME.wlm` is what `compress` makes of the measurement NAME below, `NAME.f32` its samples and
+//! `NAME.level0.f32` those of its coarsest level (little-endian, row-major, a NaN where masked). With the variable
+//! `WAVELUME_REMAKE_GOLDEN` set the files are written instead of compared: a change of any of them is a change of format.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test's helper fails by panicking, like the test")]
+
+use std::fs;
+use std::path::PathBuf;
+use wavelume_core::compress::{Policy, Settings, Target, compress, decode, decode_block, decode_level, levels};
+use wavelume_core::domain::{
+    Axis, Domain, Measurement, Quantity, Sampling, Silent, Tensor, TriangleMesh, Unit, WavelengthGrid,
+};
+
+type Vector = [f64; 3];
+
+/// One golden file.
+struct Golden {
+    name: &'static str,
+    measurement: Measurement,
+    settings: Settings,
+}
+
+fn mesh(domain: Domain, level: u8) -> Axis {
+    Axis::Triangles(TriangleMesh::new(domain, level).unwrap())
+}
+
+fn wavelengths(count: usize) -> Axis {
+    Axis::Wavelength(WavelengthGrid::even(400.0, 40.0, count).unwrap())
+}
+
+fn dot(a: Vector, b: Vector) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// A number in −1 … 1 that looks random and is the same everywhere.
+fn noise(i: usize) -> f64 {
+    let mixed = (i as u32).wrapping_add(1).wrapping_mul(2_654_435_761);
+    let mixed = (mixed ^ mixed >> 15).wrapping_mul(2_246_822_519);
+    f64::from(mixed ^ mixed >> 13) / f64::from(u32::MAX) * 2.0 - 1.0
+}
+
+/// Samples of `value(flat index, entry of each axis)`; additions, multiplications, divisions and square roots only.
+fn tensor(axes: Vec<Axis>, value: impl Fn(usize, &[usize]) -> f64) -> Tensor {
+    let shape: Vec<usize> = axes.iter().map(Axis::len).collect();
+    let count = shape.iter().product();
+    let samples = (0..count).map(|flat| {
+        let mut rest = flat;
+        let mut at = vec![0; shape.len()];
+        for (place, n) in at.iter_mut().zip(&shape).rev() {
+            *place = rest % n;
+            rest /= n;
+        }
+        value(flat, &at) as f32
+    });
+    let samples = samples.collect();
+    Tensor::new(axes, samples).unwrap()
+}
+
+fn direction(axis: &Axis, i: usize) -> Vector {
+    match axis {
+        Axis::Triangles(mesh) => mesh.centroid(i).xyz(),
+        _ => panic!("no directions"),
+    }
+}
+
+/// The half vector of two directions of a hemisphere.
+fn half(a: Vector, b: Vector) -> Vector {
+    let sum = [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
+    let length = dot(sum, sum).sqrt();
+    sum.map(|x| x / length)
+}
+
+/// A gloss lobe on a coloured ground; `stretch` along x.
+fn gloss(axes: &[Axis], at: &[usize], stretch: f64) -> f64 {
+    let (wi, wo) = (direction(&axes[0], at[0]), direction(&axes[1], at[1]));
+    let h = half(wi, wo);
+    let slope = (stretch * h[0] * h[0] + h[1] * h[1]) / (h[2] * h[2]);
+    let colour = at.get(2).map_or(1.0, |&k| 0.2 + 0.1 * k as f64 + 0.02 * (k * k) as f64);
+    0.3 * colour + 2.0 / ((1.0 + 6.0 * slope) * (1.0 + 6.0 * slope)) * (1.0 + 0.5 * (1.0 - dot(wi, h)))
+}
+
+fn golden(name: &'static str, quantity: Quantity, tensor: Tensor, target: Target) -> Golden {
+    let measurement = Measurement::new(quantity, quantity.default_unit(), Sampling::Average, tensor).unwrap();
+    let basis = "auto".to_owned();
+    let settings = Settings {
+        target,
+        policy: Policy::Rd,
+        basis,
+        floor: None,
+        albedo_error: None,
+        metadata: None,
+        random_access: false,
+    };
+    Golden { name, measurement, settings }
+}
+
+fn brdf_axes(count: usize) -> Vec<Axis> {
+    vec![mesh(Domain::Hemisphere, 1), mesh(Domain::Hemisphere, 2), wavelengths(count)]
+}
+
+fn all() -> Vec<Golden> {
+    vec![
+        luminaire(),
+        isotropic(),
+        anisotropic(),
+        zonal(),
+        elevations(),
+        hurt(),
+        fixed(),
+        patches(),
+        spectrometer(),
+        irregular(),
+        channels(),
+        octant(),
+        random(),
+        linear(),
+        signed(),
+        lossless(),
+        conventional(),
+    ]
+}
+
+/// Predicted, with the data's own spectral basis and symmetries: the file that `docs/container.md` explains byte by byte.
+fn luminaire() -> Golden {
+    let axes = vec![mesh(Domain::Lower, 1), wavelengths(4)];
+    let data = tensor(axes.clone(), |i, at| {
+        let down = -direction(&axes[0], at[0])[2];
+        let spectrum = [0.5, 1.0, 0.8, 0.3][at[1]];
+        (100.0 * down * down + 5.0) * (spectrum + 0.1 * down) * (1.0 + 0.002 * noise(i))
+    });
+    let mut golden = golden("luminaire", Quantity::Edf, data, Target::ErL2(0.02));
+    golden.measurement.unit = Unit::WattPerSteradianNanometre;
+    "klt".clone_into(&mut golden.settings.basis);
+    golden.settings.metadata = Some(r#"{"name":"downlight"}"#.to_owned());
+    golden
+}
+
+fn isotropic() -> Golden {
+    let axes = brdf_axes(9);
+    let data = tensor(axes.clone(), |i, at| gloss(&axes, at, 1.0) * (1.0 + 0.004 * noise(i)));
+    golden("isotropic", Quantity::Brdf, data, Target::ErL2(0.01))
+}
+
+fn anisotropic() -> Golden {
+    let axes = vec![mesh(Domain::Hemisphere, 2), mesh(Domain::Hemisphere, 2), wavelengths(2)];
+    let data = tensor(axes.clone(), |i, at| gloss(&axes, at, 0.15) * (1.0 + 0.004 * noise(i)));
+    golden("anisotropic", Quantity::Brdf, data, Target::ErL2(0.02))
+}
+
+/// Without a spectral axis.
+fn zonal() -> Golden {
+    let axes = vec![mesh(Domain::Sphere, 1), mesh(Domain::Sphere, 2)];
+    let data = tensor(axes.clone(), |i, at| {
+        let cosine = dot(direction(&axes[0], at[0]), direction(&axes[1], at[1]));
+        0.05 / ((1.3 - cosine) * (1.3 - cosine)) * (1.0 + 0.002 * noise(i))
+    });
+    golden("zonal", Quantity::Phase, data, Target::ErL2(0.02))
+}
+
+/// Incoming elevations and colours.
+fn elevations() -> Golden {
+    let degrees = vec![0.0, 10.0, 25.0, 40.0, 55.5, 70.0, 90.0];
+    let axes = vec![Axis::Elevation(degrees), mesh(Domain::Hemisphere, 2), Axis::Rgb];
+    let data = tensor(axes.clone(), |i, at| {
+        let wo = direction(&axes[1], at[1]);
+        let away = wo[0] + 0.15 * at[0] as f64;
+        (0.1 * (1 + at[2]) as f64 + 0.5 / (0.3 + away * away + wo[1] * wo[1])) * (1.0 + 0.004 * noise(i))
+    });
+    let mut golden = golden("elevations", Quantity::Brdf, data, Target::ErL1(0.02));
+    "klt".clone_into(&mut golden.settings.basis);
+    golden
+}
+
+/// Negative, zero and masked samples, dead triangles, and a bound on every sample.
+fn hurt() -> Golden {
+    let axes = brdf_axes(3);
+    let data = tensor(axes.clone(), |i, at| {
+        let value = gloss(&axes, at, 1.0) * (1.0 + 0.05 * noise(i));
+        match (at[1], i % 53) {
+            (0..=15 | 18 | 20..=22 | 33 | 35, _) => f64::NAN,
+            (_, 7) => -0.2 * value,
+            (_, 11 | 12) => 0.0,
+            _ => value,
+        }
+    });
+    let mut golden = golden("hurt", Quantity::Brdf, data, Target::MaxRelativeError(0.05));
+    "klt".clone_into(&mut golden.settings.basis);
+    golden
+}
+
+/// Fixed bases on all axes, and a floor.
+fn fixed() -> Golden {
+    let axes = brdf_axes(9);
+    let data = tensor(axes.clone(), |i, at| match at[1] {
+        40..=44 => f64::NAN,
+        _ if i % 53 == 30 => 1e-4 * (1.0 + noise(i)),
+        _ => gloss(&axes, at, 0.5) * (1.0 + 0.02 * noise(i)),
+    });
+    let mut golden = golden("fixed", Quantity::Brdf, data, Target::ErL2(0.02));
+    golden.settings.floor = Some(0.01);
+    "bior4.4".clone_into(&mut golden.settings.basis);
+    golden
+}
+
+/// The data's own spectral basis without triangles, wavelengths in a list, labels.
+fn patches() -> Golden {
+    let labels = vec!["white".to_owned(), "red".to_owned(), "green".to_owned(), "blue".to_owned()];
+    let list = vec![400.5, 420.0, 441.5, 460.0, 500.0, 550.0, 600.5, 650.0, 700.0];
+    let list = Axis::Wavelength(WavelengthGrid::listed(list).unwrap());
+    let data = tensor(vec![Axis::Index { count: 4, labels }, list], |i, at| {
+        let t = at[1] as f64 / 8.0;
+        let peak = at[0] as f64 / 4.0;
+        (0.1 + 0.6 / (1.0 + 8.0 * (t - peak) * (t - peak))) * (1.0 + 0.01 * noise(i))
+    });
+    let mut golden = golden("patches", Quantity::Reflectance, data, Target::ErL2(0.02));
+    "klt".clone_into(&mut golden.settings.basis);
+    golden.settings.metadata = Some("{}".to_owned());
+    golden
+}
+
+/// Wavelengths on a polynomial, in fixed bases.
+fn spectrometer() -> Golden {
+    let list = (0..70).map(|i| {
+        let i = f64::from(i);
+        f64::from((350.123 + 5.251 * i - 0.0031 * i * i) as f32)
+    });
+    let axis = Axis::Wavelength(WavelengthGrid::listed(list.collect()).unwrap());
+    let data = tensor(vec![axis], |i, at| (1.0 + 0.3 * at[0] as f64) * (1.0 + 0.01 * noise(i)));
+    let mut golden = golden("spectrometer", Quantity::Spectrum, data, Target::ErL2(0.01));
+    "bior4.4".clone_into(&mut golden.settings.basis);
+    golden
+}
+
+/// Wavelengths without a short form, in a basis of its own choice.
+fn irregular() -> Golden {
+    let list = (0..11).map(|i| 380.0 + 30.0 * f64::from(i) + noise(i as usize + 900)).collect();
+    let axis = Axis::Wavelength(WavelengthGrid::listed(list).unwrap());
+    let data = tensor(vec![axis], |i, at| (0.2 + 0.05 * at[0] as f64) * (1.0 + 0.01 * noise(i)));
+    let mut golden = golden("irregular", Quantity::Reflectance, data, Target::MaxAbsoluteError(0.01));
+    "bior2.2".clone_into(&mut golden.settings.basis);
+    golden
+}
+
+/// Colours, of single samples that are points.
+fn channels() -> Golden {
+    let axes = vec![Axis::Elevation(vec![0.0, 20.0, 40.0, 60.0]), mesh(Domain::Hemisphere, 1), Axis::Rgb];
+    let data = tensor(axes.clone(), |i, at| {
+        let wo = direction(&axes[1], at[1]);
+        (0.1 * (1 + at[2]) as f64 + (1.0 + wo[0]) * (at[0] + 1) as f64) * (1.0 + 0.02 * noise(i))
+    });
+    let mut golden = golden("channels", Quantity::Brdf, data, Target::ErL2(0.02));
+    golden.measurement.sampling = Sampling::Point;
+    "haar".clone_into(&mut golden.settings.basis);
+    golden
+}
+
+/// Light in one octant of the sphere alone.
+fn octant() -> Golden {
+    let axes = vec![mesh(Domain::Sphere, 2), wavelengths(5)];
+    let data = tensor(axes.clone(), |i, at| match at[0] / 16 {
+        5 => (2.0 + direction(&axes[0], at[0])[0]) * (1.0 + 0.2 * at[1] as f64) * (1.0 + 0.01 * noise(i)),
+        _ => 0.0,
+    });
+    let mut golden = golden("octant", Quantity::Edf, data, Target::ErL2(0.02));
+    "bior4.4".clone_into(&mut golden.settings.basis);
+    golden
+}
+
+/// Every block by itself, and the light of each block within a bound.
+fn random() -> Golden {
+    let axes = brdf_axes(3);
+    let data = tensor(axes.clone(), |i, at| match at[1] {
+        40..=44 | 48 => f64::NAN,
+        k => {
+            let [x, y, _] = direction(&axes[1], k);
+            gloss(&axes, at, 0.3) * (1.3 + 0.6 * x + 0.3 * y) * (1.0 + 0.02 * noise(i))
+        }
+    });
+    let mut golden = golden("random", Quantity::Brdf, data, Target::ErL2(0.03));
+    golden.settings.random_access = true;
+    golden.settings.albedo_error = Some(0.003);
+    golden
+}
+
+/// Samples instead of logarithms, none of them negative.
+fn linear() -> Golden {
+    let axes = vec![mesh(Domain::Hemisphere, 2), wavelengths(6)];
+    let data = tensor(axes.clone(), |i, at| {
+        let z = direction(&axes[0], at[0])[2];
+        let value = z * z * z * (1.0 + 0.3 * at[1] as f64) * (1.0 + 0.02 * noise(i));
+        if z < 0.3 { 0.02 * (1.0 + noise(i)) } else { value }
+    });
+    let mut golden = golden("linear", Quantity::Edf, data, Target::MaxAbsoluteError(0.05));
+    "klt".clone_into(&mut golden.settings.basis);
+    golden
+}
+
+/// Samples instead of logarithms, of either sign.
+fn signed() -> Golden {
+    let axes = vec![mesh(Domain::Sphere, 1), mesh(Domain::Sphere, 1)];
+    let data = tensor(axes.clone(), |i, at| {
+        let cosine = dot(direction(&axes[0], at[0]), direction(&axes[1], at[1]));
+        0.05 + 0.1 * cosine + 0.01 * noise(i)
+    });
+    golden("signed", Quantity::Phase, data, Target::RelativeRmse(0.05))
+}
+
+fn lossless() -> Golden {
+    let axes = vec![mesh(Domain::Hemisphere, 1), wavelengths(7)];
+    let data = tensor(axes.clone(), |i, at| match i {
+        20..=30 => f64::NAN,
+        50 => -0.0,
+        51 => -3.25,
+        52 => f64::from(f32::MIN_POSITIVE) / 4.0,
+        _ => direction(&axes[0], at[0])[2] * (1.0 + 0.1 * at[1] as f64) * (1.0 + 0.01 * noise(i)),
+    });
+    golden("lossless", Quantity::Edf, data, Target::Lossless)
+}
+
+/// The paper's policy.
+fn conventional() -> Golden {
+    let axes = brdf_axes(9);
+    let data = tensor(axes.clone(), |i, at| match i {
+        100..=140 => f64::NAN,
+        _ => gloss(&axes, at, 0.5) * (1.0 + 0.02 * noise(i)),
+    });
+    let mut golden = golden("conventional", Quantity::Brdf, data, Target::ErL2(0.05));
+    golden.settings.policy = Policy::Conventional;
+    "bior4.4".clone_into(&mut golden.settings.basis);
+    golden
+}
+
+fn path(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../tests/container/golden").join(name)
+}
+
+/// Compares with the file of this name, or writes it.
+fn same(name: &str, bytes: &[u8]) {
+    let path = path(name);
+    if std::env::var_os("WAVELUME_REMAKE_GOLDEN").is_some() {
+        fs::write(path, bytes).unwrap();
+        return;
+    }
+    let stored = fs::read(path).unwrap();
+    let differs = stored.iter().zip(bytes).position(|(a, b)| a != b);
+    assert!(stored == bytes, "{name}: {} bytes, stored {}, first difference {differs:?}", bytes.len(), stored.len());
+}
+
+/// Every NaN the same: its payload is none of a file's.
+fn bytes_of(samples: &[f32]) -> Vec<u8> {
+    samples.iter().flat_map(|&s| if s.is_nan() { f32::NAN } else { s }.to_le_bytes()).collect()
+}
+
+#[test]
+fn golden_files_are_made_and_decoded_to_the_last_bit() {
+    for Golden { name, measurement, settings } in all() {
+        let compressed = compress(&measurement, &settings, &Silent).unwrap();
+        same(&format!("{name}.wlm"), &compressed.bytes);
+        let stored = fs::read(path(&format!("{name}.wlm"))).unwrap();
+        let decoded = decode(&stored).unwrap();
+        same(&format!("{name}.f32"), &bytes_of(decoded.measurement.tensor.samples()));
+        if settings.random_access {
+            let samples = decoded.measurement.tensor.samples();
+            let count = measurement.tensor.axes()[0].len();
+            for (k, own) in samples.chunks_exact(samples.len() / count).enumerate() {
+                let block = decode_block(&stored, k).unwrap();
+                assert_eq!(bytes_of(block.tensor.samples()), bytes_of(own), "{name}: block {k}");
+            }
+        }
+        let all_levels = levels(&stored).unwrap();
+        if all_levels.len() > 1 {
+            // The first bytes alone are enough for the level.
+            let prefix = &stored[..all_levels[0].bytes as usize];
+            let coarse = decode_level(prefix, 0).unwrap();
+            same(&format!("{name}.level0.f32"), &bytes_of(coarse.measurement.tensor.samples()));
+        }
+    }
+}
+
+#[test]
+fn the_document_shows_the_bytes_of_the_file_it_explains() {
+    let document = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../docs/container.md");
+    let document = fs::read_to_string(document).unwrap();
+    let (_, dump) = document.split_once("<!-- dump -->\n```text\n").unwrap();
+    let (dump, _) = dump.split_once("\n```").unwrap();
+    let mut shown = Vec::new();
+    for line in dump.lines() {
+        // Offset, two spaces, 16 bytes in hexadecimal, two spaces, text.
+        assert_eq!(usize::from_str_radix(&line[..4], 16), Ok(shown.len()), "{line}");
+        let bytes = line[6..line.len().min(53)].split_whitespace();
+        shown.extend(bytes.map(|byte| u8::from_str_radix(byte, 16).unwrap()));
+    }
+    assert_eq!(shown, fs::read(path("luminaire.wlm")).unwrap());
+}

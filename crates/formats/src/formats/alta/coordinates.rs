@@ -1,0 +1,121 @@
+//! Coordinates of ALTA that fix a pair of directions, and these directions (`params::to_cartesian` of ALTA).
+
+use crate::domain::Direction;
+use crate::domain::vector::{Vector, dot, norm, scale, sub};
+use crate::formats::merl::{about_y, about_z};
+use std::f64::consts::TAU;
+
+/// Coordinates of a row at most.
+pub(super) const MOST: usize = 6;
+/// Largest size of an angle in radians; more are degrees.
+const LARGEST_ANGLE: f64 = TAU + 1e-6;
+/// Largest distance of the length of a vector from 1: files have 3 digits at least.
+const UNIT_LENGTH: f64 = 5e-3;
+
+/// What the first numbers of a row are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Coordinates {
+    /// Half and difference angles `theta_h, phi_h, theta_d, phi_d`.
+    HalfAngles,
+    /// The same of an isotropic sample: `theta_h, theta_d, phi_d`.
+    IsotropicHalfAngles,
+    /// `theta_l, phi_l, theta_v, phi_v` of the directions to the light and to the viewer.
+    Spherical,
+    /// `theta_v, theta_l` and the azimuth of the light from that of the viewer.
+    Isotropic,
+    /// `theta_l`, then `theta_v cos(phi), theta_v sin(phi)` with the azimuth of the viewer from that of the light.
+    Projected,
+    /// The unit vectors to the viewer and to the light.
+    Cartesian,
+}
+
+/// The directions to the light and to the viewer.
+pub(super) struct Pair {
+    pub(super) light: Direction,
+    pub(super) view: Direction,
+}
+
+impl Coordinates {
+    const ALL: [(Self, &'static str, usize); 6] = [
+        (Self::HalfAngles, "RUSIN_TH_PH_TD_PD", 4),
+        (Self::IsotropicHalfAngles, "RUSIN_TH_TD_PD", 3),
+        (Self::Spherical, "SPHERICAL_TL_PL_TV_PV", 4),
+        (Self::Isotropic, "ISOTROPIC_TV_TL_DPHI", 3),
+        (Self::Projected, "ISOTROPIC_TL_TV_PROJ_DPHI", 3),
+        (Self::Cartesian, "CARTESIAN", 6),
+    ];
+
+    fn entry(self) -> (&'static str, usize) {
+        Self::ALL.iter().find(|(known, ..)| *known == self).map_or(("", 0), |&(_, name, dimensions)| (name, dimensions))
+    }
+
+    pub(super) fn of_name(name: &str) -> Option<Self> {
+        Self::ALL.iter().find(|(_, known, _)| *known == name).map(|&(found, ..)| found)
+    }
+
+    /// ALTA's name.
+    pub(super) fn name(self) -> &'static str {
+        self.entry().0
+    }
+
+    /// The names of all, for messages.
+    pub(super) fn names() -> String {
+        Self::ALL.map(|(_, name, _)| name).join(", ")
+    }
+
+    /// How many numbers they are.
+    pub(super) fn dimensions(self) -> usize {
+        self.entry().1
+    }
+
+    /// Returns true where only the difference of the azimuths is known.
+    pub(super) fn is_isotropic(self) -> bool {
+        matches!(self, Self::IsotropicHalfAngles | Self::Isotropic | Self::Projected)
+    }
+
+    /// What the numbers should be, for messages.
+    pub(super) fn expected(self) -> &'static str {
+        match self {
+            Self::Cartesian => "two unit vectors",
+            _ => "angles in radians",
+        }
+    }
+
+    /// The directions that `x` stands for; `None` where the numbers are not such coordinates.
+    pub(super) fn directions(self, x: &[f64]) -> Option<Pair> {
+        let spherical = |theta: f64, phi: f64| Direction::from_radians(theta, phi);
+        let pair = |light: Direction, view: Direction| Some(Pair { light, view });
+        if self != Self::Cartesian && !x.iter().all(|angle| angle.abs() <= LARGEST_ANGLE) {
+            return None;
+        }
+        match (self, x) {
+            (Self::HalfAngles, &[theta_h, phi_h, theta_d, phi_d]) => Some(half_angles(theta_h, phi_h, theta_d, phi_d)),
+            (Self::IsotropicHalfAngles, &[theta_h, theta_d, phi_d]) => Some(half_angles(theta_h, 0.0, theta_d, phi_d)),
+            (Self::Spherical, &[theta_l, phi_l, theta_v, phi_v]) => {
+                pair(spherical(theta_l, phi_l), spherical(theta_v, phi_v))
+            }
+            (Self::Isotropic, &[theta_v, theta_l, phi]) => pair(spherical(theta_l, phi), spherical(theta_v, 0.0)),
+            (Self::Projected, &[theta_l, x, y]) => {
+                pair(spherical(theta_l, 0.0), spherical(libm::hypot(x, y), libm::atan2(y, x)))
+            }
+            (Self::Cartesian, &[vx, vy, vz, lx, ly, lz]) => pair(unit([lx, ly, lz])?, unit([vx, vy, vz])?),
+            _ => None,
+        }
+    }
+}
+
+/// The direction of a vector whose length is 1 within the digits of a file.
+fn unit(vector: Vector) -> Option<Direction> {
+    let length = norm(vector);
+    ((length - 1.0).abs() <= UNIT_LENGTH).then(|| Direction::from_unit(scale(vector, 1.0 / length)))
+}
+
+/// The view is the difference direction turned with the half vector away from the normal, the light its mirror image
+/// about the half vector.
+fn half_angles(theta_h: f64, phi_h: f64, theta_d: f64, phi_d: f64) -> Pair {
+    let turned = |direction: Direction| about_z(about_y(direction.xyz(), theta_h), phi_h);
+    let half = Direction::from_radians(theta_h, phi_h).xyz();
+    let view = turned(Direction::from_radians(theta_d, phi_d));
+    let light = sub(scale(half, 2.0 * dot(view, half)), view);
+    Pair { light: Direction::from_unit(light), view: Direction::from_unit(view) }
+}

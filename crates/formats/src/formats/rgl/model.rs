@@ -1,0 +1,173 @@
+//! The function that a file of this format is: f(wi, wo, channel) by its own warps and interpolation.
+//!
+//! Dupuy & Jakob 2018, section 4; the conventions of Mitsuba 3 (`measured`), whose `eval` is this times the cosine of `wo`.
+
+use super::super::acquisition::DirectionalFunction;
+use super::warp::{Map, Warp, azimuth_to_unit, between, cell, elevation_to_unit, unit_to_azimuth, unit_to_elevation};
+use crate::domain::Direction;
+use crate::domain::vector::{Vector, add, dot, norm, scale, sub, unit};
+use std::f64::consts::PI;
+
+/// The symmetry of an anisotropic sample: how often the stored incident azimuths are repeated in a turn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Reduction {
+    /// A full turn is stored.
+    None,
+    /// Half a turn is stored, −180° to 0°: the sample looks the same turned by 180°.
+    Half,
+    /// A quarter is stored, −180° to −90°: the sample is its own mirror image along both axes.
+    Quarter,
+}
+
+/// The contents of a file, ready for evaluation.
+#[derive(Debug)]
+pub(super) struct Model {
+    /// Incident azimuths and elevations of the slices, radians, increasing.
+    pub(super) phi: Vec<f64>,
+    pub(super) theta: Vec<f64>,
+    /// Whether microfacet azimuths are relative to the incident one.
+    pub(super) isotropic: bool,
+    pub(super) reduction: Reduction,
+    /// D and σ, where the values are to be multiplied by D / 4σ.
+    pub(super) microfacets: Option<(Map, Map)>,
+    /// The density of visible normals, one slice for each `[phi, theta]`.
+    pub(super) visible: Warp,
+    /// Nodes along a side of the square of values.
+    pub(super) side: usize,
+    pub(super) channels: usize,
+    /// `[phi, theta, row, column, channel]`; NaN = missing.
+    pub(super) values: Vec<f32>,
+    /// How many are missing.
+    pub(super) missing: usize,
+}
+
+/// The slices around an incident direction with their weights; those of weight 0 left out.
+struct Slices {
+    entries: [(usize, f64); 4],
+    count: usize,
+}
+
+impl DirectionalFunction for Model {
+    /// f in sr⁻¹, without the cosine. 0 where a direction lies below the surface or `wo` in it; `wi` in it is the limit
+    /// from above.
+    fn evaluate(&self, wi: Direction, wo: Direction, values: &mut [f64]) {
+        debug_assert_eq!(values.len(), self.channels, "one value a channel");
+        let (wi, wo) = self.reduced(wi.xyz(), wo.xyz());
+        if wi[2] < 0.0 || wo[2] <= 0.0 {
+            values.fill(0.0);
+            return;
+        }
+        let (theta_i, phi_i) = angles(wi);
+        let (theta_m, phi_m) = angles(unit(add(wi, wo)));
+        let turned = azimuth_to_unit(if self.isotropic { phi_m - phi_i } else { phi_m });
+        let u_m = [elevation_to_unit(theta_m), turned - libm::floor(turned)];
+        let slices = self.slices(phi_i, theta_i);
+        let Some(place) = self.visible.invert(slices.get(), u_m) else {
+            values.fill(f64::NAN);
+            return;
+        };
+        self.interpolate(&slices, place, values);
+        let factor = self.microfacets.as_ref().map_or(1.0, |(normals, area)| {
+            let u_i = [elevation_to_unit(theta_i), azimuth_to_unit(phi_i)];
+            normals.at(u_m) / (4.0 * area.at(u_i))
+        });
+        // D or σ of 0 say nothing about the surface there.
+        let factor = if factor.is_finite() { factor / wo[2] } else { f64::NAN };
+        for value in values {
+            *value *= factor;
+        }
+    }
+}
+
+impl Model {
+    /// The mean distance in degrees between the outgoing directions of neighbouring nodes of the values: the geometric mean
+    /// over up to 16 × 16 places in up to 64 slices, which lie densest where the lobe is.
+    pub(super) fn spacing(&self) -> Option<f64> {
+        const SLICES: usize = 64;
+        const PLACES: usize = 16;
+        let slices = self.phi.len() * self.theta.len();
+        let side = (self.side - 1).min(PLACES);
+        let (mut sum, mut count) = (0.0, 0_usize);
+        for slice in (0..slices).step_by(slices.div_ceil(SLICES)) {
+            let (phi_i, theta_i) = (self.phi[slice / self.theta.len()], self.theta[slice % self.theta.len()]);
+            let wi = Direction::from_radians(theta_i, phi_i).xyz();
+            for node in 0..side * side {
+                let middle = |i: usize| (i as f64 + 0.5) / side as f64;
+                let (u, density) = self.visible.warp(&[(slice, 1.0)], [middle(node % side), middle(node / side)]);
+                let theta_m = unit_to_elevation(u[0]);
+                let phi_m = unit_to_azimuth(u[1]) + if self.isotropic { phi_i } else { 0.0 };
+                let m = Direction::from_radians(theta_m, phi_m).xyz();
+                let cosine = dot(wi, m);
+                let wo = sub(scale(m, 2.0 * cosine), wi);
+                // dωo = 4 (wi · m) dωm, dωm = 2π² u sin θm du dv, du dv = ds / density.
+                let solid_angle = 8.0 * PI * PI * u[0] * libm::sin(theta_m) * cosine / density;
+                if wo[2] > 0.0 && solid_angle > 0.0 && solid_angle.is_finite() {
+                    sum += 0.5 * libm::log(solid_angle);
+                    count += 1;
+                }
+            }
+        }
+        (count > 0).then(|| (libm::exp(sum / count as f64) / (self.side - 1) as f64).to_degrees())
+    }
+
+    /// The directions with `wi` in the azimuths that are stored.
+    fn reduced(&self, mut wi: Vector, mut wo: Vector) -> (Vector, Vector) {
+        let (x, y) = match self.reduction {
+            Reduction::None => return (wi, wo),
+            Reduction::Half => (wi[1] >= 0.0, wi[1] >= 0.0),
+            Reduction::Quarter => (wi[0] >= 0.0, wi[1] >= 0.0),
+        };
+        for (k, mirrored) in [x, y].into_iter().enumerate() {
+            if mirrored {
+                wi[k] = -wi[k];
+                wo[k] = -wo[k];
+            }
+        }
+        (wi, wo)
+    }
+
+    fn slices(&self, phi_i: f64, theta_i: f64) -> Slices {
+        let mut slices = Slices { entries: [(0, 0.0); 4], count: 0 };
+        for (p, phi_weight) in between(&self.phi, phi_i) {
+            for (t, theta_weight) in between(&self.theta, theta_i) {
+                let weight = phi_weight * theta_weight;
+                if weight > 0.0 {
+                    slices.entries[slices.count] = (p * self.theta.len() + t, weight);
+                    slices.count += 1;
+                }
+            }
+        }
+        slices
+    }
+
+    /// The values at a place of the unit square, bilinear in it and linear between slices.
+    fn interpolate(&self, slices: &Slices, [x, y]: [f64; 2], sums: &mut [f64]) {
+        let ((i, a), (j, b)) = (cell(x, self.side), cell(y, self.side));
+        sums.fill(0.0);
+        for &(slice, slice_weight) in slices.get() {
+            for (row, row_weight) in [(j, 1.0 - b), (j + 1, b)] {
+                for (column, column_weight) in [(i, 1.0 - a), (i + 1, a)] {
+                    let weight = slice_weight * row_weight * column_weight;
+                    if weight == 0.0 {
+                        continue;
+                    }
+                    let node = (slice * self.side + row) * self.side + column;
+                    let values = &self.values[node * self.channels..][..self.channels];
+                    sums.iter_mut().zip(values).for_each(|(sum, &value)| *sum += weight * f64::from(value));
+                }
+            }
+        }
+    }
+}
+
+impl Slices {
+    fn get(&self) -> &[(usize, f64)] {
+        &self.entries[..self.count]
+    }
+}
+
+/// Elevation, precise near the normal, and azimuth −π..=π, in radians.
+fn angles(d: Vector) -> (f64, f64) {
+    let chord = norm(sub(d, [0.0, 0.0, 1.0]));
+    (2.0 * libm::asin((0.5 * chord).min(1.0)), libm::atan2(d[1], d[0]))
+}

@@ -1,0 +1,301 @@
+//! Averages over triangles of the local fits within them, and what every cell stands on.
+
+use super::cloud::Cloud;
+use super::fit::{Fitter, Place, Support};
+use super::nearby::Nearby;
+use super::rows::{Kind, PARTS, Rows};
+use super::tree::{Found, distance, nearness};
+use crate::domain::vector::Vector;
+use crate::domain::{TriangleMesh, Vertices, centroid, child, solid_angle};
+use crate::projection::resampling::Channels;
+use rayon::prelude::*;
+
+/// Triangles that one task works through, and that look for their samples together.
+const BLOCK: usize = 16;
+/// The distance to the nearest sample in a hole that is filled, in parts of that to the farthest that counts.
+const DEEPEST: f64 = 0.75;
+/// How far values are continued beyond the outermost samples, in distances of these to their fourth neighbours.
+const BEYOND: f64 = 2.0;
+const NEIGHBOURS: usize = 5;
+/// Samples that would lie within the distance to the nearest one if they lay as densely as around: more are a hole.
+const HOLE: f32 = 5.0;
+/// A hole is so many times emptier than most places between samples are.
+const EMPTIER: f32 = 6.0;
+
+/// What a cell stands on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Standing {
+    /// A sample lies inside.
+    Measured,
+    /// It lies between samples.
+    Interpolated,
+    /// In a hole, or beyond the outermost samples: continued from those around.
+    Filled,
+    /// Too far from any.
+    Empty,
+}
+
+/// Cells before it is known how empty places between samples are.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Draft {
+    has_sample: bool,
+    valid: bool,
+    surrounded: bool,
+    /// How many samples are missing within the distance to the nearest.
+    emptiness: f32,
+}
+
+impl Draft {
+    const NOTHING: Self = Self { has_sample: false, valid: false, surrounded: false, emptiness: 0.0 };
+}
+
+/// What is fitted onto triangles.
+#[derive(Clone, Copy)]
+pub(super) struct Fitted<'a> {
+    pub(super) rows: &'a Rows<'a>,
+    pub(super) cloud: &'a Cloud,
+    pub(super) neighbours: usize,
+    /// The variance of a value about the fit in parts of that of its row's light.
+    pub(super) noise: f64,
+    /// How far the nearest incoming direction may be, as a chord.
+    pub(super) incoming_reach: f64,
+    /// Whether the two sides of the horizon have nothing to do with each other.
+    pub(super) sides_apart: bool,
+}
+
+/// Which fits make up a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Parts {
+    /// One in each part, so often split in four.
+    Divided(u32),
+    /// That in the middle of four cells, where it is good enough.
+    Shared,
+}
+
+/// Scratch of one task.
+#[derive(Default)]
+pub(super) struct Scratch {
+    pub(super) fitter: Fitter,
+    pub(super) found: Vec<Found>,
+    around: Vec<Found>,
+    nearby: Nearby,
+    /// What the fit stands on that serves the triangle in the middle of four, if the others may take it, too.
+    middle: Option<Support>,
+    /// What the last fit stands on, if others may take it.
+    last: Option<Support>,
+    missing: Vec<bool>,
+    pub(super) row: Vec<f32>,
+    sums: Vec<f64>,
+    areas: Vec<f64>,
+}
+
+impl Fitted<'_> {
+    /// Writes the averages under `wi` over all triangles of `mesh` into `out`, `[triangle, channel]`, NaN where there is
+    /// nothing or where `wanted` has none; it says whether a sample lies inside. `parts` says where fits are.
+    pub(super) fn cells(
+        &self,
+        wi: Vector,
+        mesh: TriangleMesh,
+        parts: Parts,
+        channels: &Channels,
+        wanted: &(impl Fn(usize) -> Option<bool> + Sync),
+        out: &mut [f32],
+    ) -> Vec<Draft> {
+        let width = channels.to();
+        let vertices = mesh.all_vertices();
+        let drafts: Vec<Vec<Draft>> = out
+            .par_chunks_mut(BLOCK * width)
+            .zip(vertices.par_chunks(BLOCK))
+            .enumerate()
+            .map_init(Scratch::default, |scratch, (block, (out, vertices))| {
+                let wanted = |i: usize| wanted(block * BLOCK + i);
+                if (0..vertices.len()).all(|i| wanted(i).is_none()) {
+                    out.fill(f32::NAN);
+                    return vec![Draft::NOTHING; vertices.len()];
+                }
+                let wanted_side = self.wanted(vertices[0][0]);
+                scratch.nearby.gather((self.cloud, self.neighbours), wi, vertices, wanted_side);
+                let mut drafts = vec![Draft::NOTHING; vertices.len()];
+                for (i, four) in vertices.chunks(4).enumerate() {
+                    (scratch.middle, scratch.last) = (None, None);
+                    // The middle one first: the others may take its fit.
+                    for i in [3, 0, 1, 2].into_iter().filter(|&c| c < four.len()).map(|c| 4 * i + c) {
+                        let out = &mut out[i * width..][..width];
+                        let Some(has_sample) = wanted(i) else {
+                            out.fill(f32::NAN);
+                            continue;
+                        };
+                        let draft = Draft { has_sample, valid: false, surrounded: true, emptiness: 0.0 };
+                        drafts[i] = self.cell((wi, vertices[i], parts), channels, draft, out, scratch);
+                        if i % 4 == 3 {
+                            scratch.middle = scratch.last;
+                        }
+                    }
+                }
+                drafts
+            })
+            .collect();
+        drafts.into_iter().flatten().collect()
+    }
+
+    /// Whether a point may be counted on the side of the horizon where `wo` is.
+    fn wanted(&self, wo: Vector) -> impl Fn(u32) -> bool {
+        let side = if self.sides_apart { wo[2].signum() } else { 0.0 };
+        move |point| side == 0.0 || self.cloud.wo[point as usize][2] * side >= 0.0
+    }
+
+    fn cell(
+        &self,
+        (wi, vertices, parts): (Vector, Vertices, Parts),
+        channels: &Channels,
+        mut draft: Draft,
+        out: &mut [f32],
+        scratch: &mut Scratch,
+    ) -> Draft {
+        let width = self.rows.width;
+        scratch.row.resize(width, 0.0);
+        scratch.sums.clear();
+        scratch.sums.resize(width, 0.0);
+        scratch.areas.clear();
+        scratch.areas.resize(width, 0.0);
+        match parts {
+            Parts::Divided(times) => self.part(wi, vertices, times, scratch, &mut draft),
+            Parts::Shared => self.shared(wi, vertices, scratch, &mut draft),
+        }
+        let Scratch { sums, areas, .. } = scratch;
+        // Without any area 0 / 0: masked.
+        sums.iter_mut().zip(&*areas).for_each(|(sum, area)| *sum /= area);
+        channels.write(sums, out);
+        draft
+    }
+
+    /// The fit in the middle one of four triangles for all of them where it is good enough, else one for each.
+    fn shared(&self, wi: Vector, vertices: Vertices, scratch: &mut Scratch, draft: &mut Draft) {
+        let Some(mut support) = scratch.middle.take() else {
+            return self.part(wi, vertices, 0, scratch, draft);
+        };
+        let children: [Vertices; PARTS] = std::array::from_fn(|c| child(vertices, c));
+        let parts = children.map(|vertices| centroid(vertices).xyz());
+        let Some(variance) = scratch.fitter.elsewhere(parts, support.degree) else {
+            return self.part(wi, vertices, 0, scratch, draft);
+        };
+        scratch.middle = Some(support);
+        support.variance = variance;
+        if !draft.has_sample {
+            let key = self.cloud.key(wi, centroid(vertices).xyz());
+            let near = |found: &Found| (distance(&key, &self.cloud.place(found.1)), found.1);
+            if let Some(nearest) = scratch.found.iter().map(near).min_by_key(nearness) {
+                (support.nearest, support.nearest_point) = (nearest.0.sqrt(), nearest.1);
+            }
+        }
+        let shares = children.map(|vertices| solid_angle(vertices) as f32);
+        self.evaluate(shares, scratch);
+        self.add(&support, vertices, scratch, draft);
+    }
+
+    fn part(&self, wi: Vector, vertices: Vertices, divisions: u32, scratch: &mut Scratch, draft: &mut Draft) {
+        if divisions > 0 {
+            for c in 0..4 {
+                self.part(wi, child(vertices, c), divisions - 1, scratch, draft);
+            }
+            return;
+        }
+        let wo = centroid(vertices).xyz();
+        let children: [Vertices; PARTS] = std::array::from_fn(|c| child(vertices, c));
+        let place = Place { wi, wo, parts: children.map(|vertices| centroid(vertices).xyz()) };
+        let key = self.cloud.key(wi, wo);
+        scratch.nearby.select((self.cloud, self.neighbours), &key, self.wanted(wo), &mut scratch.found);
+        let shares = children.map(|vertices| solid_angle(vertices) as f32);
+        let Some(support) = self.value(&place, shares, scratch) else { return };
+        let whole = support.surrounded && scratch.missing.is_empty();
+        scratch.last = whole.then_some(support);
+        self.add(&support, vertices, scratch, draft);
+    }
+
+    /// Adds the value of a part of a cell, unless it says nothing there.
+    fn add(&self, support: &Support, vertices: Vertices, scratch: &mut Scratch, draft: &mut Draft) {
+        let emptiness = emptiness(support);
+        draft.emptiness = draft.emptiness.max(emptiness);
+        draft.surrounded &= support.surrounded;
+        if !draft.has_sample && !self.is_near(support, scratch) {
+            return;
+        }
+        draft.valid = true;
+        let area = solid_angle(vertices);
+        for ((sum, total), &value) in scratch.sums.iter_mut().zip(&mut scratch.areas).zip(&scratch.row) {
+            if !value.is_nan() {
+                *sum += area * f64::from(value);
+                *total += area;
+            }
+        }
+    }
+
+    /// The value at `place` from the samples `scratch.found`, in `scratch.row`.
+    pub(super) fn value(&self, place: &Place, shares: [f32; PARTS], scratch: &mut Scratch) -> Option<Support> {
+        let Scratch { fitter, found, .. } = scratch;
+        let support = fitter.fit(self.cloud, self.rows, place, found, self.noise)?;
+        self.evaluate(shares, scratch);
+        Some(support)
+    }
+
+    /// The value of the fit in `scratch.row`.
+    fn evaluate(&self, shares: [f32; PARTS], scratch: &mut Scratch) {
+        let Scratch { fitter, missing, row, .. } = scratch;
+        missing.clear();
+        if let ([value], true) = (&mut row[..], fitter.logarithms) {
+            *value = self.rows.mean_of(fitter.gathered[0], fitter.lights(), shares);
+            return;
+        }
+        let is_partial = |&row: &u32| self.rows.kinds[row as usize] == Kind::Partial;
+        if fitter.logarithms || !fitter.gathered.iter().any(is_partial) {
+            fitter.weigh();
+            self.rows.combine(&fitter.rows, &fitter.weights, shares, row);
+            return;
+        }
+        let mut any = false;
+        for (band, value) in row.iter_mut().enumerate() {
+            let is_missing = |&row: &u32| self.rows.row(row)[band].is_nan();
+            if missing.is_empty() || !fitter.gathered.iter().map(is_missing).eq(missing.iter().copied()) {
+                missing.clear();
+                missing.extend(fitter.gathered.iter().map(is_missing));
+                any = fitter.without(missing);
+            }
+            *value = if any { self.rows.combine_band(band, &fitter.rows, &fitter.weights, shares) } else { f32::NAN };
+        }
+    }
+
+    /// Whether the samples say anything of a place so far from them.
+    fn is_near(&self, support: &Support, scratch: &mut Scratch) -> bool {
+        if support.nearest_incoming > self.incoming_reach || support.variance.is_nan() {
+            return false;
+        }
+        if support.surrounded {
+            return support.nearest <= DEEPEST * support.reach;
+        }
+        let key = self.cloud.place(support.nearest_point);
+        self.cloud.nearest(&key, NEIGHBOURS, |_| true, &mut scratch.around);
+        let spacing = scratch.around.first().map_or(0.0, |farthest| farthest.0.sqrt());
+        support.nearest <= BEYOND * spacing
+    }
+}
+
+/// How many samples would lie within the distance to the nearest one, as densely as the others lie.
+fn emptiness(support: &Support) -> f32 {
+    let (empty, full) = (support.nearest * support.nearest, support.reach * support.reach);
+    if full > empty { (support.count as f64 * empty / (full - empty)) as f32 } else { f32::MAX }
+}
+
+/// What each cell stands on.
+pub(super) fn standings(drafts: &[Draft]) -> Vec<Standing> {
+    let mut between: Vec<f32> = drafts.iter().filter(|d| d.valid && d.surrounded).map(|d| d.emptiness).collect();
+    let middle = between.len() / 2;
+    let usual = if between.is_empty() { 0.0 } else { *between.select_nth_unstable_by(middle, f32::total_cmp).1 };
+    let hole = HOLE.max(EMPTIER * usual);
+    let standing = |draft: &Draft| match draft {
+        Draft { valid: false, .. } => Standing::Empty,
+        Draft { has_sample: true, .. } => Standing::Measured,
+        Draft { surrounded: true, emptiness, .. } if *emptiness <= hole => Standing::Interpolated,
+        _ => Standing::Filled,
+    };
+    drafts.iter().map(standing).collect()
+}

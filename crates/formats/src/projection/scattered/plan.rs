@@ -1,0 +1,388 @@
+//! What is fitted where: clouds of samples, the entries of the incoming axis, levels and neighbours.
+
+use super::cells::{Fitted, Parts};
+use super::cloud::{self, Cloud, Incoming, one_azimuth};
+use super::extent::{Joint, incoming_domain, is_one_sided, outgoing_domain, spacing};
+use super::rows::{Kind, Rows};
+use super::trials;
+use crate::domain::vector::Vector;
+use crate::domain::{Axis, Direction, Domain, Quantity};
+use crate::formats::Scattered;
+use crate::projection::averages::OCTANT_DEGREES;
+use crate::projection::grid::MAX_CHOSEN_SAMPLES;
+use crate::projection::levels::{self, Choice, rounded};
+use crate::projection::{AxesRequest, ProjectionError, on_axes};
+use rayon::prelude::*;
+
+/// The finest level that is chosen to represent what was measured.
+const FINEST: u8 = 6;
+/// Bands that choices are made on, at most.
+const BANDS: usize = 8;
+/// How far apart neighbouring incoming directions lie in parts of neighbouring outgoing ones, as neighbours are counted.
+const JOINT_STRETCH: f64 = 1.5;
+/// How far the nearest measured incoming direction may be, in distances between them.
+const JOINT_REACH: f64 = 1.5;
+/// Parts of a cell are at most this large, in parts of the reach of a fit.
+const PART: f64 = 0.7;
+
+/// An entry of the incoming axis: its direction, and the cloud that serves it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Entry {
+    pub(super) wi: Vector,
+    pub(super) cloud: usize,
+}
+
+/// Which samples lie where.
+#[derive(Clone, Debug)]
+pub(super) struct Located {
+    /// The cell `[entry, triangle]` of each row, if it counts and lies in one.
+    pub(super) cells: Vec<Option<usize>>,
+    /// Whether each cell holds one, or a mirror image.
+    pub(super) has_sample: Vec<bool>,
+    /// The rows under each entry.
+    pub(super) rows: Vec<Vec<u32>>,
+}
+
+/// Everything that was chosen.
+pub(super) struct Plan {
+    pub(super) isotropic: bool,
+    /// Whether mirror images stand for a half that was not measured.
+    pub(super) unfolded: bool,
+    pub(super) directions: Vec<(Vector, Vector)>,
+    pub(super) clouds: Vec<Cloud>,
+    pub(super) entries: Vec<Entry>,
+    /// The elevations of the entries.
+    pub(super) elevations: Vec<f64>,
+    incoming: Option<Choice>,
+    pub(super) outgoing: Choice,
+    pub(super) parts: Parts,
+    pub(super) neighbours: usize,
+    /// How much of the variance of a value is its own, not that of its row.
+    own_noise: f64,
+    incoming_reach: f64,
+    sides_apart: bool,
+    /// A few bands of all rows, if there are more.
+    thin: Option<Rows<'static>>,
+    pub(super) representation: Option<f64>,
+    /// Error of the triangles above which a note of its own tells it: half of the target.
+    limit: f64,
+    pub(super) notes: Vec<String>,
+}
+
+/// The side that triangles with samples stand for, and the level asked for; refused for a side that there is not.
+fn asked(of: &Scattered, request: &AxesRequest, lone: bool) -> Result<(&'static str, Option<u8>), ProjectionError> {
+    let (name, level, other, unused) = if lone {
+        ("incoming", request.incoming_level, "outgoing", request.outgoing_level)
+    } else {
+        let unused = if of.incoming.is_empty() { request.incoming_level } else { None };
+        ("outgoing", request.outgoing_level, "incoming", unused)
+    };
+    if unused.is_some() {
+        let reason = format!("{other}_level: the data have no {other} directions to choose a level for");
+        return Err(ProjectionError::Unfit(reason));
+    }
+    Ok((name, level))
+}
+
+/// The samples of a reflectance, of which only the incoming direction is known, with that as the one that triangles stand for.
+fn turned(quantity: Quantity, scattered: &Scattered) -> Option<Scattered> {
+    (quantity == Quantity::Reflectance && scattered.outgoing.is_empty()).then(|| Scattered {
+        incoming: Vec::new(),
+        outgoing: scattered.incoming.clone(),
+        isotropic: scattered.isotropic,
+        spectral: None,
+        values: Vec::new(),
+        sigma: None,
+    })
+}
+
+impl Plan {
+    /// Chooses for `rows`, the values of `scattered`; `channels` is the number of values of a cell.
+    pub(super) fn new(
+        quantity: Quantity,
+        scattered: &Scattered,
+        rows: &Rows<'_>,
+        request: &AxesRequest,
+        channels: usize,
+    ) -> Result<Self, ProjectionError> {
+        let unfit = |reason: String| Err(ProjectionError::Unfit(reason));
+        let turned = turned(quantity, scattered);
+        let lone = turned.is_some();
+        let of = turned.as_ref().unwrap_or(scattered);
+        let mut notes = Vec::new();
+        let single = !of.isotropic && one_azimuth(of);
+        if single {
+            notes.push("incoming directions of one azimuth only: taken as isotropic".to_owned());
+        }
+        let isotropic = !of.incoming.is_empty() && (of.isotropic || single);
+        let domain = outgoing_domain(quantity);
+        let directions = cloud::directions(of, isotropic);
+        let inside = |row: u32| match domain {
+            Domain::Hemisphere => directions[row as usize].1[2] >= 0.0,
+            Domain::Lower => directions[row as usize].1[2] <= 0.0,
+            Domain::Sphere => true,
+        };
+        let live: Vec<u32> = (0..rows.kinds.len() as u32)
+            .filter(|&row| rows.kinds[row as usize] != Kind::Missing && inside(row))
+            .collect();
+        let outside = (0..rows.kinds.len() as u32).filter(|&row| !inside(row)).count();
+        if outside > 0 {
+            notes.push(format!("{outside} samples beyond the {domain} were left out"));
+        }
+        if live.is_empty() {
+            return unfit(format!(
+                "scattered directions: no sample of the {} lies on the {domain} of a {quantity}",
+                rows.kinds.len()
+            ));
+        }
+        let unfolded = isotropic && is_one_sided(&live, &directions);
+        if unfolded {
+            notes.push(
+                "samples on one side of the plane of incidence only: the other is taken as its mirror image".to_owned(),
+            );
+        }
+        let groups = cloud::incoming(of, isotropic, &live);
+        let joint = Joint::of(&groups, live.len());
+        let area = if domain == Domain::Sphere { 2.0 } else { 1.0 } * std::f64::consts::TAU;
+        let stretch = joint.as_ref().map_or(0.0, |joint| {
+            let outgoing = (area * joint.count as f64 / live.len() as f64).sqrt();
+            JOINT_STRETCH * outgoing / joint.spacing
+        });
+        let cloud = |rows: &[u32]| {
+            let cloud = Cloud::new(rows.iter().copied(), &directions, quantity, stretch);
+            if unfolded { cloud.mirrored() } else { cloud }
+        };
+        let (clouds, elevations) = clouds(groups, &live, cloud);
+        let spacing = joint.as_ref().map_or_else(
+            || spacing(&clouds),
+            |joint| (area * joint.count as f64 / live.len() as f64).sqrt().to_degrees(),
+        );
+        let (name, level) = asked(of, request, lone)?;
+        if let (true, Some(_)) = (isotropic, request.incoming_level) {
+            return unfit(format!("incoming_level: {}", on_axes::isotropic(elevations.len(), "incoming")));
+        }
+        let outgoing = levels::choose_by_distance(name, domain, spacing, level)?;
+        let incoming = match (&joint, isotropic) {
+            (Some(joint), false) => {
+                let degrees = joint.spacing.to_degrees();
+                Some(levels::choose_by_distance(
+                    "incoming",
+                    incoming_domain(&live, &directions),
+                    degrees,
+                    request.incoming_level,
+                )?)
+            }
+            _ => None,
+        };
+        let mut plan = Self {
+            isotropic,
+            unfolded,
+            entries: Vec::new(),
+            elevations,
+            incoming,
+            outgoing,
+            parts: Parts::Divided(0),
+            neighbours: 1,
+            own_noise: 0.0,
+            incoming_reach: joint.as_ref().map_or(f64::INFINITY, |joint| JOINT_REACH * joint.spacing),
+            sides_apart: quantity == Quantity::Bsdf,
+            thin: rows.thinned(scattered.sigma.as_deref(), BANDS),
+            representation: None,
+            limit: f64::INFINITY,
+            directions,
+            clouds,
+            notes,
+        };
+        plan.own_noise = trials::own_noise(&plan.clouds, plan.fitted(plan.few(rows), 0));
+        plan.neighbours = trials::neighbours(&plan.clouds, plan.fitted(plan.few(rows), 0), domain);
+        plan.lower_to_fit(channels);
+        plan.represent(rows, request.target(), channels);
+        plan.entries = plan.entries();
+        let reach = (plan.neighbours as f64 / std::f64::consts::PI).sqrt() * spacing;
+        let parts = libm::log2(OCTANT_DEGREES / (PART * reach)).ceil().clamp(0.0, 8.0) as u32;
+        let level = u32::from(plan.outgoing.mesh.level());
+        plan.parts = if parts < level { Parts::Shared } else { Parts::Divided(parts - level) };
+        plan.describe(name, of);
+        Ok(plan)
+    }
+
+    fn entries(&self) -> Vec<Entry> {
+        match (&self.incoming, self.elevations.is_empty()) {
+            (Some(choice), _) => {
+                let mesh = choice.mesh;
+                (0..mesh.len()).map(|i| Entry { wi: mesh.centroid(i).xyz(), cloud: 0 }).collect()
+            }
+            (None, true) => vec![Entry { wi: [0.0, 0.0, 1.0], cloud: 0 }],
+            (None, false) => {
+                let one = self.clouds.len() == 1;
+                let at = |theta: f64| Direction::from_degrees(theta, 0.0).xyz();
+                let entry = |(i, &theta)| Entry { wi: at(theta), cloud: if one { 0 } else { i } };
+                self.elevations.iter().enumerate().map(entry).collect()
+            }
+        }
+    }
+
+    /// A few bands of all `rows`.
+    pub(super) fn few<'b>(&'b self, rows: &'b Rows<'b>) -> &'b Rows<'b> {
+        self.thin.as_ref().unwrap_or(rows)
+    }
+
+    /// What fits `rows` with the cloud of this number.
+    pub(super) fn fitted<'b>(&'b self, rows: &'b Rows<'b>, cloud: usize) -> Fitted<'b> {
+        Fitted {
+            rows,
+            cloud: &self.clouds[cloud],
+            neighbours: self.neighbours,
+            noise: 1.0 / (1.0 - self.own_noise + self.own_noise / rows.width as f64),
+            incoming_reach: self.incoming_reach,
+            sides_apart: self.sides_apart,
+        }
+    }
+
+    pub(super) fn incoming_axis(&self) -> Option<Axis> {
+        let triangles = self.incoming.as_ref().map(|choice| Axis::Triangles(choice.mesh));
+        triangles.or_else(|| (!self.elevations.is_empty()).then(|| Axis::Elevation(self.elevations.clone())))
+    }
+
+    /// Which samples lie where.
+    pub(super) fn located(&self) -> Located {
+        let mesh = self.outgoing.mesh;
+        let axis = self.incoming_axis();
+        let mut located = Located {
+            cells: vec![None; self.directions.len()],
+            has_sample: vec![false; self.entries.len() * mesh.len()],
+            rows: vec![Vec::new(); self.entries.len()],
+        };
+        for (i, cloud) in self.clouds.iter().enumerate() {
+            let place = |(&wi, &wo): (&Vector, &Vector)| {
+                let entry = match &axis {
+                    _ if self.clouds.len() > 1 => Some(i),
+                    None => Some(0),
+                    Some(axis) => entry_of(axis, wi, Direction::from_unit(wi).theta_degrees()),
+                };
+                (entry, mesh.locate(Direction::from_unit(wo)))
+            };
+            let places: Vec<_> = cloud.wi.par_iter().zip(&cloud.wo).map(place).collect();
+            for ((at, &row), &(entry, triangle)) in cloud.rows.iter().enumerate().zip(&places) {
+                let Some(entry) = entry.filter(|&entry| entry < self.entries.len()) else { continue };
+                let cell = triangle.map(|triangle| entry * mesh.len() + triangle);
+                if let Some(cell) = cell {
+                    located.has_sample[cell] = true;
+                }
+                if at < cloud.own() {
+                    located.rows[entry].push(row);
+                    located.cells[row as usize] = cell;
+                }
+            }
+        }
+        located
+    }
+
+    fn size(&self, channels: usize) -> usize {
+        let entries = self.incoming.as_ref().map_or(self.elevations.len().max(1), |choice| choice.mesh.len());
+        entries.saturating_mul(self.outgoing.mesh.len()).saturating_mul(channels)
+    }
+
+    /// Lowers chosen levels, the finer one first, until the tensor is within its limit; what the user named stays.
+    #[allow(clippy::if_same_then_else, reason = "the order in which they are lowered differs")]
+    fn lower_to_fit(&mut self, channels: usize) {
+        while self.size(channels) > MAX_CHOSEN_SAMPLES {
+            let finer = self.incoming.as_ref().is_some_and(|choice| choice.mesh.len() > self.outgoing.mesh.len());
+            let incoming = |plan: &mut Self| plan.incoming.as_mut().is_some_and(Choice::lower);
+            let lowered =
+                if finer { incoming(self) || self.outgoing.lower() } else { self.outgoing.lower() || incoming(self) };
+            if !lowered {
+                return;
+            }
+        }
+    }
+
+    /// Takes finer outgoing triangles until they represent what the samples say to half of the target, and says why not.
+    fn represent(&mut self, rows: &Rows<'_>, target: f64, channels: usize) {
+        if self.incoming.is_some() {
+            return;
+        }
+        let limit = 0.5 * target;
+        let reason = loop {
+            let like = self.fitted(self.few(rows), 0);
+            self.representation = trials::representation(&self.clouds, like, self.outgoing.mesh);
+            match self.representation {
+                Some(error) if error > limit => {}
+                _ => return,
+            }
+            if self.outgoing.requested {
+                break "give a finer outgoing_level than the one requested";
+            }
+            let level = self.outgoing.mesh.level();
+            if level >= FINEST {
+                break "give a finer outgoing_level";
+            }
+            if self.size(channels).saturating_mul(4) > MAX_CHOSEN_SAMPLES {
+                break "a finer level makes the tensor too large unless outgoing_level asks for it";
+            }
+            if !self.outgoing.raise() {
+                break "there is no finer level";
+            }
+        };
+        self.limit = limit;
+        let error = self.representation.unwrap_or(0.0);
+        self.notes.push(format!(
+            "outgoing triangles of level {} represent the fit to {:.2} %, more than half of the target of {:.2} %: {reason}",
+            self.outgoing.mesh.level(),
+            100.0 * error,
+            100.0 * target
+        ));
+    }
+
+    fn describe(&mut self, name: &str, of: &Scattered) {
+        let mut notes = Vec::new();
+        if self.isotropic {
+            let how = if self.clouds.len() == self.elevations.len() {
+                "measured"
+            } else {
+                "even elevations, samples between them"
+            };
+            let count = self.elevations.len();
+            let s = if count == 1 { "" } else { "s" };
+            notes.push(format!("incoming: {count} elevation{s} (isotropic), {how}"));
+        }
+        notes.extend(self.incoming.iter().map(|choice| choice.note("incoming")));
+        notes.push(self.outgoing.note(name));
+        let coordinates = if self.clouds[0].slopes { "slopes of the half vector" } else { "tangent coordinates" };
+        let weights = if of.sigma.is_some() { ", by nearness and stated uncertainty" } else { ", by nearness" };
+        notes.push(format!(
+            "{name} cells are averages of robust quadratic fits in {coordinates} to the {} nearest samples{weights}; of \
+             logarithms where all of these are positive",
+            self.neighbours
+        ));
+        // Where it exceeds the limit, a note of `represent` has said so.
+        if let Some(error) = self.representation.filter(|error| *error <= self.limit) {
+            notes.push(format!("{name} triangles represent the fit to about {} %", rounded(100.0 * error)));
+        }
+        notes.append(&mut self.notes);
+        self.notes = notes;
+    }
+}
+
+/// A cloud for each group of samples, and the elevations of the incoming axis.
+fn clouds(groups: Incoming, live: &[u32], cloud: impl Fn(&[u32]) -> Cloud + Sync) -> (Vec<Cloud>, Vec<f64>) {
+    match groups {
+        Incoming::None | Incoming::Directions(_) => (vec![cloud(live)], Vec::new()),
+        Incoming::Elevations(elevations, groups) => (groups.par_iter().map(|rows| cloud(rows)).collect(), elevations),
+        Incoming::AllElevations(elevations) => (vec![cloud(live)], elevations),
+    }
+}
+
+/// The entry of an axis of directions for a direction of this elevation in degrees; the nearest of elevations.
+pub(super) fn entry_of(axis: &Axis, d: Vector, theta: f64) -> Option<usize> {
+    match axis {
+        Axis::Triangles(mesh) => mesh.locate(Direction::from_unit(d)),
+        Axis::Elevation(values) => {
+            let above = values.partition_point(|&v| v < theta);
+            let below = above.saturating_sub(1);
+            let far = |i: usize| values.get(i).map_or(f64::INFINITY, |v| (v - theta).abs());
+            Some(if far(above) < far(below) { above } else { below })
+        }
+        _ => None,
+    }
+}

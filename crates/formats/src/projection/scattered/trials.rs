@@ -1,0 +1,222 @@
+//! What withheld samples say: how many neighbours are best, whether the data are symmetric, how fine cells must be.
+
+use super::cells::{Fitted, Scratch};
+use super::cloud::Cloud;
+use super::fit::{Place, Support};
+use super::rows::{PARTS, Rows};
+use crate::domain::vector::Vector;
+use crate::domain::{Domain, Quantity, TriangleMesh};
+use rayon::prelude::*;
+use std::borrow::Cow;
+
+/// Numbers of neighbours that compete.
+const NEIGHBOURS: [usize; 6] = [12, 18, 28, 42, 64, 96];
+/// Neighbours that tell what noise is.
+const FEW: usize = 27;
+/// More neighbours must be better by this factor: they take more time.
+const BETTER: f64 = 0.98;
+/// Errors that are no more than the rounding of values: of more neighbours there is less of it.
+const ROUNDING: f64 = f32::EPSILON as f64;
+/// Samples that choose between them, about.
+const JUDGES: usize = 400;
+/// Values below this part of the largest are as good as 0 to them.
+const FAINT: f64 = 1e-3;
+/// A mirror image may predict worse than the own side by this factor, and by this much.
+const AS_WELL: f64 = 1.1;
+const NEARLY: f64 = 1e-3;
+/// Triangles of this level tell whether samples lie all around most places, and a share of them that is as good as all.
+const AROUND_LEVEL: u8 = 2;
+const MOST: f64 = 0.9;
+/// More neighbours than those that are worse by this factor are not tried.
+const WORSE: f64 = 1.5;
+/// One of so many trials, the worst, is not counted.
+const TRIMMED: usize = 20;
+/// Places at which cells are tried, and cells that make a value at each.
+const PLACES: usize = 96;
+const CELLS: usize = 12;
+
+/// A sample to predict: the cloud that it is in, and its point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Trial {
+    pub(super) cloud: usize,
+    pub(super) point: u32,
+}
+
+impl Trial {
+    /// The row of the sample in its cloud, and its directions.
+    pub(super) fn of(self, cloud: &Cloud) -> (u32, Vector, Vector) {
+        let point = self.point as usize;
+        (cloud.rows[point], cloud.wi[point], cloud.wo[point])
+    }
+}
+
+/// `count` of the withheld samples, evenly over all.
+pub(super) fn trials(clouds: &[Cloud], count: usize) -> Vec<Trial> {
+    let all: Vec<Trial> = clouds
+        .iter()
+        .enumerate()
+        .flat_map(|(cloud, of)| {
+            let own = of.rows[..of.own()].iter().copied().zip(0..).zip(&of.is_withheld);
+            let mut withheld: Vec<(u32, u32)> = own.filter(|(_, is)| **is).map(|(point, _)| point).collect();
+            withheld.sort_unstable();
+            withheld.into_iter().map(move |(_, point)| Trial { cloud, point })
+        })
+        .collect();
+    let step = all.len().div_ceil(count.max(1)).max(1);
+    all.into_iter().step_by(step).collect()
+}
+
+/// The value that samples make at a direction; `withheld` leaves out their tenth. `None` if it is far from any.
+pub(super) fn predict(
+    fitted: &Fitted<'_>,
+    wi: Vector,
+    wo: Vector,
+    withheld: bool,
+    scratch: &mut Scratch,
+) -> Option<Support> {
+    let cloud = fitted.cloud;
+    let taken = |item: u32| {
+        let item = item as usize;
+        !(withheld && cloud.is_withheld[item]) && (!fitted.sides_apart || cloud.wo[item][2] * wo[2] >= 0.0)
+    };
+    cloud.nearest(&cloud.key(wi, wo), fitted.neighbours, taken, &mut scratch.found);
+    scratch.row.resize(fitted.rows.width, 0.0);
+    let support = fitted.value(&Place { wi, wo, parts: [wo; PARTS] }, [1.0; PARTS], scratch)?;
+    (support.nearest < support.reach).then_some(support)
+}
+
+/// Predictions of trials beside what was measured, in every band.
+fn predictions(
+    clouds: &[Cloud],
+    like: Fitted<'_>,
+    trials: &[Trial],
+    image: impl Fn(Vector) -> Vector + Sync,
+) -> Vec<Vec<(f64, f64)>> {
+    let predicted = |scratch: &mut Scratch, trial: &Trial| {
+        let cloud = &clouds[trial.cloud];
+        let (row, wi, wo) = trial.of(cloud);
+        let there = predict(&Fitted { cloud, ..like }, wi, image(wo), true, scratch);
+        let pairs = scratch.row.iter().zip(like.rows.row(row)).map(|(&a, &b)| (f64::from(a), f64::from(b)));
+        if there.is_some() { pairs.collect() } else { Vec::new() }
+    };
+    trials.par_iter().map_init(Scratch::default, predicted).collect()
+}
+
+/// How badly samples are predicted: the root mean square of relative errors, where faint values count less; over the trials
+/// that `beside` predicts, too.
+fn score(predictions: &[Vec<(f64, f64)>], beside: &[Vec<(f64, f64)>]) -> f64 {
+    let both = predictions.iter().zip(beside).filter(|(a, b)| !a.is_empty() && !b.is_empty());
+    let pairs: Vec<&(f64, f64)> =
+        both.flat_map(|(a, _)| a).filter(|(found, expected)| !found.is_nan() && !expected.is_nan()).collect();
+    let brightest = pairs.iter().map(|(_, expected)| expected.abs()).fold(f64::MIN_POSITIVE, f64::max);
+    let square = |found: f64, expected: f64| ((found - expected) / (expected.abs() + FAINT * brightest)).powi(2);
+    let mut squares: Vec<f64> = pairs.iter().map(|(found, expected)| square(*found, *expected)).collect();
+    if squares.is_empty() {
+        return f64::INFINITY;
+    }
+    // Single samples far off say nothing of the others.
+    squares.sort_by(f64::total_cmp);
+    let kept = squares.len() - squares.len() / TRIMMED;
+    (squares[..kept].iter().sum::<f64>() / kept as f64).sqrt()
+}
+
+/// How much of the variance of values about their prediction is their own: 1 where the noise of bands is independent, 0
+/// where it is common to a row, or there is one band.
+pub(super) fn own_noise(clouds: &[Cloud], like: Fitted<'_>) -> f64 {
+    if like.rows.width == 1 {
+        return 0.0;
+    }
+    let found = predictions(clouds, Fitted { neighbours: FEW, ..like }, &trials(clouds, JUDGES), |wo| wo);
+    let relative = |(found, expected): &(f64, f64)| (found / expected, 1.0);
+    let each: Vec<Vec<(f64, f64)>> = found.iter().map(|row| row.iter().map(relative).collect()).collect();
+    let mean = |row: &Vec<(f64, f64)>| vec![(row.iter().map(|pair| pair.0).sum::<f64>() / row.len() as f64, 1.0)];
+    let light: Vec<Vec<(f64, f64)>> = each.iter().filter(|row| !row.is_empty()).map(mean).collect();
+    let share = (score(&light, &light) / score(&each, &each)).powi(2);
+    let bands = like.rows.width as f64;
+    let own = (1.0 - share) / (1.0 - 1.0 / bands);
+    if own.is_finite() { own.clamp(0.0, 1.0) } else { 0.0 }
+}
+
+/// The number of neighbours that predicts withheld samples best.
+pub(super) fn neighbours(clouds: &[Cloud], like: Fitted<'_>, domain: Domain) -> usize {
+    let trials = trials(clouds, JUDGES);
+    let (mut best, mut least) = (NEIGHBOURS[0], f64::INFINITY);
+    for neighbours in NEIGHBOURS {
+        let found = predictions(clouds, Fitted { neighbours, ..like }, &trials, |wo| wo);
+        let error = score(&found, &found).max(ROUNDING);
+        if error < BETTER * least || error == ROUNDING {
+            (best, least) = (neighbours, error);
+        } else if error > WORSE * least {
+            break;
+        }
+    }
+    // Samples along lines predict each other, but nothing between the lines: there must be neighbours on all sides.
+    let around = |neighbours: usize| surrounded(Fitted { neighbours, ..like }, domain);
+    let most = around(NEIGHBOURS[NEIGHBOURS.len() - 1]);
+    NEIGHBOURS.into_iter().find(|&n| n >= best && around(n) >= MOST * most).unwrap_or(best)
+}
+
+/// The share of places that have neighbours on all sides.
+fn surrounded(fitted: Fitted<'_>, domain: Domain) -> f64 {
+    let Some(mesh) = TriangleMesh::new(domain, AROUND_LEVEL) else { return 0.0 };
+    let first = fitted.cloud.rows.iter().zip(&fitted.cloud.wi).min_by_key(|(row, _)| **row);
+    let wi = first.map_or([0.0, 0.0, 1.0], |(_, wi)| *wi);
+    let is_surrounded = |scratch: &mut Scratch, cell: usize| {
+        let wo = mesh.centroid(cell).xyz();
+        predict(&fitted, wi, wo, false, scratch).is_some_and(|support| support.surrounded)
+    };
+    let found: Vec<bool> = (0..mesh.len()).into_par_iter().map_init(Scratch::default, is_surrounded).collect();
+    found.iter().filter(|found| **found).count() as f64 / found.len() as f64
+}
+
+/// Whether the mirror image in the plane of incidence predicts withheld samples as well as their own side does.
+pub(super) fn is_symmetric(clouds: &[Cloud], like: Fitted<'_>) -> bool {
+    let trials = trials(clouds, JUDGES);
+    let own = predictions(clouds, like, &trials, |wo| wo);
+    let mirrored = predictions(clouds, like, &trials, |[x, y, z]| [x, -y, z]);
+    let both = own.iter().zip(&mirrored).filter(|(a, b)| !a.is_empty() && !b.is_empty()).count();
+    2 * both > trials.len() && score(&mirrored, &own) <= AS_WELL * score(&own, &mirrored) + NEARLY
+}
+
+/// The root mean square of relative errors of quadratics through the values in the middle of triangles of `mesh`, against the
+/// fit itself, at some places: what the smooth form of a material cannot say at this level, about.
+pub(super) fn representation(clouds: &[Cloud], like: Fitted<'_>, mesh: TriangleMesh) -> Option<f64> {
+    let centroids: Vec<(Vector, Vector)> =
+        (0..mesh.len()).map(|cell| ([0.0, 0.0, 1.0], mesh.centroid(cell).xyz())).collect();
+    // The smooth form knows no slopes.
+    let all = Cloud::new(0..centroids.len() as u32, &centroids, Quantity::Edf, 0.0);
+    let trials = trials(clouds, PLACES);
+    let squares: Vec<Vec<f64>> = trials
+        .par_iter()
+        .map_init(Scratch::default, |scratch, trial| {
+            let cloud = &clouds[trial.cloud];
+            let fitted = Fitted { cloud, ..like };
+            let (_, wi, wo) = trial.of(cloud);
+            let mut around = Vec::new();
+            all.nearest(&all.key(wi, wo), CELLS, |_| true, &mut around);
+            let mut values = Vec::new();
+            let near: Vec<(Vector, Vector)> =
+                around.iter().map(|&(_, cell)| centroids[all.rows[cell as usize] as usize]).collect();
+            for &(_, centroid) in &near {
+                if predict(&fitted, wi, centroid, false, scratch).is_none() {
+                    return Vec::new();
+                }
+                values.extend_from_slice(&scratch.row);
+            }
+            if predict(&fitted, wi, wo, false, scratch).is_none() {
+                return Vec::new();
+            }
+            let expected = scratch.row.clone();
+            let rows = Rows::new(Cow::Borrowed(&values), None, like.rows.width);
+            let near = Cloud::new(0..near.len() as u32, &near, Quantity::Edf, 0.0);
+            let cells = Fitted { rows: &rows, cloud: &near, neighbours: CELLS, incoming_reach: f64::INFINITY, ..like };
+            if predict(&cells, [0.0, 0.0, 1.0], wo, false, scratch).is_none() {
+                return Vec::new();
+            }
+            let pairs = scratch.row.iter().zip(&expected).filter(|(_, e)| **e > 0.0);
+            pairs.map(|(f, e)| f64::from(f / e - 1.0).powi(2)).filter(|square| square.is_finite()).collect()
+        })
+        .collect();
+    let squares: Vec<f64> = squares.into_iter().flatten().collect();
+    (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+}

@@ -1,0 +1,58 @@
+//! The tables of the paper this project grew from, made again: our figures beside the printed ones.
+//!
+//! L. Claustres, M. Paulin, Y. Boucher, *A Wavelet-Based Framework for Acquired Radiometric Quantity Representation and
+//! Accurate Physical Rendering*, The Visual Computer, 2006. Its goniometer data cannot be had; each table says what it was
+//! made on instead.
+
+mod data;
+mod goniometer;
+mod render;
+mod report;
+mod table1;
+mod table2;
+mod table3;
+mod table4;
+mod table5;
+mod table6;
+mod table7;
+mod tensors;
+
+pub use report::{Cell, Figures, Row, Table};
+
+use wavelume_core::domain::{Cancelled, Progress};
+use wavelume_core::{compress, domain, transform};
+use wavelume_formats::{formats, projection};
+
+/// The numbers of the tables that can be made.
+pub const TABLES: [u8; 7] = [1, 2, 3, 4, 5, 6, 7];
+
+/// Why a table could not be made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PaperError {
+    /// No such table.
+    #[error("table {found}, expected 1 to 7")]
+    NoSuchTable {
+        /// The number asked for.
+        found: u8,
+    },
+    /// The bundled data do not read as they should.
+    #[error("bundled data: {0}")]
+    Data(String),
+    /// The caller asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// Makes table `number`.
+pub fn table(number: u8, progress: &dyn Progress) -> Result<Table, PaperError> {
+    match number {
+        1 => table1::make(progress),
+        2 => table2::make(progress),
+        3 => table3::make(progress),
+        4 => table4::make(progress),
+        5 => table5::make(progress),
+        6 => table6::make(progress),
+        7 => table7::make(progress),
+        found => Err(PaperError::NoSuchTable { found }),
+    }
+}

@@ -1,0 +1,301 @@
+//! Bodies with `Content-Encoding: zstd` (RFC 8878), decoded as they arrive: a block at a time, in a window of at most 8 MB.
+
+use ruzstd::decoding::errors::FrameDecoderError;
+use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
+use std::io::{self, Read};
+use std::pin::Pin;
+use std::task::{Context, Poll, ready};
+use tokio::io::{AsyncBufRead, AsyncRead, ReadBuf};
+
+/// RFC 9659: a content coding needs a window of at most 8 MB.
+const WINDOW: u64 = 8 << 20;
+/// RFC 8878, section 3.1.1: what a frame begins with, little-endian.
+const MAGIC: u32 = 0xFD2F_B528;
+/// Section 3.1.2: what a skippable frame begins with, but for its last four bits.
+const SKIPPABLE: u32 = 0x184D_2A50;
+/// Section 3.1.1.2: the most bytes of a block, and what stands before and after it.
+const BLOCK: usize = 128 << 10;
+const BLOCK_HEADER: usize = 3;
+const CHECKSUM: usize = 4;
+
+/// Decodes what `source` gives: one frame after another.
+pub(super) struct ZstdReader<R> {
+    source: R,
+    frames: Frames,
+}
+
+/// The decoder, and the piece of the body that it takes next, as far as that has arrived.
+struct Frames {
+    decoder: FrameDecoder,
+    piece: Vec<u8>,
+    next: Piece,
+    /// The frame whose blocks arrive; none between frames.
+    frame: Option<Frame>,
+}
+
+/// What must hold at the end of a frame.
+struct Frame {
+    has_checksum: bool,
+    /// Bytes of content by its header, if that says.
+    declared: Option<u64>,
+    /// Bytes of content that were read.
+    read: u64,
+}
+
+/// What follows in the body.
+#[derive(Clone, Copy)]
+enum Piece {
+    /// The header of a frame, or the end of the body.
+    Header,
+    /// A block, with the checksum behind it if it is the last one of a frame that has one.
+    Block,
+    /// This many bytes of a skippable frame.
+    Skipped(u32),
+}
+
+impl<R> ZstdReader<R> {
+    /// Begins at the first frame.
+    pub(super) fn new(source: R) -> Self {
+        let mut decoder = FrameDecoder::new();
+        decoder.set_max_window_size(WINDOW);
+        let frames = Frames { decoder, piece: Vec::new(), next: Piece::Header, frame: None };
+        Self { source, frames }
+    }
+}
+
+impl<R: AsyncBufRead + Unpin> AsyncRead for ZstdReader<R> {
+    fn poll_read(self: Pin<&mut Self>, context: &mut Context<'_>, to: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
+        let Self { source, frames } = self.get_mut();
+        while frames.decoder.can_collect() == 0 {
+            frames.check()?;
+            let mut source = Pin::new(&mut *source);
+            let arrived = ready!(source.as_mut().poll_fill_buf(context))?;
+            if arrived.is_empty() {
+                return Poll::Ready(frames.end());
+            }
+            let taken = frames.take(arrived)?;
+            source.consume(taken);
+        }
+        let read = frames.decoder.read(to.initialize_unfilled())?;
+        to.advance(read);
+        if let Some(frame) = &mut frames.frame {
+            frame.read += read as u64;
+        }
+        Poll::Ready(Ok(()))
+    }
+}
+
+impl Frames {
+    /// Takes a beginning of what has arrived, at most to the end of the piece, which is decoded then; returns its length.
+    fn take(&mut self, arrived: &[u8]) -> io::Result<usize> {
+        if let Piece::Skipped(left) = self.next {
+            let taken = arrived.len().min(left as usize);
+            let left = left - taken as u32;
+            self.next = if left > 0 { Piece::Skipped(left) } else { Piece::Header };
+            return Ok(taken);
+        }
+        let taken = arrived.len().min(self.length()? - self.piece.len());
+        self.piece.extend_from_slice(&arrived[..taken]);
+        if self.piece.len() == self.length()? {
+            self.decode()?;
+            self.piece.clear();
+        }
+        Ok(taken)
+    }
+
+    /// The length of the piece, as far as its first bytes say.
+    fn length(&self) -> io::Result<usize> {
+        match (self.next, self.piece.as_slice()) {
+            (Piece::Header, [a, b, c, d, after @ ..]) => match (u32::from_le_bytes([*a, *b, *c, *d]), after) {
+                (MAGIC, []) => Ok(5),
+                (MAGIC, [descriptor, ..]) => Ok(header_length(*descriptor)),
+                (magic, _) if magic & !0xF == SKIPPABLE => Ok(8),
+                (magic, _) => Err(invalid(format!("found {magic:#010X} where a frame begins with {MAGIC:#010X}"))),
+            },
+            (Piece::Header, _) => Ok(4),
+            (_, [a, b, c, ..]) => {
+                let header = u32::from_le_bytes([*a, *b, *c, 0]);
+                let (is_last, is_repeated, size) = (header & 1 == 1, header >> 1 & 3 == 1, (header >> 3) as usize);
+                if size > BLOCK {
+                    return Err(invalid(format!("a block of {size} bytes, expected at most {BLOCK}")));
+                }
+                let has_checksum = self.frame.as_ref().is_some_and(|frame| frame.has_checksum);
+                let after = if is_last && has_checksum { CHECKSUM } else { 0 };
+                Ok(BLOCK_HEADER + if is_repeated { 1 } else { size } + after)
+            }
+            _ => Ok(BLOCK_HEADER),
+        }
+    }
+
+    /// Decodes the piece, which is whole.
+    fn decode(&mut self) -> io::Result<()> {
+        let is_header = matches!(self.next, Piece::Header);
+        self.next = match self.piece.as_slice() {
+            [0x50..=0x5F, _, _, _, a, b, c, d] if is_header => Piece::Skipped(u32::from_le_bytes([*a, *b, *c, *d])),
+            header if is_header => {
+                self.decoder.reset(header).map_err(|error| refused(&error))?;
+                let descriptor = header[4];
+                let declares = content_size_length(descriptor) > 0;
+                let declared = declares.then(|| self.decoder.content_size());
+                self.frame = Some(Frame { has_checksum: descriptor & 4 != 0, declared, read: 0 });
+                Piece::Block
+            }
+            block => {
+                let is_last = self
+                    .decoder
+                    .decode_blocks(block, BlockDecodingStrategy::UptoBlocks(1))
+                    .map_err(|error| refused(&error))?;
+                if is_last { Piece::Header } else { Piece::Block }
+            }
+        };
+        if matches!(self.next, Piece::Skipped(0)) {
+            self.next = Piece::Header;
+        }
+        Ok(())
+    }
+
+    /// Compares a frame that has ended with what it says of its content, all of which was read.
+    fn check(&mut self) -> io::Result<()> {
+        let ended = self.frame.take_if(|_| matches!(self.next, Piece::Header));
+        let Some(Frame { has_checksum, declared, read }) = ended else { return Ok(()) };
+        if has_checksum && self.decoder.get_calculated_checksum() != self.decoder.get_checksum_from_data() {
+            return Err(invalid("the checksum of a frame is not that of its content".to_owned()));
+        }
+        match declared {
+            Some(declared) if declared != read => Err(invalid(format!("a frame of {read} bytes says {declared}"))),
+            _ => Ok(()),
+        }
+    }
+
+    /// The end of the body.
+    fn end(&self) -> io::Result<()> {
+        let is_whole = matches!(self.next, Piece::Header) && self.piece.is_empty();
+        if is_whole { Ok(()) } else { Err(io::ErrorKind::UnexpectedEof.into()) }
+    }
+}
+
+/// The length of a frame's header by its descriptor, section 3.1.1.1.1.
+fn header_length(descriptor: u8) -> usize {
+    let window = usize::from(!is_one_segment(descriptor));
+    let dictionary = [0, 1, 2, 4][usize::from(descriptor & 3)];
+    MAGIC_AND_DESCRIPTOR + window + dictionary + content_size_length(descriptor)
+}
+
+/// The length of the field that says how much content a frame has; 0 where there is none.
+fn content_size_length(descriptor: u8) -> usize {
+    match descriptor >> 6 {
+        0 => usize::from(is_one_segment(descriptor)),
+        flag => 1 << flag,
+    }
+}
+
+/// Returns true where the window is as large as the content.
+fn is_one_segment(descriptor: u8) -> bool {
+    descriptor & 0x20 != 0
+}
+
+const MAGIC_AND_DESCRIPTOR: usize = 5;
+
+fn refused(error: &FrameDecoderError) -> io::Error {
+    invalid(error.to_string())
+}
+
+fn invalid(message: String) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use ruzstd::encoding::{CompressionLevel, compress_to_vec};
+    use tokio::io::{AsyncReadExt, BufReader};
+
+    /// What `zstd --check -19` 1.5.4 made of `text()`: a compressed block and a checksum.
+    const OTHER: &[u8] = include_bytes!("../../tests/fixtures/zstd/table.zst");
+
+    fn text() -> Vec<u8> {
+        (0..600_u32).flat_map(|i| format!("{},{}\n", i % 90, i * i % 977).into_bytes()).collect()
+    }
+
+    /// Decodes a body that arrives `step` bytes at a time.
+    async fn decoded(body: &[u8], step: usize) -> io::Result<Vec<u8>> {
+        let mut out = Vec::new();
+        ZstdReader::new(BufReader::with_capacity(step, body)).read_to_end(&mut out).await?;
+        Ok(out)
+    }
+
+    #[tokio::test]
+    async fn frames_come_back_however_they_arrive() {
+        let text = text();
+        let own = compress_to_vec(&*text.repeat(70), CompressionLevel::Fastest);
+        let raw = compress_to_vec(&*text.repeat(70), CompressionLevel::Uncompressed);
+        let empty = compress_to_vec(&[][..], CompressionLevel::Fastest);
+        let skipped =
+            [&[0x5A, 0x2A, 0x4D, 0x18, 3, 0, 0, 0, 1, 2, 3, 0x50, 0x2A, 0x4D, 0x18, 0, 0, 0, 0], OTHER].concat();
+        for (body, times) in [
+            (OTHER.to_vec(), 1),
+            (own.clone(), 70),
+            (raw.clone(), 70),
+            (skipped, 1),
+            (empty, 0),
+            (vec![], 0),
+            ([OTHER, &own, &raw].concat(), 141),
+        ] {
+            for step in [1, 7, 1 << 16] {
+                assert!(decoded(&body, step).await.unwrap() == text.repeat(times), "{} bytes by {step}", body.len());
+            }
+        }
+    }
+
+    #[tokio::test]
+    async fn what_is_cut_or_broken_is_refused() {
+        for end in 1..OTHER.len() {
+            let error = decoded(&OTHER[..end], 4096).await.unwrap_err();
+            assert_eq!(error.kind(), io::ErrorKind::UnexpectedEof, "{end}: {error}");
+        }
+        let mut broken = OTHER.to_vec();
+        *broken.last_mut().unwrap() ^= 1;
+        assert!(decoded(&broken, 4096).await.unwrap_err().to_string().contains("checksum"));
+        for at in 0..OTHER.len() {
+            let mut broken = OTHER.to_vec();
+            broken[at] ^= 0x55;
+            assert!(decoded(&broken, 4096).await.is_err(), "byte {at}");
+        }
+        let reserved = [&OTHER[..header_length(OTHER[4])], &[0x07, 0, 0]].concat();
+        assert!(decoded(&reserved, 4096).await.is_err());
+        let large_block = [&OTHER[..header_length(OTHER[4])], &[0xFC, 0xFF, 0xFF]].concat();
+        assert!(decoded(&large_block, 4096).await.unwrap_err().to_string().contains("expected at most 131072"));
+    }
+
+    proptest! {
+        /// Whatever follows the header of a frame is decoded or refused; nothing panics.
+        #[test]
+        fn hostile_blocks_are_refused(descriptor: u8, body in proptest::collection::vec(any::<u8>(), 0..400)) {
+            let body = [&OTHER[..4], &[descriptor], &body[..]].concat();
+            let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+            let _ = runtime.block_on(decoded(&body, 64));
+        }
+
+        /// So is a frame with some bytes exchanged.
+        #[test]
+        fn damaged_blocks_are_refused(places in proptest::collection::vec((9..OTHER.len(), any::<u8>()), 1..9)) {
+            let mut body = OTHER.to_vec();
+            for (place, byte) in places {
+                body[place] = byte;
+            }
+            let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+            if let Ok(found) = runtime.block_on(decoded(&body, 64)) {
+                prop_assert!(found == text());
+            }
+        }
+    }
+
+    #[tokio::test]
+    async fn a_window_beyond_eight_megabytes_is_refused() {
+        let frame = |window: u8| [&[0x28, 0xB5, 0x2F, 0xFD, 0, window][..], &[0x0B, 0, 0, b'a']].concat();
+        assert_eq!(decoded(&frame(13 << 3), 64).await.unwrap(), b"a");
+        let error = decoded(&frame(13 << 3 | 1), 64).await.unwrap_err();
+        assert!(error.to_string().contains("9437184"), "{error}");
+    }
+}

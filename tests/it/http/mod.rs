@@ -1,0 +1,15 @@
+//! Every call of the HTTP contract against a real server, and every refusal by its problem.
+
+mod access;
+mod content;
+mod crowd;
+mod exports;
+mod frames;
+mod hostile;
+mod jobs;
+mod queries;
+mod state;
+mod streams;
+mod uploads;
+mod views;
+mod whole;

@@ -1,0 +1,211 @@
+//! Uploads and what is kept of them.
+
+use crate::service::{CHECKER, D65, LAMP, LAMP_SPECTRUM, Service, config, npy, problem, problem_of};
+use async_compression::tokio::bufread::GzipEncoder;
+use reqwest::{Method, StatusCode};
+use ruzstd::encoding::{CompressionLevel, compress_to_vec};
+use serde_json::{Value, json};
+use tokio::io::AsyncReadExt;
+use wavelume::store::Digest;
+
+async fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut out = Vec::new();
+    GzipEncoder::new(bytes).read_to_end(&mut out).await.unwrap();
+    out
+}
+
+fn zstd(bytes: &[u8]) -> Vec<u8> {
+    compress_to_vec(bytes, CompressionLevel::Fastest)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_upload_says_what_was_understood_and_keeps_the_bytes() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    let response = service.post("/v1/measurements?filename=lamp.ies&name=Lamp").body(LAMP).send().await.unwrap();
+    assert_eq!(response.status(), StatusCode::CREATED);
+    let location = response.headers()["location"].to_str().unwrap().to_owned();
+    let lamp: Value = response.json().await.unwrap();
+    assert_eq!(lamp["id"], Digest::of(LAMP).to_string());
+    assert_eq!(lamp["content_digest"], lamp["id"]);
+    assert_eq!((lamp["quantity"].as_str(), lamp["name"].as_str()), (Some("edf"), Some("Lamp")));
+    assert_eq!(location, lamp["links"]["self"].as_str().unwrap());
+    assert!(lamp["range"][1].as_f64().unwrap() > 0.0 && lamp["coverage"]["outside"] == "zero");
+    assert!(!lamp["axes"].as_array().unwrap().is_empty() && lamp["warnings"].is_array());
+
+    let again = service.post("/v1/measurements").body(LAMP).send().await.unwrap();
+    assert_eq!(again.status(), StatusCode::OK);
+    assert_eq!(service.get(&location).send().await.unwrap().json::<Value>().await.unwrap(), lamp);
+
+    let content = service.get(&format!("{location}/content")).send().await.unwrap();
+    assert_eq!(content.headers()["content-type"], "application/octet-stream");
+    assert!(content.headers()["content-disposition"].to_str().unwrap().contains("lamp.ies"));
+    assert_eq!(content.headers()["x-content-type-options"], "nosniff");
+    assert_eq!(content.bytes().await.unwrap(), LAMP);
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn options_make_another_measurement_of_the_same_content() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    let table = service.upload("", CHECKER).await;
+    let skin = service.upload("?column=light%20skin&quantity=reflectance", CHECKER).await;
+    assert_eq!(skin["content_digest"], table["content_digest"]);
+    assert_ne!(skin["id"], table["id"]);
+    assert_eq!(
+        (skin["quantity"].as_str(), skin["options"]["column"].as_str()),
+        (Some("reflectance"), Some("light skin"))
+    );
+
+    let spectrum = service.upload("", LAMP_SPECTRUM).await;
+    let id = spectrum["id"].as_str().unwrap();
+    let joined = service.upload(&format!("?spectrum={id}"), LAMP).await;
+    assert!(joined["axes"].as_array().unwrap().iter().any(|axis| axis["kind"] == "wavelength"));
+    problem(service.request(Method::DELETE, &format!("/v1/measurements/{id}")), 409, "in-use").await;
+
+    let absent = Digest::of(b"absent");
+    problem(service.post(&format!("/v1/measurements?spectrum={absent}")).body(D65), 422, "unreadable-spectrum").await;
+    let skin = skin["id"].as_str().unwrap();
+    let refused = service.post(&format!("/v1/measurements?spectrum={skin}")).body(LAMP.to_vec());
+    problem(refused, 422, "unreadable-spectrum").await;
+    let refused = service.post("/v1/measurements?column=no%20such%20column").body(CHECKER);
+    problem(refused, 422, "needs-option").await;
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn encoded_bodies_are_decoded_within_limits() {
+    let data = tempfile::tempdir().unwrap();
+    let mut config = config(data.path());
+    config.work.limits.upload_bytes = 4 << 20;
+    let service = Service::start(config).await;
+    let post = |encoding: &str, body: Vec<u8>| {
+        service.post("/v1/measurements").header("content-encoding", encoding).body(body)
+    };
+    for (encoding, body) in [("gzip", gzip(D65).await), ("zstd", zstd(D65)), ("identity", D65.to_vec())] {
+        let uploaded: Value = post(encoding, body).send().await.unwrap().json().await.unwrap();
+        assert_eq!(uploaded["id"], Digest::of(D65).to_string(), "{encoding}: {uploaded}");
+    }
+    let zeros = vec![0; 3 << 20];
+    problem(post("gzip", gzip(&zeros).await), 413, "decompression-ratio").await;
+    problem(post("zstd", zstd(&zeros)), 413, "decompression-ratio").await;
+    problem(post("identity", vec![b'x'; (4 << 20) + 1]), 413, "too-large").await;
+    let noise: Vec<u8> = (0_u32..5 << 20).map(|i| (i.wrapping_mul(2_654_435_761).rotate_left(9) >> 24) as u8).collect();
+    problem(post("gzip", gzip(&noise).await), 413, "too-large").await;
+    for (encoding, whole) in [("gzip", gzip(D65).await), ("zstd", zstd(D65))] {
+        problem(post(encoding, whole[..whole.len() / 2].to_vec()), 400, "bad-body").await;
+        problem(post(encoding, D65.to_vec()), 400, "bad-body").await;
+        problem(post(encoding, [whole.as_slice(), b"and more"].concat()), 400, "bad-body").await;
+    }
+    problem(post("br", D65.to_vec()), 415, "unsupported-encoding").await;
+    problem(post("gzip, gzip", D65.to_vec()), 415, "unsupported-encoding").await;
+    problem(post("identity", Vec::new()), 422, "empty-body").await;
+    problem(post("gzip", gzip(b"").await), 422, "empty-body").await;
+    service.stop().await;
+    assert_eq!(std::fs::read_dir(data.path().join("staging")).unwrap().count(), 0, "refused bytes are not kept");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn refused_measurements_say_where_and_leave_nothing() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    let post = |body: &'static [u8]| service.post("/v1/measurements").body(body);
+    problem(post(b"\x00\x01\x02 what is this"), 422, "unrecognised-format").await;
+    let broken = &include_bytes!("../../fixtures/ies/test_file_format_error.ies")[..];
+    let refusal = problem(post(broken), 422, "malformed-measurement").await;
+    assert!(refusal["detail"].as_str().unwrap().contains("line "), "{refusal}");
+    let absent = Digest::of(broken);
+    problem(service.get(&format!("/v1/blobs/{absent}")), 404, "not-found").await;
+    let page: Value = service.get("/v1/measurements").send().await.unwrap().json().await.unwrap();
+    assert_eq!(page, json!({ "items": [], "next": null }));
+    service.stop().await;
+    assert_eq!(std::fs::read_dir(data.path().join("blobs")).unwrap().count(), 0);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn lists_filter_and_page() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    for (query, bytes) in [("?name=lamp", LAMP), ("?name=daylight", D65), ("?name=checker", CHECKER)] {
+        service.upload(query, bytes).await;
+    }
+    let list = async |query: &str| -> Value {
+        service.get(&format!("/v1/measurements{query}")).send().await.unwrap().json().await.unwrap()
+    };
+    assert_eq!(list("").await["items"].as_array().unwrap().len(), 3);
+    assert_eq!(list("?quantity=edf").await["items"][0]["name"], "lamp");
+    assert_eq!(list("?q=DAYL").await["items"][0]["name"], "daylight");
+    assert_eq!(list("?format=nothing").await["items"], json!([]));
+    let first = list("?limit=2").await;
+    let rest = list(&format!("?limit=2&cursor={}", first["next"].as_str().unwrap())).await;
+    assert_eq!((first["items"].as_array().unwrap().len(), rest["items"].as_array().unwrap().len()), (2, 1));
+    assert_eq!(rest["next"], Value::Null);
+    for bad in ["?limit=0", "?limit=1001", "?limit=x", "?cursor=x", "?quantity=brd", "?unknown=1"] {
+        problem(service.get(&format!("/v1/measurements{bad}")), 400, "bad-query").await;
+    }
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn too_many_uploads_are_told_to_come_again() {
+    let data = tempfile::tempdir().unwrap();
+    let mut config = config(data.path());
+    config.work.limits.uploads = 0;
+    let service = Service::start(config).await;
+    let busy = service.post("/v1/measurements").body(D65).send().await.unwrap();
+    assert!(busy.headers().contains_key("retry-after"));
+    problem_of(busy, 503, "overloaded").await;
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn each_file_of_an_archive_becomes_a_measurement() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    let zipped = |files: &[(&str, &[u8])]| {
+        let mut writer = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+        for (name, bytes) in files {
+            writer.start_file(*name, zip::write::SimpleFileOptions::default()).unwrap();
+            std::io::Write::write_all(&mut writer, bytes).unwrap();
+        }
+        writer.finish().unwrap().into_inner()
+    };
+    let archive = zipped(&[("ies/lamp.ies", LAMP), ("d65.csv", D65), ("read me.pdf", b"%PDF-1.7")]);
+    let response = service.post("/v1/measurements?name=All").body(archive.clone()).send().await.unwrap();
+    assert_eq!(response.status(), StatusCode::CREATED);
+    let answer: Value = response.json().await.unwrap();
+    let items = answer["items"].as_array().unwrap();
+    assert_eq!((items.len(), items[0]["file_name"].as_str()), (2, Some("d65.csv")));
+    assert_eq!(items[1]["id"], Digest::of(LAMP).to_string());
+    assert_eq!(items[1]["name"], "All: ies/lamp.ies");
+    assert_eq!(answer["skipped"][0]["file_name"], "read me.pdf");
+    assert!(answer["skipped"][0]["reason"].as_str().unwrap().contains("PDF"));
+    let again = service.post("/v1/measurements").body(archive).send().await.unwrap();
+    assert_eq!(again.status(), StatusCode::OK);
+
+    // An array takes the manifest beside it along; a broken one is told of.
+    let array = npy(&[3]);
+    let manifest = br#"{"quantity": "reflectance", "value_unit": "1", "axes": ["lambda:400:100:3"]}"#;
+    let arrays = zipped(&[
+        ("scan/a.npy", &array),
+        ("scan/a.axes.json", manifest),
+        ("b.npy", &array),
+        ("b.axes.json", b"{\"quantity\": "),
+    ]);
+    let answer: Value = service.post("/v1/measurements").body(arrays).send().await.unwrap().json().await.unwrap();
+    let items = answer["items"].as_array().unwrap();
+    assert_eq!((items.len(), items[0]["file_name"].as_str()), (1, Some("scan/a.npy")), "{answer}");
+    assert_eq!(items[0]["quantity"], "reflectance", "{answer}");
+    assert_eq!(answer["skipped"].as_array().unwrap().len(), 1, "{answer}");
+    assert!(answer["skipped"][0]["reason"].as_str().unwrap().contains("b.axes.json"), "{answer}");
+    let job = service.compress(&json!({ "measurement": items[0]["id"], "target": { "er_l2": 0.01 } })).await;
+    assert_eq!(job["state"], "succeeded", "{job}");
+
+    let nested = zipped(&[("a.zip", &zipped(&[("lamp.ies", LAMP)]))]);
+    problem(service.post("/v1/measurements").body(nested), 422, "unsupported-measurement").await;
+    let bomb = zipped(&[("zeros.npy", &vec![0; 20 << 20])]);
+    problem(service.post("/v1/measurements").body(bomb), 422, "over-limit").await;
+    problem(service.post("/v1/measurements").body(zipped(&[("a.pdf", b"%PDF-1.7")])), 422, "invalid-request").await;
+    service.stop().await;
+}

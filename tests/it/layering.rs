@@ -1,0 +1,292 @@
+//! Nothing imports upward, and the scientific rooms know no runtime, database, network, clock or global randomness.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Each room, and the rooms it may name. A new room needs a line here.
+const ROOMS: &[(&str, &[&str])] = &[
+    ("domain", &[]),
+    ("formats", &["domain"]),
+    ("projection", &["formats", "domain"]),
+    ("transform", &["domain"]),
+    ("codec", &["transform", "domain"]),
+    ("compress", &["codec", "transform", "domain"]),
+    ("algebra", &["compress", "codec", "transform", "domain"]),
+    ("evaluate", &["compress", "codec", "transform", "domain"]),
+    ("preview", &["evaluate", "domain"]),
+    ("export", &["preview", "evaluate", "formats", "domain"]),
+    ("paper", &["projection", "formats", "compress", "codec", "transform", "domain"]),
+    ("pipeline", SCIENCE),
+    ("store", &[]),
+    ("catalog", &["store", "domain"]),
+    ("jobs", BELOW_JOBS),
+    ("api", BELOW_API),
+    ("cli", BELOW_CLI),
+];
+
+const SCIENCE: &[&str] =
+    &["domain", "formats", "projection", "transform", "codec", "compress", "algebra", "evaluate", "preview", "export"];
+const BELOW_JOBS: &[&str] = &[
+    "domain",
+    "formats",
+    "projection",
+    "transform",
+    "codec",
+    "compress",
+    "algebra",
+    "evaluate",
+    "preview",
+    "export",
+    "paper",
+    "pipeline",
+    "store",
+    "catalog",
+];
+const BELOW_API: &[&str] = &[
+    "domain",
+    "formats",
+    "projection",
+    "transform",
+    "codec",
+    "compress",
+    "algebra",
+    "evaluate",
+    "preview",
+    "export",
+    "paper",
+    "pipeline",
+    "store",
+    "catalog",
+    "jobs",
+];
+const BELOW_CLI: &[&str] = &[
+    "domain",
+    "formats",
+    "projection",
+    "transform",
+    "codec",
+    "compress",
+    "algebra",
+    "evaluate",
+    "preview",
+    "export",
+    "paper",
+    "pipeline",
+    "store",
+    "catalog",
+    "jobs",
+    "api",
+];
+
+/// What the scientific rooms must not name.
+const SERVICE_NAMES: &[&str] = &[
+    "tokio",
+    "sqlx",
+    "axum",
+    "reqwest",
+    "hyper",
+    "tower",
+    "object_store",
+    "async",
+    "await",
+    "Instant",
+    "SystemTime",
+    "thread_rng",
+    "ThreadRng",
+    "OsRng",
+    "SysRng",
+    "getrandom",
+    "clap",
+];
+/// Packages that the renderer's crate must not link: runtimes, SQL, HTTP, formats of files, command lines.
+const NOT_FOR_RENDERERS: &[&str] = &[
+    "tokio",
+    "futures-core",
+    "sqlx-core",
+    "libsqlite3-sys",
+    "http",
+    "hyper",
+    "axum",
+    "reqwest",
+    "object_store",
+    "quick-xml",
+    "zip",
+    "flate2",
+    "png",
+    "clap",
+    "wavelume-formats",
+    "wavelume",
+];
+const SERVICE_PATHS: &[&str] = &["std::time", "std::net", "std::process", "rand::rng(", "rand::random"];
+
+fn sources(directory: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(directory).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(sources(&path));
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            found.push(path);
+        }
+    }
+    found.sort();
+    found
+}
+
+/// The code of a file: its comments blanked, doc links among them.
+fn code(path: &Path) -> String {
+    let text = fs::read_to_string(path).unwrap();
+    text.lines().map(|line| line.split("//").next().unwrap_or("")).collect::<Vec<_>>().join("\n")
+}
+
+/// The folders of source, each with the room that all of it is, if it is one.
+const FOLDERS: &[(&str, Option<&str>)] =
+    &[("src", None), ("crates/core/src", None), ("crates/formats/src", None), ("crates/paper/src", Some("paper"))];
+
+fn folder(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
+}
+
+/// All files of source, each with its room; those of a crate's root have none.
+fn all_sources() -> Vec<(PathBuf, Option<String>)> {
+    let mut found = Vec::new();
+    for (name, whole) in FOLDERS {
+        let folder = folder(name);
+        found.extend(sources(&folder).into_iter().map(|path| {
+            let first = path.strip_prefix(&folder).unwrap().components().next().unwrap().as_os_str().to_str().unwrap();
+            let name = whole.unwrap_or(first.trim_end_matches(".rs"));
+            let room = (!["lib", "main"].contains(&name)).then(|| name.to_owned());
+            (path, room)
+        }));
+    }
+    found
+}
+
+/// The folder of a room.
+fn directory_of(room: &str) -> PathBuf {
+    let found = FOLDERS.iter().find_map(|(name, whole)| {
+        let path = if *whole == Some(room) { folder(name) } else { folder(name).join(room) };
+        (path.is_dir() && whole.is_none_or(|whole| whole == room)).then_some(path)
+    });
+    found.unwrap()
+}
+
+fn leading_name(text: &str) -> &str {
+    let end = text.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(text.len());
+    &text[..end]
+}
+
+/// The names right behind `crate::`, one by one or in braces, and behind chains of `super::`.
+fn named_at_the_root(code: &str) -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    for root in ["crate::", "super::"] {
+        for (at, _) in code.match_indices(root) {
+            // `my_crate::` is another word.
+            if code[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_') {
+                continue;
+            }
+            let rest = &code[at + root.len()..];
+            let Some(list) = rest.strip_prefix('{') else {
+                names.insert(leading_name(rest).to_owned());
+                continue;
+            };
+            let mut depth = 0;
+            let mut expects_name = true;
+            for (i, c) in list.char_indices() {
+                match c {
+                    '{' => depth += 1,
+                    '}' if depth == 0 => break,
+                    '}' => depth -= 1,
+                    ',' if depth == 0 => expects_name = true,
+                    c if depth == 0 && expects_name && c.is_alphabetic() => {
+                        names.insert(leading_name(&list[i..]).to_owned());
+                        expects_name = false;
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+    names
+}
+
+fn words(code: &str) -> BTreeSet<&str> {
+    code.split(|c: char| !(c.is_alphanumeric() || c == '_')).collect()
+}
+
+#[test]
+fn every_room_is_in_the_table() {
+    let table: BTreeSet<_> = ROOMS.iter().map(|(name, _)| (*name).to_owned()).collect();
+    let found: BTreeSet<_> = all_sources().into_iter().filter_map(|(_, room)| room).collect();
+    let unknown: Vec<_> = found.difference(&table).collect();
+    assert!(unknown.is_empty(), "rooms without a line in the table: {unknown:?}");
+}
+
+#[test]
+fn nothing_imports_upward() {
+    let mut upward = Vec::new();
+    for (path, room) in all_sources() {
+        let Some(room) = room else { continue };
+        let (_, allowed) = ROOMS.iter().find(|(name, _)| *name == room).unwrap();
+        // A room's own modules may have the name of another room (`cli/compress.rs`), but only `super::` reaches them.
+        let own: BTreeSet<String> = sources(&directory_of(&room))
+            .iter()
+            .map(|file| file.file_stem().unwrap().to_str().unwrap().to_owned())
+            .collect();
+        let code = code(&path);
+        for name in named_at_the_root(&code) {
+            let is_room = ROOMS.iter().any(|(known, _)| *known == name);
+            let is_own = name == room || (own.contains(&name) && !code.contains(&format!("crate::{name}")));
+            if is_room && !is_own && !allowed.contains(&name.as_str()) {
+                upward.push(format!("{}: {room} names {name}", path.display()));
+            }
+        }
+    }
+    assert!(upward.is_empty(), "{}", upward.join("\n"));
+}
+
+#[test]
+fn the_scientific_rooms_know_no_service() {
+    let mut found = Vec::new();
+    for room in SCIENCE.iter().chain(&["paper", "pipeline"]) {
+        for path in sources(&directory_of(room)) {
+            let code = code(&path);
+            let words = words(&code);
+            let names = SERVICE_NAMES.iter().filter(|name| words.contains(**name));
+            let paths = SERVICE_PATHS.iter().filter(|path| code.contains(**path));
+            found.extend(names.chain(paths).map(|name| format!("{}: {name}", path.display())));
+        }
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
+fn what_a_renderer_links_brings_no_service_and_no_file_formats() {
+    let tree = ["tree", "--locked", "--offline", "-p", "wavelume-core", "-e", "normal", "--prefix", "none"];
+    let output = Command::new(env!("CARGO")).args(tree).current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
+    let linked: BTreeSet<&str> = text.lines().filter_map(|line| line.split(' ').next()).collect();
+    assert!(linked.contains("wavelume-core") && linked.contains("rayon"), "{linked:?}");
+    let found: Vec<_> = NOT_FOR_RENDERERS.iter().filter(|name| linked.contains(**name)).collect();
+    assert!(found.is_empty(), "{found:?}");
+}
+
+#[test]
+fn every_file_begins_with_its_charter() {
+    for (path, _) in all_sources() {
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.starts_with("//! "), "{}: no charter on its first line", path.display());
+    }
+}
+
+#[test]
+fn imports_are_found_in_every_form() {
+    let code = "use crate::api::x;\nuse crate::{jobs, store::{self, catalog}, cli as c};\nlet y = crate::evaluate::z;";
+    let names = named_at_the_root(code);
+    assert_eq!(names.iter().map(String::as_str).collect::<Vec<_>>(), ["api", "cli", "evaluate", "jobs", "store"]);
+    assert!(named_at_the_root("use super::super::jobs;").contains("jobs"));
+    assert!(named_at_the_root("other_crate::jobs").is_empty());
+}

@@ -1,0 +1,16 @@
+//! The finished program and its service as users meet them, and the structure of the code.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "a test fails by panicking, its helpers too"
+)]
+
+mod cli;
+mod crash;
+mod http;
+mod labs;
+mod layering;
+mod service;

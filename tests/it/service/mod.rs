@@ -1,0 +1,138 @@
+//! A real server on a free port, and a client that knows what answers look like.
+
+use reqwest::{Client, Method, RequestBuilder, Response, StatusCode};
+use serde_json::{Value, json};
+use std::path::Path;
+use std::time::Duration;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
+use wavelume::api::{ServeConfig, ServeError, Server};
+
+/// A running service; stop it to see how it ends.
+pub(crate) struct Service {
+    pub(crate) base: String,
+    pub(crate) client: Client,
+    stop: oneshot::Sender<()>,
+    running: JoinHandle<Result<(), ServeError>>,
+}
+
+pub(crate) fn config(data: &Path) -> ServeConfig {
+    let mut config = ServeConfig::new(data, ([127, 0, 0, 1], 0).into());
+    config.work.limits.drain = Duration::from_secs(5);
+    config
+}
+
+impl Service {
+    pub(crate) async fn start(config: ServeConfig) -> Self {
+        let server = Server::bind(config).await.unwrap();
+        let base = format!("http://{}", server.address());
+        let (stop, stopped) = oneshot::channel();
+        let running = tokio::spawn(server.run(async {
+            let _ = stopped.await;
+        }));
+        Self { base, client: Client::builder().no_proxy().build().unwrap(), stop, running }
+    }
+
+    pub(crate) async fn stop(self) {
+        drop(self.client);
+        self.stop.send(()).unwrap();
+        self.running.await.unwrap().unwrap();
+    }
+
+    pub(crate) fn request(&self, method: Method, path: &str) -> RequestBuilder {
+        self.client.request(method, format!("{}{path}", self.base))
+    }
+
+    pub(crate) fn get(&self, path: &str) -> RequestBuilder {
+        self.request(Method::GET, path)
+    }
+
+    pub(crate) fn post(&self, path: &str) -> RequestBuilder {
+        self.request(Method::POST, path)
+    }
+
+    /// Sends `words` over a connection of their own, and returns the whole answer.
+    pub(crate) async fn talk(&self, words: &[u8]) -> String {
+        let address = self.base.trim_start_matches("http://");
+        let mut stream = tokio::net::TcpStream::connect(address).await.unwrap();
+        // A refusal may come before the last word was sent.
+        let _ = stream.write_all(words).await;
+        let mut answer = Vec::new();
+        let _ = stream.read_to_end(&mut answer).await;
+        String::from_utf8_lossy(&answer).into_owned()
+    }
+
+    /// Uploads and expects to be understood.
+    pub(crate) async fn upload(&self, query: &str, bytes: impl Into<reqwest::Body>) -> Value {
+        let response = self.post(&format!("/v1/measurements{query}")).body(bytes).send().await.unwrap();
+        assert!(response.status().is_success(), "{}", response.text().await.unwrap());
+        response.json().await.unwrap()
+    }
+
+    /// Compresses and waits for the end.
+    pub(crate) async fn compress(&self, body: &Value) -> Value {
+        let response = self.post("/v1/jobs").header("prefer", "wait=60").json(body).send().await.unwrap();
+        assert_eq!(response.status(), StatusCode::OK, "{}", response.text().await.unwrap());
+        response.json().await.unwrap()
+    }
+
+    /// A small BRDF of 4 × 64 directions at 400, 500 and 600 nm.
+    pub(crate) async fn brdf(&self) -> String {
+        let array = self.upload("", npy(&[4, 64, 3])).await;
+        let axes = json!({ "axes": ["hemi:0", "hemi:2", "lambda:400:100:3"] });
+        let request =
+            json!({ "measurement": array["id"], "quantity": "brdf", "axes": axes, "target": { "er_l2": 0.01 } });
+        self.compress(&request).await["material"].as_str().unwrap().to_owned()
+    }
+
+    /// A small material: the D65 spectrum.
+    pub(crate) async fn material(&self) -> String {
+        let measurement = self.upload("?filename=d65.csv", D65).await;
+        let job = self.compress(&json!({ "measurement": measurement["id"], "target": { "er_l2": 0.01 } })).await;
+        assert_eq!(job["state"], "succeeded", "{job}");
+        job["material"].as_str().unwrap().to_owned()
+    }
+}
+
+/// Expects a problem of this status and code.
+pub(crate) async fn problem(request: RequestBuilder, status: u16, code: &str) -> Value {
+    problem_of(request.send().await.unwrap(), status, code).await
+}
+
+pub(crate) async fn problem_of(response: Response, status: u16, code: &str) -> Value {
+    let found = response.status().as_u16();
+    let media_type = response.headers().get("content-type").map(|v| v.to_str().unwrap().to_owned());
+    let text = response.text().await.unwrap();
+    assert_eq!(found, status, "{text}");
+    assert_eq!(media_type.as_deref(), Some("application/problem+json"), "{text}");
+    let problem: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(problem["type"], format!("urn:wavelume:problem:{code}"), "{text}");
+    assert_eq!(problem["status"], status);
+    assert!(!problem["detail"].as_str().unwrap().is_empty() && !problem["title"].as_str().unwrap().is_empty());
+    problem
+}
+
+pub(crate) const D65: &[u8] = include_bytes!("../../../data/illuminant_D65.csv");
+pub(crate) const LAMP: &[u8] = include_bytes!("../../../data/aerolamp.ies");
+pub(crate) const LAMP_SPECTRUM: &[u8] = include_bytes!("../../../data/aerolamp.csv");
+pub(crate) const CHECKER: &[u8] = include_bytes!("../../../data/colorchecker_n_ohta.csv");
+
+/// An `.npy` of `shape` with smooth positive samples; its axes are said elsewhere.
+pub(crate) fn npy(shape: &[usize]) -> Vec<u8> {
+    let samples: Vec<f32> =
+        (0..shape.iter().product()).map(|i: usize| 0.2 + 0.1 * ((i % 97) as f32 * 0.1).sin()).collect();
+    wavelume::formats::write_npy(shape, &samples)
+}
+
+/// A request for a BRDF of 16 × 1024 directions that is busy for a while.
+pub(crate) fn long_request(id: &Value) -> Value {
+    json!({
+        "measurement": id,
+        "quantity": "brdf",
+        "axes": { "axes": ["hemi:1", "hemi:4", "lambda:380:5:75"] },
+        "target": { "er_l2": 0.001 },
+    })
+}
+
+pub(crate) const LONG_SHAPE: [usize; 3] = [16, 1024, 75];
