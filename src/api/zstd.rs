@@ -11,6 +11,7 @@ use tokio::io::{AsyncBufRead, AsyncRead, ReadBuf};
 const WINDOW: u64 = 8 << 20;
 /// RFC 8878, section 3.1.1: what a frame begins with, little-endian.
 const MAGIC: u32 = 0xFD2F_B528;
+const MAGIC_AND_DESCRIPTOR: usize = 5;
 /// Section 3.1.2: what a skippable frame begins with, but for its last four bits.
 const SKIPPABLE: u32 = 0x184D_2A50;
 /// Section 3.1.1.2: the most bytes of a block, and what stands before and after it.
@@ -107,7 +108,7 @@ impl Frames {
     fn length(&self) -> io::Result<usize> {
         match (self.next, self.piece.as_slice()) {
             (Piece::Header, [a, b, c, d, after @ ..]) => match (u32::from_le_bytes([*a, *b, *c, *d]), after) {
-                (MAGIC, []) => Ok(5),
+                (MAGIC, []) => Ok(MAGIC_AND_DESCRIPTOR),
                 (MAGIC, [descriptor, ..]) => Ok(header_length(*descriptor)),
                 (magic, _) if magic & !0xF == SKIPPABLE => Ok(8),
                 (magic, _) => Err(invalid(format!("found {magic:#010X} where a frame begins with {MAGIC:#010X}"))),
@@ -193,8 +194,6 @@ fn content_size_length(descriptor: u8) -> usize {
 fn is_one_segment(descriptor: u8) -> bool {
     descriptor & 0x20 != 0
 }
-
-const MAGIC_AND_DESCRIPTOR: usize = 5;
 
 fn refused(error: &FrameDecoderError) -> io::Error {
     invalid(error.to_string())
