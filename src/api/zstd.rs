@@ -19,7 +19,7 @@ const BLOCK: usize = 128 << 10;
 const BLOCK_HEADER: usize = 3;
 const CHECKSUM: usize = 4;
 
-/// Decodes what `source` gives: one frame after another.
+/// The decoded bytes of `source`, which holds frames one after another.
 pub(super) struct ZstdReader<R> {
     source: R,
     frames: Frames,
@@ -34,7 +34,7 @@ struct Frames {
     frame: Option<Frame>,
 }
 
-/// What must hold at the end of a frame.
+/// A frame, as far as its end is checked.
 struct Frame {
     has_checksum: bool,
     /// Bytes of content by its header, if that says.
@@ -43,7 +43,7 @@ struct Frame {
     read: u64,
 }
 
-/// What follows in the body.
+/// The kinds of pieces of a body.
 #[derive(Clone, Copy)]
 enum Piece {
     /// The header of a frame, or the end of the body.
@@ -52,6 +52,13 @@ enum Piece {
     Block,
     /// This many bytes of a skippable frame.
     Skipped(u32),
+}
+
+impl Piece {
+    /// The rest of a skippable frame, or what follows it where nothing is left.
+    fn skipped(left: u32) -> Self {
+        if left > 0 { Self::Skipped(left) } else { Self::Header }
+    }
 }
 
 impl<R> ZstdReader<R> {
@@ -91,8 +98,7 @@ impl Frames {
     fn take(&mut self, arrived: &[u8]) -> io::Result<usize> {
         if let Piece::Skipped(left) = self.next {
             let taken = arrived.len().min(left as usize);
-            let left = left - taken as u32;
-            self.next = if left > 0 { Piece::Skipped(left) } else { Piece::Header };
+            self.next = Piece::skipped(left - taken as u32);
             return Ok(taken);
         }
         let taken = arrived.len().min(self.length()? - self.piece.len());
@@ -132,7 +138,7 @@ impl Frames {
     fn decode(&mut self) -> io::Result<()> {
         let is_header = matches!(self.next, Piece::Header);
         self.next = match self.piece.as_slice() {
-            [0x50..=0x5F, _, _, _, a, b, c, d] if is_header => Piece::Skipped(u32::from_le_bytes([*a, *b, *c, *d])),
+            [0x50..=0x5F, _, _, _, a, b, c, d] if is_header => Piece::skipped(u32::from_le_bytes([*a, *b, *c, *d])),
             header if is_header => {
                 self.decoder.reset(header).map_err(|error| refused(&error))?;
                 let descriptor = header[4];
@@ -149,13 +155,10 @@ impl Frames {
                 if is_last { Piece::Header } else { Piece::Block }
             }
         };
-        if matches!(self.next, Piece::Skipped(0)) {
-            self.next = Piece::Header;
-        }
         Ok(())
     }
 
-    /// Compares a frame that has ended with what it says of its content, all of which was read.
+    /// Checks the declared size and the checksum of a frame that has ended, once its content has been read.
     fn check(&mut self) -> io::Result<()> {
         let ended = self.frame.take_if(|_| matches!(self.next, Piece::Header));
         let Some(Frame { has_checksum, declared, read }) = ended else { return Ok(()) };
@@ -210,7 +213,7 @@ mod tests {
     use ruzstd::encoding::{CompressionLevel, compress_to_vec};
     use tokio::io::{AsyncReadExt, BufReader};
 
-    /// What `zstd --check -19` 1.5.4 made of `text()`: a compressed block and a checksum.
+    /// `text()` as `zstd --check -19` 1.5.4 compresses it: one compressed block and a checksum.
     const OTHER: &[u8] = include_bytes!("../../tests/fixtures/zstd/table.zst");
 
     fn text() -> Vec<u8> {
@@ -276,7 +279,7 @@ mod tests {
             let _ = runtime.block_on(decoded(&body, 64));
         }
 
-        /// So is a frame with some bytes exchanged.
+        /// A frame with some bytes exchanged is refused, or decodes to the same text.
         #[test]
         fn damaged_blocks_are_refused(places in proptest::collection::vec((9..OTHER.len(), any::<u8>()), 1..9)) {
             let mut body = OTHER.to_vec();

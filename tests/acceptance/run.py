@@ -246,35 +246,46 @@ def truncations(binary, scratch, files):
     print(f"  {len(files)} files cut at {TRUNCATIONS} places each; {accepted} cuts left a whole table")
 
 
-def equal_bytes(release, debug, scratch, arrays, all_builds):
-    """The same bytes on any number of threads, and in debug and release builds: of four files, or of all."""
-    compared = 0
+def compressed_by(binary, scratch, path, threads, options):
+    """The bytes of the material."""
+    out = os.path.join(scratch, "equal.wlm")
+    done = run(binary, "compress", path, "-o", out, "--threads", str(threads), *options)
+    check(done.code == 0, f"{os.path.basename(path)}: {done.err.strip()}")
+    with open(out, "rb") as file:
+        return file.read()
 
-    def material(binary, path, threads, options):
-        out = os.path.join(scratch, "equal.wlm")
-        done = run(binary, "compress", path, "-o", out, "--threads", str(threads), *options)
-        check(done.code == 0, f"{os.path.basename(path)}: {done.err.strip()}")
-        with open(out, "rb") as file:
-            return file.read()
 
-    small = [(path, options) for path, options in REAL] + [(arrays["edf_led"], []), (arrays["edf_f11"], [])]
-    threaded = small + [(arrays[name], []) for name in ("brdf_wood", "brdf_aniso", "phase_hazy")]
-    for path, options in [] if all_builds else threaded:
-        first = material(release, path, 1, options)
+def small_files(arrays):
+    """Real files and two arrays, each with its options."""
+    return REAL + [(arrays["edf_led"], []), (arrays["edf_f11"], [])]
+
+
+def equal_threads(binary, scratch, arrays):
+    """The same bytes on any number of threads, on every run."""
+    files = small_files(arrays) + [(arrays[name], []) for name in ("brdf_wood", "brdf_aniso", "phase_hazy")]
+    for path, options in files:
+        first = compressed_by(binary, scratch, path, 1, options)
         for threads in (2, 5):
-            check(material(release, path, threads, options) == first, f"{os.path.basename(path)}: {threads} threads differ")
-        compared += 2
+            same = compressed_by(binary, scratch, path, threads, options) == first
+            check(same, f"{os.path.basename(path)}: {threads} threads differ")
+    print(f"  {2 * len(files)} pairs of materials of other threads compared byte by byte")
+
+
+def equal_builds(release, debug, scratch, arrays, all_files):
+    """The same bytes in debug and release builds, of four files or of all."""
+    compared = 0
     policies = [[], ["--policy", "conventional", "--ratio", "20"], ["--lossless"], ["--max-relative-error", "0.05"]]
     several = (arrays["edf_led"], "data/carpaint_blue.mbsdf", "data/illuminant_D65.csv")
     few = (*several, arrays["edf_f11"])
-    for path, options in small if all_builds else [(path, options) for path, options in small if path in few]:
-        for policy in policies:
-            if policy and path not in several:
-                continue
-            same = material(debug, path, 2, options + policy) == material(release, path, 1, options + policy)
+    for path, options in small_files(arrays):
+        if not all_files and path not in few:
+            continue
+        for policy in policies if path in several else [[]]:
+            of_debug = compressed_by(debug, scratch, path, 2, options + policy)
+            same = of_debug == compressed_by(release, scratch, path, 1, options + policy)
             check(same, f"{os.path.basename(path)} {' '.join(policy)}: debug and release differ")
             compared += 1
-    print(f"  {compared} pairs of materials compared byte by byte")
+    print(f"  {compared} pairs of materials of other builds compared byte by byte")
 
 
 def main():
@@ -285,9 +296,8 @@ def main():
     release, debug = (os.path.abspath(path) for path in arguments[:2])
     with tempfile.TemporaryDirectory() as scratch:
         if all_builds:
-            compared = ("edf_led", "edf_f11")
-            arrays = {name: gen.generate(os.path.join(scratch, "arrays"), name) for name in compared}
-            equal_bytes(release, debug, scratch, arrays, all_builds)
+            arrays = {name: gen.generate(os.path.join(scratch, "arrays"), name) for name in ("edf_led", "edf_f11")}
+            equal_builds(release, debug, scratch, arrays, all_files=True)
             sys.exit(f"{len(failures)} checks failed" if failures else 0)
         print("Arrays and real files, compressed to er(L2) 1 % and scored with numpy")
         arrays = {name: gen.generate(os.path.join(scratch, "arrays"), name) for name in gen.ARRAYS}
@@ -304,7 +314,8 @@ def main():
         refusals(release, scratch)
         truncations(release, scratch, REAL + good[:3] + [(arrays["edf_f11"], [])])
         print("Equal bytes")
-        equal_bytes(release, debug, scratch, arrays, all_builds)
+        equal_threads(release, scratch, arrays)
+        equal_builds(release, debug, scratch, arrays, all_files=False)
     if failures:
         sys.exit(f"{len(failures)} checks failed")
     if len(arguments) == 3:
