@@ -1,6 +1,6 @@
 //! The defensive part of a sampler: directions drawn without regard to the function, wherever it may be other than 0.
 
-use super::Material;
+use super::function::Function;
 use super::lookup::MeshLookup;
 use super::smooth::Smooth;
 use super::warp::{BELOW_ONE, Density, Warps};
@@ -32,18 +32,18 @@ pub(super) enum Background {
 
 impl Background {
     /// Luminaires keep to their light. What depends on an incoming direction, and what has a cosine, has the whole domain.
-    pub(super) fn new(material: &Material, lookup: &MeshLookup) -> Self {
-        if material.has_incoming() || material.quantity().has_cosine() {
+    pub(super) fn new(function: &Function, lookup: &MeshLookup) -> Self {
+        if function.geometry().has_incoming() || function.geometry().quantity().has_cosine() {
             return Self::Whole;
         }
         let mesh = lookup.mesh();
         let lit = |entry: usize| {
             let has_light: Vec<bool> =
-                (0..mesh.len()).map(|leaf| material.is_lit_cell(entry * mesh.len() + leaf)).collect();
-            let reached = reached(material.smooth(), entry, lookup, &has_light);
+                (0..mesh.len()).map(|leaf| function.is_lit_cell(entry * mesh.len() + leaf)).collect();
+            let reached = reached(function.form().smooth(), entry, lookup, &has_light);
             [has_light, reached].map(|is_lit| LitCells::new(mesh, is_lit))
         };
-        let entries: Vec<[LitCells; 2]> = (0..material.entries()).map(lit).collect();
+        let entries: Vec<[LitCells; 2]> = (0..function.geometry().entries()).map(lit).collect();
         let is_whole = |cells: &LitCells| cells.leaves.len() == mesh.len();
         if entries.iter().flatten().all(is_whole) { Self::Whole } else { Self::Lit(entries) }
     }

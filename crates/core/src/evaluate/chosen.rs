@@ -1,18 +1,22 @@
 //! A few wavelengths chosen once, as a renderer does for a path, and used for many places.
 
-use super::batch::Directions;
+use super::directions::{Directions, Pairs};
+use super::error::{EvaluateError, unfit};
+use super::form::Form;
 use super::kernel::BLOCK;
-use super::material::Form;
+use super::material::Material;
+use super::mixed::Mixed;
+use super::mixture::sampled_entry;
+use super::place::{Beyond, Interpolation, Place};
 use super::planes::{Columns, FEW};
-use super::smooth::Mixed;
 use super::staged::Room;
-use super::{Beyond, Density, EvaluateError, Interpolation, Material, Pairs, Place, SampleOptions, unfit};
+use super::warp::{Density, SampleOptions};
 use crate::domain::{Direction, wide};
 
 /// Up to [`Chosen::MOST`] wavelengths of a material; made by [`Material::choose`].
 #[derive(Clone, Debug)]
 pub struct Chosen<'a> {
-    pub(super) material: &'a Material,
+    material: &'a Material,
     beyond: Beyond,
     count: usize,
     wavelengths: [f64; FEW],
@@ -59,7 +63,7 @@ impl Material {
     /// Chooses up to [`Chosen::MOST`] wavelengths in nm, linear between the samples of spectra, outside the measured range as
     /// `beyond` says. RGB and monochromatic data are refused: they have no wavelengths.
     pub fn choose(&self, wavelengths: &[f64], beyond: Beyond) -> Result<Chosen<'_>, EvaluateError> {
-        let Some(grid) = self.grid() else {
+        let Some(grid) = self.geometry().grid() else {
             return unfit(format!("wavelengths were asked for, but this {} has none", self.quantity()));
         };
         if wavelengths.len() > Chosen::MOST {
@@ -83,7 +87,7 @@ impl Material {
                 _ => f32::NAN,
             };
         }
-        if let Form::Planes { planes, .. } = &self.form {
+        if let Form::Planes { planes, .. } = self.function().form() {
             chosen.columns = Some(planes.columns(&chosen.wavelengths.map(|lambda| grid.position(lambda))));
         }
         Ok(chosen)
@@ -113,12 +117,12 @@ impl Chosen<'_> {
         how: Interpolation,
         incoming: Option<usize>,
     ) -> Result<[f32; Chosen::MOST], EvaluateError> {
-        let (Form::Planes { planes, smooth }, Some(columns)) = (&self.material.form, &self.columns) else {
+        let (Form::Planes { planes, smooth }, Some(columns)) = (self.material.function().form(), &self.columns) else {
             let mut out = [0.0; FEW];
             self.material.at_wavelengths(place, how, self.beyond, self.wavelengths(), &mut out[..self.count])?;
             return Ok(out);
         };
-        self.material.with_row(
+        self.material.function().with_row(
             planes,
             smooth,
             place,
@@ -138,7 +142,7 @@ impl Chosen<'_> {
     /// The values at `pairs` into `out`, `[pair][wavelength]`, as [`Chosen::at`] gives them, on the calling thread.
     pub fn values(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         let count = pairs.check(out.len(), self.count)?;
-        let (Form::Planes { planes, smooth }, Some(columns)) = (&self.material.form, &self.columns) else {
+        let (Form::Planes { planes, smooth }, Some(columns)) = (self.material.function().form(), &self.columns) else {
             let mut rows = out.chunks_exact_mut(self.count).enumerate();
             return rows.try_for_each(|(i, out)| {
                 out.copy_from_slice(&self.at(pairs.place(i)?, how)?[..self.count]);
@@ -146,7 +150,7 @@ impl Chosen<'_> {
             });
         };
         let mut values = [[0.0; FEW]; BLOCK];
-        self.material.rows(planes, smooth, pairs, how, count, |start, rows| {
+        self.material.function().rows(planes, smooth, pairs, how, count, |start, rows| {
             planes.picked_all(rows, columns, &mut values);
             let out = out[start * self.count..].chunks_exact_mut(self.count);
             for (out, values) in out.zip(&values[..rows.len()]) {
@@ -168,11 +172,12 @@ impl Chosen<'_> {
         u: [f64; 2],
         options: impl Into<SampleOptions>,
     ) -> Result<Option<ChosenSample>, EvaluateError> {
+        let sampler = self.material.sampler()?;
         let drawn = wide(
             #[inline(always)]
             || {
-                self.material.drawn_with(index, wi, u, options.into(), |place, how, incoming, cell| {
-                    match (&self.material.form, &self.columns, cell) {
+                sampler.drawn_with(index, wi, u, options.into(), |place, how, incoming, cell| {
+                    match (self.material.function().form(), &self.columns, cell) {
                         (Form::Planes { planes, .. }, Some(columns), Some(cell)) if planes.presence(cell) > 0.0 => {
                             Ok(self.held(planes.picked(planes.row(cell), 1.0, columns)))
                         }
@@ -211,33 +216,34 @@ impl Chosen<'_> {
         }
         let pairs = Pairs { index, wi, wo: None };
         wi.map_or(Ok(()), |wi| wi.check("wi", count))?;
-        let material = self.material;
-        let (Form::Planes { planes, smooth }, Some(columns)) = (&material.form, &self.columns) else {
+        let function = self.material.function();
+        let (Form::Planes { planes, smooth }, Some(columns)) = (function.form(), &self.columns) else {
             return self.sample_each(pairs, u, options, &mut out);
         };
-        let trees = material.mean_trees()?;
-        if !material.is_staged(trees, options) {
+        let sampler = self.material.sampler()?;
+        if !sampler.is_staged(options) {
             return self.sample_each(pairs, u, options, &mut out);
         }
-        let entry = material.sampled_entry(index, options)?;
-        let has_cosine = material.quantity().has_cosine();
+        let entry = sampled_entry(function, index, options)?;
+        let has_cosine = self.material.quantity().has_cosine();
         let (mut room, mut rows) = (Room::NEW, [Mixed::NOTHING; BLOCK]);
         let mut values = [[0.0; FEW]; BLOCK];
         for start in (0..count).step_by(BLOCK) {
             let end = count.min(start + BLOCK);
             let rows = &mut rows[..end - start];
-            material.arrive_for(trees, entry, wi.map(|wi| wi.part(start, end)), options, rows.len(), &mut room)?;
-            material.draw_block(trees, u.map(|u| &u[start..end]), options, &mut room)?;
+            sampler.arrive_for(entry, wi.map(|wi| wi.part(start, end)), options, rows.len(), &mut room)?;
+            sampler.draw_block(u.map(|u| &u[start..end]), options, &mut room)?;
+            let (places, draws) = room.drawn();
             match options.density {
-                Density::Uniform => material.rows_of_leaves(planes, &room, rows),
-                Density::Linear => material.rows_at_draws(smooth, entry, &mut room, rows),
+                Density::Uniform => function.rows_of_leaves(planes, entry, places, draws, rows),
+                Density::Linear => function.rows_at_draws(smooth, entry, places, draws, rows),
             }
-            if trees.has_masked() {
-                let masked = rows.iter().zip(&mut room.draws.pdf).filter(|(row, _)| row.presence.is_nan());
+            if sampler.trees().has_masked() {
+                let masked = rows.iter().zip(&mut draws.pdf).filter(|(row, _)| row.presence.is_nan());
                 masked.for_each(|(_, pdf)| *pdf = 0.0);
             }
             planes.picked_all(rows, columns, &mut values);
-            let shares = room.draws.write(has_cosine, out.part(start, end));
+            let shares = draws.write(has_cosine, out.part(start, end));
             let weights = out.weights[start * self.count..end * self.count].chunks_exact_mut(self.count.max(1));
             for ((to, values), share) in weights.zip(values).zip(shares) {
                 let weights = if share > 0.0 { self.weights(self.held(values), share) } else { [0.0; FEW] };

@@ -1,9 +1,8 @@
 //! Many directions at once: the cells that hold them, four lanes at a time.
 
-use super::batch::{Directions, Pairs};
+use super::directions::Directions;
 use super::kernel::{BLOCK, Vectors, set_vector, vector_of};
 use super::lookup::MeshLookup;
-use super::{EvaluateError, Material};
 use crate::domain::vector::Vector;
 use crate::domain::wide;
 use std::hint::select_unpredictable;
@@ -48,7 +47,7 @@ impl MeshLookup {
 
     /// Writes the triangles that hold directions of any length, or [`OUTSIDE`]; whether all of them are directions, of
     /// lengths whose squares these numbers hold.
-    fn locate_all(&self, d: Directions<'_>, to: &mut [u32]) -> bool {
+    pub(super) fn locate_all(&self, d: Directions<'_>, to: &mut [u32]) -> bool {
         let last = to.len().wrapping_sub(1);
         for start in (0..to.len()).step_by(4) {
             // The last one again where there are fewer than four.
@@ -74,39 +73,5 @@ impl MeshLookup {
             }
         }
         true
-    }
-}
-
-impl Material {
-    /// Writes the entries of the incoming axis for the incoming directions of `pairs`, in the piecewise constant sense.
-    pub(super) fn incoming_entries(&self, pairs: Pairs<'_>, to: &mut [u32]) -> Result<(), EvaluateError> {
-        if let (Some(lookup), Some(wi)) = (self.incoming_mesh(), pairs.wi)
-            && lookup.locate_all(wi, to)
-            && !to.contains(&OUTSIDE)
-        {
-            return Ok(());
-        }
-        // One by one, which tells what is wrong.
-        for (i, to) in to.iter_mut().enumerate() {
-            *to = self.incoming_entry(pairs.wi_at(i)?)? as u32;
-        }
-        Ok(())
-    }
-
-    /// Writes the entries of the outgoing axis for `pairs`, or [`OUTSIDE`].
-    pub(super) fn outgoing_entries(&self, pairs: Pairs<'_>, to: &mut [u32]) -> Result<(), EvaluateError> {
-        if let (Some(lookup), Some(wo), false) = (&self.outgoing, pairs.wo, self.is_isotropic())
-            && lookup.locate_all(wo, to)
-        {
-            return Ok(());
-        }
-        for (i, to) in to.iter_mut().enumerate() {
-            let place = pairs.place(i)?;
-            *to = match self.outgoing(place.wi, place.wo)? {
-                None => 0,
-                Some((lookup, wo)) => lookup.locate_or_outside(wo.xyz()),
-            };
-        }
-        Ok(())
     }
 }

@@ -14,12 +14,13 @@
 
 use super::background::Background;
 use super::carried::{Carried, Carry, STAYING};
+use super::error::{EvaluateError, unfit};
+use super::form::Form;
+use super::function::Function;
 use super::incoming::Around;
 use super::lookup::Stencil;
-use super::material::Form;
 use super::trees::Trees;
 use super::warp::{BELOW_ONE, Density, SampleOptions};
-use super::{EvaluateError, Material};
 use crate::domain::Direction;
 use crate::domain::vector::Vector;
 
@@ -29,7 +30,7 @@ pub(super) const FEW: usize = 3;
 /// The mixture under an incoming direction.
 pub(super) struct Mixture<'a> {
     trees: &'a Trees,
-    material: &'a Material,
+    function: &'a Function,
     entry: usize,
     options: SampleOptions,
     parts: Parts,
@@ -62,24 +63,26 @@ struct Choice<T> {
 impl<'a> Mixture<'a> {
     #[inline(always)]
     pub(super) fn new(
-        material: &'a Material,
+        function: &'a Function,
         trees: &'a Trees,
         index: &[usize],
         wi: Option<Direction>,
         options: SampleOptions,
         carry: Option<Carry>,
     ) -> Result<Self, EvaluateError> {
-        let entry = material.sampled_entry(index, options)?;
+        let entry = sampled_entry(function, index, options)?;
         let mut to = None;
-        let parts = match (options.density, &material.form) {
-            (Density::Uniform, _) => Parts::Few(Shares::one(trees, entry, material.incoming_entry(wi)? as u32)),
+        let parts = match (options.density, function.form()) {
+            (Density::Uniform, _) => {
+                Parts::Few(Shares::one(trees, entry, function.geometry().incoming_entry(wi)? as u32))
+            }
             (Density::Linear, Form::Planes { smooth, .. }) => {
-                let (around, wi) = material.around(smooth, None, wi)?;
+                let (around, wi) = function.around(smooth, None, wi)?;
                 to = carry.map(|carry| (carry, wi));
                 Parts::Few(Shares::around(trees, entry, &around))
             }
-            (Density::Linear, Form::Samples { .. }) => {
-                let stencil = material.incoming_stencil(wi)?;
+            (Density::Linear, Form::Samples(_)) => {
+                let stencil = function.geometry().incoming_stencil(wi)?;
                 let first = trees.tree(entry, 0);
                 let light = |(cell, weight): (usize, f32)| f64::from(weight) * trees.warps().total(first + cell);
                 let sum = stencil.entries().map(light).sum();
@@ -91,15 +94,15 @@ impl<'a> Mixture<'a> {
             Parts::Many(.., sum) => *sum > 0.0,
         };
         let defensive = trees.defensive(entry, options, has_light);
-        Ok(Self { trees, material, entry, options, parts, carry: to, defensive })
+        Ok(Self { trees, function, entry, options, parts, carry: to, defensive })
     }
 
     /// The entry of the incoming axis that holds the direction, where that is known.
     #[inline(always)]
     pub(super) fn incoming(&self) -> Option<usize> {
         let Parts::Few(shares) = &self.parts else { return None };
-        match (self.options.density, &self.material.form) {
-            (Density::Linear, Form::Planes { smooth, .. }) if !Material::knows_entry(smooth) => None,
+        match (self.options.density, self.function.form()) {
+            (Density::Linear, Form::Planes { smooth, .. }) if !Function::knows_entry(smooth) => None,
             _ => Some(shares.nodes[0] as usize),
         }
     }
@@ -108,7 +111,7 @@ impl<'a> Mixture<'a> {
     #[inline(always)]
     pub(super) fn cell(&self, leaf: usize) -> usize {
         let incoming = if let Parts::Few(shares) = &self.parts { shares.nodes[0] as usize } else { 0 };
-        let [n_in, n_out, _] = self.material.shape;
+        let [n_in, n_out, _] = self.function.geometry().shape();
         (self.entry * n_in + incoming) * n_out + leaf
     }
 
@@ -138,7 +141,7 @@ impl<'a> Mixture<'a> {
     #[inline(always)]
     fn carried(&self, node: usize, z: f64) -> Option<Carried> {
         let ((alignment, domain), to) = self.carry?;
-        Some(Carried::over(alignment, domain, z, self.material.node_direction(node), to))
+        Some(Carried::over(alignment, domain, z, self.function.node_direction(node), to))
     }
 
     /// The options of a tree alone.
@@ -227,6 +230,19 @@ impl<'a> Mixture<'a> {
         let [u, v] = self.background().place(warps, self.at(), wo)?;
         Some([(1.0 - self.defensive) + self.defensive * u, v])
     }
+}
+
+/// The entry of the opaque axes, after a look at the options.
+#[inline]
+pub(super) fn sampled_entry(
+    function: &Function,
+    index: &[usize],
+    options: SampleOptions,
+) -> Result<usize, EvaluateError> {
+    if !(0.0..1.0).contains(&options.defensive) {
+        return unfit(format!("a defensive part of {}, expected 0 or more and less than 1", options.defensive));
+    }
+    function.geometry().entry(index)
 }
 
 /// Splits 0..1 into two parts, the second of the length `second`. Returns the place of `u` within its part, from 0 to 1, and true

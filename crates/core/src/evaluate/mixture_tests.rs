@@ -70,8 +70,8 @@ fn where_there_is_light_there_is_a_density() {
     for (m, domain) in lobes().into_iter().chain(rough) {
         let both = if domain == Domain::Sphere { 0.5 } else { 1.0 };
         for _ in 0..1000 {
-            let wi = m.has_incoming().then(|| {
-                let on_sphere = m.takes(angles(120.0, 0.0));
+            let wi = m.geometry().has_incoming().then(|| {
+                let on_sphere = m.geometry().takes(angles(120.0, 0.0));
                 uniform(if on_sphere { Domain::Sphere } else { Domain::Hemisphere }, &mut rng)
             });
             let wo = uniform(domain, &mut rng);

@@ -30,100 +30,54 @@
 )]
 
 mod albedo;
+mod arrived;
 mod background;
-mod batch;
+mod blocks;
 mod carried;
+mod carrying;
+mod cells;
 mod chosen;
+mod directions;
 mod elements;
+mod error;
+mod form;
+mod function;
+mod geometry;
 mod grid;
 mod incoming;
+mod integrals;
 mod kernel;
 mod located;
 mod lookup;
 mod material;
+mod mixed;
 mod mixture;
 mod number;
 pub mod physics;
+mod place;
 mod planes;
 mod reconstruct;
-mod sampling;
+mod report;
+mod sampler;
+mod samples;
 mod smooth;
 mod spectrum;
 mod staged;
 mod trees;
 pub mod warp;
+mod wavelength_sampler;
 
 pub use albedo::Side;
-pub use batch::{Directions, Pairs};
 pub use chosen::{Chosen, ChosenSample, Drawings};
+pub use directions::{Directions, Pairs};
+pub use error::EvaluateError;
 pub use incoming::Alignment;
-pub use material::{Material, OpenedReport};
-pub use sampling::WavelengthSampler;
+pub use material::Material;
+pub use place::{Beyond, Interpolation, Place};
+pub use report::OpenedReport;
+pub use sampler::DirectionSample;
 pub use warp::{Density, SampleOptions};
-
-use crate::compress::DecodeError;
-use crate::domain::Direction;
-
-/// Where in a material to look.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Place<'a> {
-    /// One entry for each leading opaque axis.
-    pub index: &'a [usize],
-    /// The incoming direction, for quantities that have one.
-    pub wi: Option<Direction>,
-    /// The outgoing direction, for quantities that have one.
-    pub wo: Option<Direction>,
-}
-
-/// How samples become a function of direction.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Interpolation {
-    /// The value of the triangle that holds the direction, as the paper has it; of the nearest incoming elevation.
-    Constant,
-    /// Continuous over directions.
-    #[default]
-    Smooth,
-}
-
-/// What there is outside the measured range of wavelengths.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Beyond {
-    /// Nothing is known: NaN.
-    #[default]
-    Masked,
-    /// No light.
-    Zero,
-    /// The sample at the end of the range, as renderers do.
-    Nearest,
-}
-
-/// One importance sample.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DirectionSample {
-    /// The direction drawn: `wo`.
-    pub direction: Direction,
-    /// Its probability density, sr⁻¹.
-    pub pdf: f64,
-    /// f · |cos θo| / pdf for a BRDF, BTDF or BSDF, f / pdf otherwise; f is the mean over wavelengths (of the samples that
-    /// are not masked; 0 where that mean is negative): piecewise constant where the density is, otherwise smooth.
-    pub weight: f64,
-}
-
-/// Why a material cannot answer.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum EvaluateError {
-    /// The bytes are no material.
-    #[error(transparent)]
-    Decode(#[from] DecodeError),
-    /// The query does not fit the material: a direction or index too few or too many, outside the domain.
-    #[error("{0}")]
-    Unfit(String),
-}
-
-fn unfit<T>(message: impl Into<String>) -> Result<T, EvaluateError> {
-    Err(EvaluateError::Unfit(message.into()))
-}
+pub use wavelength_sampler::WavelengthSampler;
 
 #[cfg(test)]
 mod batch_tests;

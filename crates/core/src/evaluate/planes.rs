@@ -4,14 +4,12 @@
 //! stand as they are. The basis of logarithms begins with a constant: brightness is a plane of its own.
 
 use super::kernel::{LANES, exp, exp_all};
-use super::smooth::{Mixed, Row};
+use super::mixed::{MOST_PLANES, Mixed, Row};
 use crate::domain::wide;
 use crate::transform::Klt;
 use ::wide::f32x4;
 use rayon::prelude::*;
 
-/// Planes at most; spectra that need more are kept whole.
-pub(super) const MOST_PLANES: usize = 16;
 /// Wavelengths that are expanded together where a few are wanted.
 pub(super) const FEW: usize = LANES / 2;
 /// Spectra up to this length are their own planes.
@@ -43,11 +41,11 @@ pub(super) struct Columns {
 /// Rows of coefficients, and the basis that makes spectra of them.
 #[derive(Debug)]
 pub(super) struct Planes {
-    pub(super) logarithms: bool,
-    pub(super) lambdas: usize,
+    logarithms: bool,
+    lambdas: usize,
     /// Planes that are used, and how many stand in a row: a multiple of 4.
-    pub(super) count: usize,
-    pub(super) width: usize,
+    count: usize,
+    width: usize,
     /// `[block of wavelengths][mean, then width][lane]`.
     blocks: Vec<[f32; LANES]>,
     /// `[wavelength][width]`, and the mean; the last wavelength twice.
@@ -56,9 +54,9 @@ pub(super) struct Planes {
     /// `[cell][width]`.
     rows: Vec<f32>,
     /// One a cell; empty where all are live.
-    pub(super) cells: Vec<Cell>,
+    cells: Vec<Cell>,
     /// The largest deviation from the samples, in logarithms or in parts of the largest sample.
-    pub(super) deviation: f64,
+    deviation: f64,
 }
 
 /// Calls a method that is compiled for each width of a row.
@@ -130,6 +128,36 @@ impl Planes {
         built.rows = rows;
         built.deviation = built.deviation_from(samples, &values);
         (lambdas <= SHORT || built.deviation <= CLOSE).then_some(built)
+    }
+
+    /// Returns true where coefficients are those of logarithms.
+    pub(super) fn has_logarithms(&self) -> bool {
+        self.logarithms
+    }
+
+    /// Samples in a spectrum.
+    pub(super) fn lambdas(&self) -> usize {
+        self.lambdas
+    }
+
+    /// Planes that are used.
+    pub(super) fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Coefficients in a row: a multiple of 4.
+    pub(super) fn width(&self) -> usize {
+        self.width
+    }
+
+    /// What is known of each cell; empty where all are live.
+    pub(super) fn cells(&self) -> &[Cell] {
+        &self.cells
+    }
+
+    /// The largest deviation from the samples, in logarithms or in parts of the largest sample.
+    pub(super) fn deviation(&self) -> f64 {
+        self.deviation
     }
 
     /// The coefficients of a spectrum of values (logarithms, or samples), as they stand in planes.

@@ -1,6 +1,6 @@
 //! Values, masks and refusals; samples against their density.
 
-use super::material::Form;
+use super::form::Form;
 use super::planes::Cell;
 use super::{Beyond, Density, DirectionSample, EvaluateError, Interpolation, Material, Place, SampleOptions};
 use crate::domain::vector::dot;
@@ -70,8 +70,8 @@ fn at(wi: Option<Direction>, wo: Option<Direction>) -> Place<'static> {
 
 /// Of a material whose spectra are no few planes.
 fn samples(m: &Material) -> &[f32] {
-    let Form::Samples { samples, .. } = &m.form else { panic!("expected samples") };
-    samples
+    let Form::Samples(samples) = m.function().form() else { panic!("expected samples") };
+    samples.all()
 }
 
 fn spectrum(m: &Material, place: Place<'_>, how: Interpolation) -> Vec<f32> {
@@ -291,8 +291,8 @@ fn refusals_name_their_reason() {
 
 /// The samples of a cell in either form.
 fn cell(m: &Material, cell: usize) -> Vec<f32> {
-    match &m.form {
-        Form::Samples { .. } => m_row(m, cell).to_vec(),
+    match m.function().form() {
+        Form::Samples(_) => m_row(m, cell).to_vec(),
         Form::Planes { planes, .. } => {
             let mut out = vec![0.0; m.lambdas()];
             match planes.cell(cell) {

@@ -1,9 +1,11 @@
 //! Conservation of energy: the stored albedo of every incoming direction against 1, phase functions' integrals against 1.
 
-use super::{FluxReport, Spot, is_whole};
-use crate::domain::{ErrorReport, Quantity};
+use super::flux::FluxReport;
+use super::spot::Spot;
+use crate::domain::{Domain, ErrorReport, Quantity};
 use crate::evaluate::albedo::{Side, is_above};
-use crate::evaluate::{EvaluateError, Material};
+use crate::evaluate::error::EvaluateError;
+use crate::evaluate::material::Material;
 use serde::Serialize;
 use std::f64::consts::PI;
 
@@ -103,11 +105,12 @@ impl Material {
     /// Stored integrals of one side: `[entry, incoming, lambda]`.
     pub(super) fn side(&self, side: Side) -> Vec<f32> {
         let lambdas = self.lambdas();
-        let rows = self.entries() * self.shape[0];
+        let [n_in, ..] = self.geometry().shape();
+        let rows = self.geometry().entries() * n_in;
         let mut values = vec![0.0; rows * lambdas];
         for (row, values) in values.chunks_exact_mut(lambdas).enumerate() {
-            let is_above = is_above(self.incoming_direction(row % self.shape[0]));
-            if let Some(table) = self.albedos.of(side, is_above) {
+            let is_above = is_above(self.incoming_direction(row % n_in));
+            if let Some(table) = self.albedos().of(side, is_above) {
                 values.copy_from_slice(&table[row * lambdas..][..lambdas]);
             }
         }
@@ -127,7 +130,7 @@ impl Material {
     fn albedo_report(&self) -> AlbedoReport {
         let both = self.side(Side::Both);
         let lambdas = self.lambdas();
-        let has_both = self.outgoing.as_ref().is_some_and(|lookup| is_whole(lookup.mesh().domain()));
+        let has_both = self.geometry().mesh().is_some_and(|lookup| lookup.mesh().domain() == Domain::Sphere);
         let part = |side| if has_both { self.largest(&self.side(side), 1.0) } else { None };
         let largest = self.largest(&both, 1.0);
         let excess = largest.as_ref().map_or(0.0, |spot| (spot.value - 1.0).max(0.0));

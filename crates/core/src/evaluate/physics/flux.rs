@@ -2,8 +2,8 @@
 
 use crate::domain::colour::Tristimulus;
 use crate::domain::{Unit, WavelengthGrid};
-use crate::evaluate::Material;
 use crate::evaluate::albedo::Side;
+use crate::evaluate::material::Material;
 use serde::Serialize;
 
 /// The flux of one entry of the opaque axes.
@@ -30,14 +30,14 @@ pub struct FluxReport {
 
 impl Material {
     pub(super) fn fluxes(&self) -> Vec<FluxReport> {
-        let table = self.albedos.of(Side::Both, true).unwrap_or_default();
+        let table = self.albedos().of(Side::Both, true).unwrap_or_default();
         table.chunks_exact(self.lambdas()).enumerate().map(|(entry, row)| self.flux(entry, row)).collect()
     }
 
     fn flux(&self, entry: usize, row: &[f32]) -> FluxReport {
         let (unit, total_unit) = units(self.unit());
         let is_whole = row.iter().all(|v| !v.is_nan());
-        let total = match self.grid() {
+        let total = match self.geometry().grid() {
             _ if !is_whole => None,
             Some(grid) if is_density(self.unit()) => Some(integral(grid, row)),
             None if row.len() == 1 => Some(f64::from(row[0])),
@@ -49,7 +49,7 @@ impl Material {
             spectral: row.iter().map(|v| (!v.is_nan()).then_some(f64::from(*v))).collect(),
             unit,
             total,
-            total_unit: if self.grid().is_some() { total_unit } else { unit },
+            total_unit: if self.geometry().grid().is_some() { total_unit } else { unit },
             reason: luminous.as_ref().err().cloned(),
             luminous: luminous.ok(),
         }
@@ -65,7 +65,7 @@ impl Material {
             Unit::MicrowattPerSteradianNanometre => 1e-6,
             unit => return Err(format!("the unit is {unit}, expected cd, cd/klm or watts per sr and nm")),
         };
-        let grid = self.grid().ok_or_else(|| "no wavelengths".to_owned())?;
+        let grid = self.geometry().grid().ok_or_else(|| "no wavelengths".to_owned())?;
         let weights = Tristimulus::emission(grid).map_err(|error| error.to_string())?;
         let luminous = watts * weights.xyz(row).y;
         if luminous.is_nan() { Err("a wavelength is masked in every direction".to_owned()) } else { Ok(luminous) }

@@ -2,7 +2,8 @@
 
 use crate::compress;
 use crate::domain::{Axis, Measurement, Quantity, Tensor, TriangleMesh};
-use crate::evaluate::{EvaluateError, Material, unfit};
+use crate::evaluate::error::{EvaluateError, unfit};
+use crate::evaluate::material::Material;
 use serde::Serialize;
 
 /// What to change of a measurement; nothing unless it is said.
@@ -64,9 +65,8 @@ impl Material {
     /// [`Material::open`], with samples changed as `preparation` says.
     pub fn open_prepared(bytes: &[u8], preparation: Preparation) -> Result<(Self, Prepared), EvaluateError> {
         let decoded = compress::decode(bytes)?;
-        let (mut material, prepared) = Self::of_prepared(decoded.measurement, preparation)?;
-        material.summary = Some(decoded.summary);
-        Ok((material, prepared))
+        let (material, prepared) = Self::of_prepared(decoded.measurement, preparation)?;
+        Ok((material.with_summary(decoded.summary), prepared))
     }
 
     /// [`Material::of`], with samples changed as `preparation` says.

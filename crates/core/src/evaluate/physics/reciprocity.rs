@@ -1,8 +1,10 @@
 //! Helmholtz reciprocity: f(wi, wo) against f(wo, wi) at measured incoming directions and outgoing cells.
 
-use super::degrees;
+use super::spot::degrees;
 use crate::domain::{Axis, Direction, TriangleMesh};
-use crate::evaluate::{EvaluateError, Interpolation, Material, Place};
+use crate::evaluate::error::EvaluateError;
+use crate::evaluate::material::Material;
+use crate::evaluate::place::{Interpolation, Place};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -81,11 +83,11 @@ impl Material {
         let up = Direction::from_degrees(0.0, 0.0);
         self.pair(Place { index: &[], wi: Some(up), wo: Some(up) })?;
         let mesh = self.needs_outgoing("reciprocity")?;
-        let (incoming, outgoing) = (self.shape[0], self.shape[1]);
+        let [incoming, outgoing, _] = self.geometry().shape();
         let wis: Vec<(Direction, f64)> =
             (0..incoming).filter_map(|i| Some((self.incoming_direction(i)?, self.incoming_measure(i)))).collect();
         let wos: Vec<(Direction, f64)> = (0..outgoing).map(|o| (mesh.centroid(o), mesh.solid_angle(o))).collect();
-        let all = self.entries() * incoming * outgoing;
+        let all = self.geometry().entries() * incoming * outgoing;
         let step = all.div_ceil(MOST_PAIRS).max(1);
         // Odd, so that a stride over powers of two does not see the same cells of every incoming direction only.
         let step = if step > 1 { step | 1 } else { step };
@@ -158,7 +160,8 @@ impl Material {
     }
 
     fn worst(&self, pair: &Compared, wi: Direction, wo: Direction) -> WorstPair {
-        let index = self.index_of(pair.number / (self.shape[0] * self.shape[1]));
+        let [n_in, n_out, _] = self.geometry().shape();
+        let index = self.index_of(pair.number / (n_in * n_out));
         let (mut there, mut back) = (vec![0.0; self.lambdas()], vec![0.0; self.lambdas()]);
         self.compare(&index, wi, wo, &mut there, &mut back);
         let apart = |lambda: usize| (there[lambda] - back[lambda]).abs();

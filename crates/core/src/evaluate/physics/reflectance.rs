@@ -2,7 +2,8 @@
 
 use crate::domain::{Axis, Measurement, Quantity, Tensor, TensorError, Unit};
 use crate::evaluate::albedo::Side;
-use crate::evaluate::{EvaluateError, Material, unfit};
+use crate::evaluate::error::{EvaluateError, unfit};
+use crate::evaluate::material::Material;
 
 impl Material {
     /// The directional–hemispherical reflectance a(wi, λ) = ∫ f · |cos θo| dωo of a BRDF, BTDF or BSDF, of one side or both
@@ -20,7 +21,7 @@ impl Material {
         let axes: Vec<Axis> = axes.map(|(_, axis)| axis.clone()).collect();
         let unfit = |error: TensorError| EvaluateError::Unfit(error.to_string());
         let tensor = Tensor::new(axes, self.side(side)).map_err(unfit)?;
-        let measurement = Measurement::new(Quantity::Reflectance, Unit::One, self.sampling, tensor);
+        let measurement = Measurement::new(Quantity::Reflectance, Unit::One, self.geometry().sampling(), tensor);
         measurement.map_err(|error| EvaluateError::Unfit(error.to_string()))
     }
 }

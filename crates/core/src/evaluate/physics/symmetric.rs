@@ -1,7 +1,9 @@
 //! A reciprocal function made of one that need not be: the mean of f(wi, wo) and f(wo, wi).
 
 use crate::domain::{Direction, Quantity};
-use crate::evaluate::{EvaluateError, Interpolation, Material, Place, unfit};
+use crate::evaluate::error::{EvaluateError, unfit};
+use crate::evaluate::material::Material;
+use crate::evaluate::place::{Interpolation, Place};
 
 /// How the two directions of light are averaged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
@@ -53,7 +55,7 @@ impl Material {
             }
             (false, true) => self.spectrum(back, how, out),
             // Refused there if wi is outside, unless wo is inside: then nothing is sent either way.
-            (false, false) if !self.takes(wi) && self.takes(wo) => self.spectrum(back, how, out),
+            (false, false) if !self.geometry().takes(wi) && self.geometry().takes(wo) => self.spectrum(back, how, out),
             _ => self.spectrum(place, how, out),
         }
     }
@@ -71,9 +73,9 @@ impl Material {
             _ => return unfit(format!("a {quantity} has no reciprocity, expected a brdf, bsdf or phase function")),
         }
         match (place.wi, place.wo) {
-            (Some(wi), Some(wo)) if self.has_incoming() => Ok((wi, wo)),
-            (None, _) if self.has_incoming() => self.refuse_incoming(None),
-            (_, None) if self.has_incoming() => {
+            (Some(wi), Some(wo)) if self.geometry().has_incoming() => Ok((wi, wo)),
+            (None, _) if self.geometry().has_incoming() => self.geometry().refuse_incoming(None),
+            (_, None) if self.geometry().has_incoming() => {
                 unfit(format!("no wo was given, but this {quantity} has an outgoing axis"))
             }
             _ => unfit(format!("this {quantity} has no axes of directions to exchange")),
@@ -87,7 +89,7 @@ impl Material {
 
     /// Whether there is a value for `wi` and `wo`.
     pub(super) fn holds(&self, wi: Direction, wo: Direction) -> bool {
-        self.takes(wi) && self.sends(wo)
+        self.geometry().takes(wi) && self.geometry().sends(wo)
     }
 }
 

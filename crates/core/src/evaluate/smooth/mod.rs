@@ -17,16 +17,10 @@ use super::carried::known;
 use super::elements::{Elements, NODES, Patches};
 use super::incoming::{Alignment, Around, Nodes, Origin, carried, carried_to, carried_to_four};
 use super::kernel::{BLOCK, Vectors, vector_of};
-use super::planes::MOST_PLANES;
-use super::reconstruct::STEEPEST;
+use super::mixed::{MOST_PLANES, Mixed, Row};
 use crate::domain::vector::Vector;
 use crate::domain::{Domain, wide};
 use ::wide::f32x4;
-
-/// Presence below this is none.
-const NO_LIGHT: f32 = 1e-4;
-/// A row of coefficients on the stack.
-pub(super) type Row = [f32; MOST_PLANES];
 
 /// The tables.
 #[derive(Debug)]
@@ -34,12 +28,12 @@ pub(super) struct Smooth {
     elements: Elements,
     domain: Domain,
     has_cosine: bool,
-    pub(super) nodes: Nodes,
-    pub(super) alignment: Alignment,
+    nodes: Nodes,
+    alignment: Alignment,
     /// The alignments that competed, and how much the function changes under each.
-    pub(super) changes: Vec<(Alignment, f64)>,
+    changes: Vec<(Alignment, f64)>,
     /// The share of light that goes astray where an incoming direction is predicted from those around.
-    pub(super) left_out: Option<f64>,
+    left_out: Option<f64>,
     width: usize,
     node_count: usize,
     /// The nodes' directions.
@@ -98,90 +92,29 @@ impl SeenBlock {
     }
 }
 
-/// What is interpolated at a place.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Mixed {
-    pub(super) row: Row,
-    /// The share of light; NaN where all is masked.
-    pub(super) presence: f32,
-}
-
-impl Mixed {
-    /// No light.
-    pub(super) const NOTHING: Self = Self { row: [0.0; MOST_PLANES], presence: 0.0 };
-
-    /// Of a sum of rows that weigh `live` together, of `known` that are not masked. Weights of a fit may be negative, and
-    /// what is left of them next to nothing.
-    #[inline(always)]
-    fn settled(mut row: Row, live: f32, known: f32) -> Self {
-        let mut presence = 0.0;
-        if live > NO_LIGHT {
-            let share = 1.0 / live;
-            for value in &mut row {
-                *value *= share;
-            }
-            presence = (live / known).clamp(0.0, 1.0);
-        }
-        Self { row, presence: if known > NO_LIGHT { presence } else { f32::NAN } }
-    }
-}
-
-/// Rows mixed by weight and presence; masked ones left out. Weights of a fit may be negative: where rows are missing and what is
-/// left of the weights is small beside their sizes, the fit would extrapolate, and the positive ones alone are taken.
-struct Mixture {
-    all: Sums,
-    positive: Sums,
-    /// The sum of the sizes of weights.
-    size: f32,
-    /// True once a row was masked or partly dark.
-    is_incomplete: bool,
-}
-
-/// Rows, the weight of what is live in them and that of what is known, summed.
-struct Sums {
-    row: Row,
-    live: f32,
-    known: f32,
-}
-
-impl Sums {
-    const NOTHING: Self = Self { row: [0.0; MOST_PLANES], live: 0.0, known: 0.0 };
-
-    fn add(&mut self, mixed: &Mixed, weight: f32) {
-        self.known += weight;
-        if mixed.presence > 0.0 {
-            let part = weight * mixed.presence;
-            self.live += part;
-            self.row.iter_mut().zip(mixed.row).for_each(|(sum, v)| *sum += part * v);
-        }
-    }
-}
-
-impl Mixture {
-    fn new() -> Self {
-        Self { all: Sums::NOTHING, positive: Sums::NOTHING, size: 0.0, is_incomplete: false }
-    }
-
-    fn add(&mut self, mixed: Mixed, weight: f32) {
-        self.is_incomplete |= mixed.presence.is_nan() || mixed.presence < 1.0;
-        if mixed.presence.is_nan() {
-            return;
-        }
-        self.all.add(&mixed, weight);
-        self.size += (weight * mixed.presence).abs();
-        if weight > 0.0 {
-            self.positive.add(&mixed, weight);
-        }
-    }
-
-    fn finish(self) -> Mixed {
-        let extrapolates = self.is_incomplete && self.size > STEEPEST * self.all.live;
-        let Sums { row, live, known } = if extrapolates { self.positive } else { self.all };
-        Mixed::settled(row, live, known)
-    }
-}
-
 impl Smooth {
+    /// The nodes over incoming directions.
+    #[inline(always)]
+    pub(super) fn nodes(&self) -> &Nodes {
+        &self.nodes
+    }
+
+    /// How lobes go from one incoming direction to the next.
+    #[inline]
+    pub(super) fn alignment(&self) -> Alignment {
+        self.alignment
+    }
+
+    /// The alignments that competed, and how much the function changes under each.
+    pub(super) fn changes(&self) -> &[(Alignment, f64)] {
+        &self.changes
+    }
+
+    /// The share of light that goes astray where an incoming direction is predicted from those around.
+    pub(super) fn left_out_error(&self) -> Option<f64> {
+        self.left_out
+    }
+
     /// The row of one table at a direction, with its presence.
     fn looked_up(&self, table: usize, d: Vector) -> Mixed {
         let mut patches = Patches::<1>::NOWHERE;

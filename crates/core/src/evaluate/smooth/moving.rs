@@ -1,8 +1,9 @@
 //! How lobes move with the incoming direction: which alignment keeps the function's shape best, and what that leaves out.
 
-use super::{Mixed, Mixture, Smooth};
+use super::Smooth;
 use crate::domain::vector::Vector;
 use crate::evaluate::incoming::{Alignment, Nodes, carried};
+use crate::evaluate::mixed::{Mixed, Mixture};
 use crate::evaluate::planes::Planes;
 use rayon::prelude::*;
 
@@ -107,7 +108,7 @@ impl Smooth {
 
 /// The mean of three wavelengths.
 fn brightness(planes: &Planes, mixed: &Mixed) -> f64 {
-    let row = &mixed.row[..planes.count];
-    let sum: f32 = [1, 2, 3].iter().map(|quarter| planes.sample(row, quarter * (planes.lambdas - 1) / 4)).sum();
+    let row = &mixed.row[..planes.count()];
+    let sum: f32 = [1, 2, 3].iter().map(|quarter| planes.sample(row, quarter * (planes.lambdas() - 1) / 4)).sum();
     f64::from(mixed.presence * sum)
 }

@@ -1,11 +1,12 @@
 //! The tables of the smooth form: node values that have the averages of cells, and nodes between incoming directions.
 
-use super::{Mixed, Mixture, Row, Smooth};
+use super::Smooth;
 use crate::domain::vector::Vector;
 use crate::evaluate::elements::Elements;
 use crate::evaluate::incoming::{Alignment, Nodes, Origin, carried};
 use crate::evaluate::lookup::MeshLookup;
-use crate::evaluate::planes::{Cell, MOST_PLANES, Planes};
+use crate::evaluate::mixed::{MOST_PLANES, Mixed, Mixture, Row};
+use crate::evaluate::planes::{Cell, Planes};
 use crate::evaluate::reconstruct::{Cells, Weights, node_weights};
 use rayon::prelude::*;
 
@@ -33,7 +34,7 @@ impl Smooth {
         let elements = Elements::new(mesh);
         let (all, own) = nodes.counts();
         let outgoing = elements.len();
-        let size = [entries, all, outgoing, planes.width].iter().try_fold(1_usize, |n, &k| n.checked_mul(k))?;
+        let size = [entries, all, outgoing, planes.width()].iter().try_fold(1_usize, |n, &k| n.checked_mul(k))?;
         if size > MOST_VALUES {
             return None;
         }
@@ -44,7 +45,7 @@ impl Smooth {
             alignment: Alignment::None,
             left_out: None,
             changes: Vec::new(),
-            width: planes.width,
+            width: planes.width(),
             node_count: 1,
             origins: Vec::new(),
             values: Vec::new(),
@@ -90,7 +91,7 @@ impl Smooth {
         incoming: usize,
     ) -> (Vec<f32>, Vec<[f32; 2]>) {
         let leaves = lookup.mesh().len();
-        let (width, used) = (self.width, planes.count);
+        let (width, used) = (self.width, planes.count());
         let whole = node_weights(cells, lookup, self.elements, None);
         let coupling = planes.coupling();
         let mut values = vec![0.0; incoming * self.elements.len() * width];
@@ -103,7 +104,7 @@ impl Smooth {
             let mut averages: Vec<f32> =
                 (0..leaves).flat_map(|cell| planes.row(entry * leaves + cell)).copied().collect();
             apply(weights, &averages, width, table);
-            if !planes.logarithms {
+            if !planes.has_logarithms() {
                 return;
             }
             let original = averages.clone();
@@ -118,7 +119,7 @@ impl Smooth {
                 apply(weights, &averages, width, table);
             }
         });
-        let presence = if planes.cells.is_empty() || planes.cells.iter().all(|&cell| cell == Cell::Live) {
+        let presence = if planes.cells().is_empty() || planes.cells().iter().all(|&cell| cell == Cell::Live) {
             Vec::new()
         } else {
             self.presence_at_nodes(planes, lookup, cells, incoming)

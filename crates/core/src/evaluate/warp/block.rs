@@ -3,8 +3,10 @@
 //! A descent waits at every level for what was chosen above; those of a block do so together. What is arithmetic alone
 //! stands in loops of its own, which become vector code; what reads tables stands in others.
 
+use super::fraction::{BELOW_ONE, Fraction, UNREDUCED, choose, flipped, inward};
+use super::options::Density;
 use super::square::{Constant, Linear};
-use super::{BELOW_ONE, Density, Fraction, UNREDUCED, Warps, choose, flipped, inward};
+use super::warps::Warps;
 use crate::domain::wide;
 use crate::evaluate::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
 
@@ -82,10 +84,10 @@ impl Warps {
     #[inline(always)]
     fn write_points(&self, cells: &[u32; BLOCK], reached: &Reached, inside: &Inside, to: &mut Draws) {
         for i in 0..BLOCK {
-            let (leaf, frame) = self.mesh.framed(2 * reached.squares[i] as usize + inside.halves[i] as usize);
-            let (direction, factor) = self.mesh.point(leaf, frame, vector_of(&inside.coordinates, i));
+            let (leaf, frame) = self.mesh().framed(2 * reached.squares[i] as usize + inside.halves[i] as usize);
+            let (direction, factor) = self.mesh().point(leaf, frame, vector_of(&inside.coordinates, i));
             // A cell without light has no numbers.
-            let is_drawn = self.totals[cells[i] as usize] > 0.0;
+            let is_drawn = self.total(cells[i] as usize) > 0.0;
             set_vector(&mut to.directions, i, if is_drawn { direction.xyz() } else { [0.0, 0.0, 1.0] });
             to.pdf[i] = if is_drawn { inside.densities[i] * factor } else { 0.0 };
             to.leaves[i] = leaf as u32;
@@ -95,7 +97,7 @@ impl Warps {
     /// Level by level.
     #[inline(always)]
     fn reach(&self, cells: &[u32; BLOCK], u: &[Block; 2]) -> Reached {
-        let (mesh, last) = (&*self.mesh, self.mesh.mesh().level());
+        let (mesh, last) = (&**self.mesh(), self.mesh().mesh().level());
         let trees = cells.map(|cell| cell as usize * mesh.groups());
         let (mut over, mut under) = (*u, [[1.0; BLOCK]; 2]);
         for over in over.as_flattened_mut() {
@@ -111,7 +113,7 @@ impl Warps {
                 width *= 4;
             }
             for i in 0..BLOCK {
-                let [a, b, c, d, e, f, g, h] = self.trees[trees[i] + start + squares[i] as usize].0;
+                let [a, b, c, d, e, f, g, h] = self.groups()[trees[i] + start + squares[i] as usize].0;
                 for (weights, weight) in weights.iter_mut().zip([a + b, c + d, e + f, g + h]) {
                     weights[i] = weight;
                 }
@@ -136,7 +138,7 @@ impl Warps {
         reduce(&mut over, &under);
         let mut masses = [[0.0; BLOCK]; 2];
         for i in 0..BLOCK {
-            let group = &self.trees[trees[i] + start + squares[i] as usize / 4].0;
+            let group = &self.groups()[trees[i] + start + squares[i] as usize / 4].0;
             let lower = 2 * (squares[i] as usize % 4);
             [masses[0][i], masses[1][i]] = [group[lower], group[lower + 1]].map(f64::from);
         }
@@ -189,11 +191,11 @@ impl Warps {
     /// The numbers that shape the linear density at the corners of squares of leaves.
     #[inline(always)]
     fn shapes(&self, cells: &[u32; BLOCK], squares: &[u32; BLOCK]) -> [[f32; BLOCK]; 4] {
-        let points = self.mesh.vertices().len();
+        let points = self.mesh().vertices().len();
         let mut shapes = [[0.0; BLOCK]; 4];
         for i in 0..BLOCK {
-            let shape = &self.vertices[cells[i] as usize * points..][..points];
-            for (shapes, vertex) in shapes.iter_mut().zip(self.mesh.quad(squares[i] as usize)) {
+            let shape = &self.vertices()[cells[i] as usize * points..][..points];
+            for (shapes, vertex) in shapes.iter_mut().zip(self.mesh().quad(squares[i] as usize)) {
                 shapes[i] = shape[vertex as usize];
             }
         }

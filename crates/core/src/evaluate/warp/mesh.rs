@@ -17,7 +17,7 @@
 //! └   −x ── −y ─── −x'      → a
 //! ```
 
-use super::Measure;
+use super::options::Measure;
 use crate::domain::limits::MAX_LEVEL;
 use crate::domain::vector::{Vector, cross, dot};
 use crate::domain::{Direction, Domain, TriangleMesh};

@@ -1,0 +1,106 @@
+//! The incoming side of a block of places: the entries that hold its directions, and the nodes around them.
+
+use super::directions::{Directions, Pairs};
+use super::error::EvaluateError;
+use super::geometry::{Geometry, in_plane};
+use super::incoming::Around;
+use super::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
+use super::located::OUTSIDE;
+use super::smooth::Smooth;
+use crate::domain::vector::turned;
+
+/// The incoming side of a block of places.
+pub(super) struct Arrived {
+    /// As unit vectors, at azimuth 0 for isotropic data; +z for quantities without.
+    wi: Vectors,
+    /// Cosine and sine of the azimuth of isotropic data.
+    turns: [Block; 2],
+    /// The entries of the incoming axis.
+    entries: [u32; BLOCK],
+    /// The nodes.
+    around: [Around; BLOCK],
+}
+
+impl Arrived {
+    /// Scratch; written before it is read.
+    pub(super) const NEW: Self =
+        Self { wi: UP, turns: [[1.0; BLOCK], [0.0; BLOCK]], entries: [0; BLOCK], around: [Around::NOWHERE; BLOCK] };
+
+    /// Writes the incoming side of up to [`BLOCK`] places: the entries that hold directions where they are asked for, and the
+    /// nodes of a smooth form.
+    pub(super) fn write(
+        &mut self,
+        geometry: &Geometry,
+        smooth: Option<&Smooth>,
+        wi: Option<Directions<'_>>,
+        count: usize,
+    ) -> Result<(), EvaluateError> {
+        let Some(directions) = wi else {
+            return geometry.incoming_entries(Pairs { index: &[], wi, wo: None }, &mut self.entries[..count]);
+        };
+        directions.write_block(&mut self.wi)?;
+        let needs_each = if let Some(lookup) = geometry.incoming_mesh() {
+            lookup.locate_block(&self.wi, &mut self.entries);
+            self.entries[..count].contains(&OUTSIDE)
+        } else {
+            smooth.is_none() || !geometry.is_isotropic() || self.wi[2].iter().any(|&z| z < 0.0)
+        };
+        if needs_each {
+            // One by one, which tells what is wrong.
+            geometry.incoming_entries(Pairs { index: &[], wi, wo: None }, &mut self.entries[..count])?;
+        }
+        if geometry.is_isotropic() {
+            for i in 0..BLOCK {
+                let (wi, [cos, sin]) = in_plane(vector_of(&self.wi, i));
+                set_vector(&mut self.wi, i, wi);
+                (self.turns[0][i], self.turns[1][i]) = (cos, sin);
+            }
+        }
+        let Some(smooth) = smooth else { return Ok(()) };
+        for (i, to_around) in self.around.iter_mut().enumerate().take(count) {
+            if let Some(around) = smooth.nodes().around_in(self.entries[i] as usize, vector_of(&self.wi, i)) {
+                *to_around = around;
+            }
+        }
+        Ok(())
+    }
+
+    #[inline(always)]
+    pub(super) fn wi(&self) -> &Vectors {
+        &self.wi
+    }
+
+    /// The entry of the incoming axis that holds a place's direction.
+    #[inline(always)]
+    pub(super) fn entry(&self, i: usize) -> u32 {
+        self.entries[i]
+    }
+
+    /// The nodes around each direction.
+    #[inline(always)]
+    pub(super) fn around(&self) -> &[Around; BLOCK] {
+        &self.around
+    }
+
+    /// Turns directions from azimuth 0 of isotropic data to the azimuths of the incoming directions.
+    pub(super) fn turn(&self, directions: &mut Vectors) {
+        turn_block(directions, &self.turns);
+    }
+
+    /// Turns directions back.
+    pub(super) fn turn_back(&self, directions: &mut Vectors) {
+        let [cos, sin] = self.turns;
+        turn_block(directions, &[cos, sin.map(|sin| -sin)]);
+    }
+}
+
+/// Turns directions about +z by the angles with these cosines and sines.
+fn turn_block(directions: &mut Vectors, [cos, sin]: &[Block; 2]) {
+    for i in 0..BLOCK {
+        let to = turned(vector_of(directions, i), [cos[i], sin[i]]);
+        set_vector(directions, i, to);
+    }
+}
+
+/// The incoming direction of quantities without one.
+const UP: Vectors = [[0.0; BLOCK], [0.0; BLOCK], [1.0; BLOCK]];

@@ -1,0 +1,89 @@
+//! What sampling trees are made of: the function in cells, at vertices and under nodes, weighted over wavelengths.
+
+use super::carried::Carry;
+use super::form::Form;
+use super::function::Function;
+use super::incoming::Alignment;
+use super::samples::known_sum;
+use crate::domain::vector::Vector;
+use crate::domain::wide;
+
+impl Function {
+    /// The inner product of a cell's spectrum with weights; masked samples are left out and the others weigh more; NaN where
+    /// a cell of planes is masked.
+    pub(super) fn cell_value(&self, cell: usize, weights: &[f32]) -> f32 {
+        match self.form() {
+            Form::Planes { planes, .. } => wide(
+                #[inline(always)]
+                || planes.weighted(planes.row(cell), planes.presence(cell), weights),
+            ),
+            Form::Samples(samples) => {
+                let row = samples.cell(cell);
+                known_sum(weights, &|lambda| row[lambda])
+            }
+        }
+    }
+
+    /// Whether anything is known and not 0 in a cell.
+    pub(super) fn is_lit_cell(&self, cell: usize) -> bool {
+        match self.form() {
+            Form::Planes { planes, .. } => planes.presence(cell) > 0.0,
+            Form::Samples(samples) => samples.cell(cell).iter().any(|&sample| !sample.is_nan() && sample != 0.0),
+        }
+    }
+
+    /// Whether some cells are masked.
+    pub(super) fn has_masked(&self) -> bool {
+        match self.form() {
+            Form::Planes { planes, .. } => (0..self.geometry().cells()).any(|cell| planes.presence(cell).is_nan()),
+            Form::Samples(samples) => samples.has_masked(),
+        }
+    }
+
+    /// The inner product with weights of the smooth function at a vertex, in the table of `cell` of the axes before the
+    /// outgoing one.
+    pub(super) fn vertex_value(&self, cell: usize, vertex: u32, d: Vector, weights: &[f32]) -> f32 {
+        let [n_in, n_out, _] = self.geometry().shape();
+        let (entry, incoming) = (cell / n_in, cell % n_in);
+        match (self.form(), self.geometry().mesh()) {
+            (Form::Planes { planes, smooth }, _) => {
+                let mixed = smooth.own(entry, incoming, self.geometry().incoming_direction(incoming), d);
+                wide(
+                    #[inline(always)]
+                    || planes.weighted(&mixed.row, mixed.presence, weights),
+                )
+            }
+            (Form::Samples(_), Some(lookup)) => {
+                lookup.ring(vertex).map(|(leaf, share)| share * self.cell_value(cell * n_out + leaf, weights)).sum()
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// The inner product with weights of the smooth function under a node.
+    pub(super) fn node_value(&self, entry: usize, node: usize, d: Vector, weights: &[f32]) -> f32 {
+        let Form::Planes { planes, smooth } = self.form() else { return 0.0 };
+        let mixed = smooth.under(entry, node, d);
+        wide(
+            #[inline(always)]
+            || planes.weighted(&mixed.row, mixed.presence, weights),
+        )
+    }
+
+    /// The alignment of the smooth function and its outgoing domain; `None` where it has no alignment.
+    pub(super) fn carry(&self) -> Option<Carry> {
+        let smooth = self.form().smooth()?;
+        let domain = self.geometry().mesh()?.mesh().domain();
+        (smooth.alignment() != Alignment::None && self.geometry().has_incoming())
+            .then_some((smooth.alignment(), domain))
+    }
+
+    /// Trees of one entry of the opaque axes: of the entries of the incoming axis, and of nodes between them.
+    pub(super) fn trees_of_entry(&self) -> usize {
+        let [own, ..] = self.geometry().shape();
+        match self.form() {
+            Form::Planes { smooth, .. } => own.max(smooth.nodes().counts().0),
+            Form::Samples(_) => own,
+        }
+    }
+}

@@ -1,0 +1,385 @@
+//! Where directions lie: the axes of a material, their entries and the cells that hold directions.
+
+use super::directions::Pairs;
+use super::error::{EvaluateError, unfit};
+use super::incoming::Nodes;
+use super::located::OUTSIDE;
+use super::lookup::{MeshLookup, Stencil, elevation_stencil, nearest_elevation};
+use super::place::Place;
+use crate::domain::vector::{self, Vector};
+use crate::domain::{Axis, Direction, Domain, Layout, Measurement, Quantity, Sampling, Unit, WavelengthGrid};
+use std::sync::Arc;
+
+/// The axes of a material, and the tables that find directions on them.
+#[derive(Debug)]
+pub(super) struct Geometry {
+    quantity: Quantity,
+    unit: Unit,
+    sampling: Sampling,
+    axes: Vec<Axis>,
+    layout: Layout,
+    /// The lengths of the leading opaque axes.
+    indices: Vec<usize>,
+    incoming: Incoming,
+    /// The directions of the entries of the incoming axis, of azimuth 0 for elevations; `+z` where there is none.
+    incoming_directions: Vec<Vector>,
+    outgoing: Option<Arc<MeshLookup>>,
+    /// Entries of the incoming and the outgoing axis, samples of a spectrum; 1 where there is no such axis.
+    shape: [usize; 3],
+}
+
+#[derive(Debug)]
+enum Incoming {
+    None,
+    Triangles(Arc<MeshLookup>),
+    Elevations(Vec<f64>),
+}
+
+impl Geometry {
+    /// The geometry of a measurement; refused where its axes do not fit its quantity.
+    pub(super) fn new(measurement: &Measurement) -> Result<Self, EvaluateError> {
+        let layout = measurement.layout().map_err(|error| EvaluateError::Unfit(error.to_string()))?;
+        let axes = measurement.tensor.axes();
+        let incoming = match layout.incoming.map(|axis| &axes[axis]) {
+            Some(Axis::Triangles(mesh)) => Incoming::Triangles(Arc::new(MeshLookup::new(*mesh))),
+            Some(Axis::Elevation(values)) => Incoming::Elevations(values.clone()),
+            _ => Incoming::None,
+        };
+        let outgoing = match (layout.outgoing.map(|axis| &axes[axis]), &incoming) {
+            (Some(Axis::Triangles(mesh)), Incoming::Triangles(same)) if same.mesh() == *mesh => Some(Arc::clone(same)),
+            (Some(Axis::Triangles(mesh)), _) => Some(Arc::new(MeshLookup::new(*mesh))),
+            _ => None,
+        };
+        let indices: Vec<usize> = axes[..layout.indices].iter().map(Axis::len).collect();
+        let length = |axis: Option<usize>| axis.map_or(1, |axis| axes[axis].len());
+        let shape = [length(layout.incoming), length(layout.outgoing), length(layout.spectral)];
+        let incoming_directions = match &incoming {
+            Incoming::None => vec![[0.0, 0.0, 1.0]],
+            Incoming::Triangles(lookup) => {
+                let mesh = lookup.mesh();
+                (0..mesh.len()).map(|i| mesh.centroid(i).xyz()).collect()
+            }
+            Incoming::Elevations(values) => {
+                values.iter().map(|&theta| Direction::from_degrees(theta, 0.0).xyz()).collect()
+            }
+        };
+        let (quantity, unit, sampling) = (measurement.quantity, measurement.unit, measurement.sampling);
+        let (axes, layout) = (axes.to_vec(), layout.clone());
+        Ok(Self { quantity, unit, sampling, axes, layout, indices, incoming, incoming_directions, outgoing, shape })
+    }
+
+    /// The nodes between which a smooth function of the incoming direction stands.
+    pub(super) fn nodes(&self) -> Nodes {
+        match &self.incoming {
+            Incoming::None => Nodes::One,
+            Incoming::Triangles(lookup) => Nodes::triangles(Arc::clone(lookup)),
+            Incoming::Elevations(values) => Nodes::elevations(values),
+        }
+    }
+
+    #[inline]
+    pub(super) fn quantity(&self) -> Quantity {
+        self.quantity
+    }
+
+    pub(super) fn unit(&self) -> Unit {
+        self.unit
+    }
+
+    pub(super) fn sampling(&self) -> Sampling {
+        self.sampling
+    }
+
+    pub(super) fn axes(&self) -> &[Axis] {
+        &self.axes
+    }
+
+    pub(super) fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Entries of the incoming and the outgoing axis, samples of a spectrum; 1 where there is no such axis.
+    #[inline]
+    pub(super) fn shape(&self) -> [usize; 3] {
+        self.shape
+    }
+
+    /// Samples in one spectrum.
+    #[inline]
+    pub(super) fn lambdas(&self) -> usize {
+        self.shape[2]
+    }
+
+    /// The wavelengths, if the spectral axis has any.
+    pub(super) fn grid(&self) -> Option<&WavelengthGrid> {
+        match self.axes.last() {
+            Some(Axis::Wavelength(grid)) => Some(grid),
+            _ => None,
+        }
+    }
+
+    /// Entries of the opaque axes together.
+    pub(super) fn entries(&self) -> usize {
+        self.indices.iter().product()
+    }
+
+    /// Entries of all axes but the last.
+    pub(super) fn cells(&self) -> usize {
+        let [n_in, n_out, _] = self.shape;
+        self.entries() * n_in * n_out
+    }
+
+    /// The mesh of the outgoing axis.
+    #[inline]
+    pub(super) fn mesh(&self) -> Option<&Arc<MeshLookup>> {
+        self.outgoing.as_ref()
+    }
+
+    /// The direction of an entry of the incoming axis: a centroid, or an elevation at azimuth 0; `+z` where there is no such
+    /// axis.
+    #[inline(always)]
+    pub(super) fn incoming_direction(&self, entry: usize) -> Vector {
+        self.incoming_directions[entry]
+    }
+
+    /// The number of `index` among the entries of the opaque axes, row-major.
+    #[inline]
+    pub(super) fn entry(&self, index: &[usize]) -> Result<usize, EvaluateError> {
+        if index.len() != self.indices.len() {
+            return unfit(format!("{} indices, expected {}: one for each index axis", index.len(), self.indices.len()));
+        }
+        let mut entry = 0;
+        for (axis, (&i, &length)) in index.iter().zip(&self.indices).enumerate() {
+            if i >= length {
+                return unfit(format!("index {i} on axis {axis} of {length} entries, expected 0 to {}", length - 1));
+            }
+            entry = entry * length + i;
+        }
+        Ok(entry)
+    }
+
+    /// The entry of each opaque axis that `entry` is the row-major number of.
+    pub(super) fn index_of(&self, mut entry: usize) -> Vec<usize> {
+        let mut index = self.indices.clone();
+        for i in index.iter_mut().rev() {
+            let length = *i;
+            *i = entry % length;
+            entry /= length;
+        }
+        index
+    }
+
+    /// The triangles of the incoming axis, if it is of triangles.
+    #[inline]
+    pub(super) fn incoming_mesh(&self) -> Option<&MeshLookup> {
+        if let Incoming::Triangles(lookup) = &self.incoming { Some(lookup) } else { None }
+    }
+
+    /// The entry of the incoming axis for `wi` in the piecewise constant sense; 0 where there is no such axis.
+    #[inline(always)]
+    pub(super) fn incoming_entry(&self, wi: Option<Direction>) -> Result<usize, EvaluateError> {
+        self.look_up(wi, || 0, MeshLookup::locate, nearest_elevation)
+    }
+
+    /// The entries of the incoming axis for `wi` in the sense of means around vertices; entry 0 where there is no such axis.
+    pub(super) fn incoming_stencil(&self, wi: Option<Direction>) -> Result<Stencil, EvaluateError> {
+        self.look_up(wi, || Stencil::one(0), MeshLookup::stencil, elevation_stencil)
+    }
+
+    #[inline(always)]
+    fn look_up<T>(
+        &self,
+        wi: Option<Direction>,
+        none: impl Fn() -> T,
+        on_triangles: impl Fn(&MeshLookup, Direction) -> Option<T>,
+        on_elevations: impl Fn(&[f64], f64) -> T,
+    ) -> Result<T, EvaluateError> {
+        match (&self.incoming, wi) {
+            (Incoming::None, None) => return Ok(none()),
+            (Incoming::Triangles(lookup), Some(wi)) => {
+                if let Some(found) = on_triangles(lookup, wi) {
+                    return Ok(found);
+                }
+            }
+            (Incoming::Elevations(values), Some(wi)) if wi.cos_theta() >= 0.0 => {
+                return Ok(on_elevations(values, wi.theta_degrees()));
+            }
+            _ => {}
+        }
+        self.refuse_incoming(wi)
+    }
+
+    /// Why `wi` has no place on the incoming axis.
+    #[cold]
+    pub(super) fn refuse_incoming<T>(&self, wi: Option<Direction>) -> Result<T, EvaluateError> {
+        let quantity = self.quantity;
+        let (wi, domain) = match (&self.incoming, wi) {
+            (Incoming::None, _) => return unfit(format!("wi was given, but this {quantity} has no incoming axis")),
+            (_, None) => return unfit(format!("no wi was given, but this {quantity} has an incoming axis")),
+            (Incoming::Triangles(lookup), Some(wi)) => (wi, lookup.mesh().domain()),
+            (Incoming::Elevations(_), Some(wi)) => (wi, Domain::Hemisphere),
+        };
+        unfit(format!("wi has theta = {:.3} degrees, outside the incoming domain `{domain}`", wi.theta_degrees()))
+    }
+
+    /// `wi` as nodes know it: turned to azimuth 0 where they are elevations, and anything where there is none.
+    #[inline]
+    pub(super) fn wi_in_plane(&self, wi: Option<Direction>) -> Vector {
+        let Some(wi) = wi else { return [0.0, 0.0, 1.0] };
+        if self.is_isotropic() { in_plane(wi.xyz()).0 } else { wi.xyz() }
+    }
+
+    #[inline]
+    fn has_no_index(&self) -> bool {
+        self.indices.is_empty()
+    }
+
+    #[inline]
+    pub(super) fn has_incoming(&self) -> bool {
+        !matches!(self.incoming, Incoming::None)
+    }
+
+    /// Whether `direction` is inside the incoming domain.
+    #[inline]
+    pub(super) fn takes(&self, direction: Direction) -> bool {
+        match &self.incoming {
+            Incoming::None => false,
+            Incoming::Triangles(lookup) => lookup.holds(direction.xyz()),
+            Incoming::Elevations(_) => direction.cos_theta() >= 0.0,
+        }
+    }
+
+    /// Whether `direction` is inside the outgoing domain.
+    #[inline]
+    pub(super) fn sends(&self, direction: Direction) -> bool {
+        self.outgoing.as_ref().is_some_and(|lookup| lookup.holds(direction.xyz()))
+    }
+
+    /// Whether incoming directions are elevations.
+    #[inline]
+    pub(super) fn is_isotropic(&self) -> bool {
+        matches!(self.incoming, Incoming::Elevations(_))
+    }
+
+    /// The mesh of the outgoing axis and the direction in it: `wo`, turned back by the azimuth of `wi` where incoming
+    /// directions are elevations.
+    #[inline(always)]
+    pub(super) fn outgoing(
+        &self,
+        wi: Option<Direction>,
+        wo: Option<Direction>,
+    ) -> Result<Option<(&MeshLookup, Direction)>, EvaluateError> {
+        let quantity = self.quantity;
+        match (&self.outgoing, wo) {
+            (None, None) => Ok(None),
+            (None, Some(_)) => unfit(format!("wo was given, but this {quantity} has no outgoing axis")),
+            (Some(_), None) => unfit(format!("no wo was given, but this {quantity} has an outgoing axis")),
+            (Some(lookup), Some(wo)) => {
+                if !self.is_isotropic() {
+                    return Ok(Some((lookup, wo)));
+                }
+                let [cos, sin] = self.azimuth(wi);
+                Ok(Some((lookup, turned(wo, [cos, -sin]))))
+            }
+        }
+    }
+
+    /// The entry of the opaque axes.
+    #[inline]
+    pub(super) fn entry_of(&self, place: Place<'_>) -> Result<usize, EvaluateError> {
+        if place.index.is_empty() && self.has_no_index() { Ok(0) } else { self.entry(place.index) }
+    }
+
+    /// The cell of a place; `None` if `wo` is outside the outgoing domain.
+    #[inline]
+    pub(super) fn cell_of(&self, place: Place<'_>) -> Result<Option<usize>, EvaluateError> {
+        let entry = self.entry_of(place)?;
+        self.cell_at(entry, place)
+    }
+
+    /// The cell that holds a place; `None` if `wo` is outside the outgoing domain.
+    #[inline(always)]
+    pub(super) fn cell_at(&self, entry: usize, place: Place<'_>) -> Result<Option<usize>, EvaluateError> {
+        let incoming = self.incoming_entry(place.wi)?;
+        let outgoing = match self.outgoing(place.wi, place.wo)? {
+            None => Some(0),
+            Some((lookup, wo)) => lookup.locate(wo),
+        };
+        let [n_in, n_out, _] = self.shape;
+        Ok(outgoing.map(|outgoing| (entry * n_in + incoming) * n_out + outgoing))
+    }
+
+    /// Cosine and sine of the azimuth that isotropic data take from `wi`; of 0 otherwise.
+    #[inline]
+    pub(super) fn azimuth(&self, wi: Option<Direction>) -> [f64; 2] {
+        let (Incoming::Elevations(_), Some(wi)) = (&self.incoming, wi) else { return [1.0, 0.0] };
+        in_plane(wi.xyz()).1
+    }
+
+    /// `wo` turned to the azimuth of `wi` where data are isotropic.
+    #[inline]
+    pub(super) fn turned_with(&self, wi: Option<Direction>, wo: Direction) -> Direction {
+        if !self.is_isotropic() {
+            return wo;
+        }
+        turned(wo, self.azimuth(wi))
+    }
+
+    /// Writes the entries of the incoming axis for the incoming directions of `pairs`, in the piecewise constant sense.
+    pub(super) fn incoming_entries(&self, pairs: Pairs<'_>, to: &mut [u32]) -> Result<(), EvaluateError> {
+        if let (Some(lookup), Some(wi)) = (self.incoming_mesh(), pairs.wi)
+            && lookup.locate_all(wi, to)
+            && !to.contains(&OUTSIDE)
+        {
+            return Ok(());
+        }
+        // One by one, which tells what is wrong.
+        for (i, to) in to.iter_mut().enumerate() {
+            *to = self.incoming_entry(pairs.wi_at(i)?)? as u32;
+        }
+        Ok(())
+    }
+
+    /// Writes the entries of the outgoing axis for `pairs`, or [`OUTSIDE`].
+    pub(super) fn outgoing_entries(&self, pairs: Pairs<'_>, to: &mut [u32]) -> Result<(), EvaluateError> {
+        if let (Some(lookup), Some(wo), false) = (&self.outgoing, pairs.wo, self.is_isotropic())
+            && lookup.locate_all(wo, to)
+        {
+            return Ok(());
+        }
+        for (i, to) in to.iter_mut().enumerate() {
+            let place = pairs.place(i)?;
+            *to = match self.outgoing(place.wi, place.wo)? {
+                None => 0,
+                Some((lookup, wo)) => lookup.locate_or_outside(wo.xyz()),
+            };
+        }
+        Ok(())
+    }
+
+    /// Memory in bytes, without the size of the type.
+    pub(super) fn memory(&self) -> usize {
+        let incoming = match &self.incoming {
+            Incoming::None => 0,
+            Incoming::Triangles(lookup) if self.outgoing.as_ref().is_some_and(|out| Arc::ptr_eq(out, lookup)) => 0,
+            Incoming::Triangles(lookup) => lookup.memory(),
+            Incoming::Elevations(values) => size_of_val(&**values),
+        };
+        incoming + self.outgoing.as_ref().map_or(0, |lookup| lookup.memory()) + size_of_val(&*self.incoming_directions)
+    }
+}
+
+/// `direction` turned about `+z` by the angle with this cosine and sine.
+#[inline]
+pub(super) fn turned(direction: Direction, by: [f64; 2]) -> Direction {
+    Direction::from_unit(vector::turned(direction.xyz(), by))
+}
+
+/// `d` turned about +z to azimuth 0, and cosine and sine of the azimuth that it had; the normal's is 0.
+#[inline(always)]
+pub(super) fn in_plane([x, y, z]: Vector) -> (Vector, [f64; 2]) {
+    let length = (x * x + y * y).sqrt();
+    let is_turned = length > 0.0;
+    let azimuth = [if is_turned { x / length } else { 1.0 }, if is_turned { y / length } else { 0.0 }];
+    ([length, 0.0, z], azimuth)
+}

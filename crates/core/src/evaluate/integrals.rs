@@ -1,0 +1,124 @@
+//! Integrals over outgoing directions: of the stored albedo between incoming directions, and by quadrature.
+
+use super::albedo::{Side, is_above};
+use super::error::{EvaluateError, unfit};
+use super::geometry::turned;
+use super::lookup::Stencil;
+use super::material::Material;
+use super::place::{Interpolation, Place};
+use crate::domain::{Direction, TriangleMesh};
+
+impl Material {
+    /// The directional albedo a(wi, λ) = ∫ f · |cos θo| dωo of a BRDF, BTDF or BSDF; ∫ f dωo otherwise: the spectral flux
+    /// of an emission, about 1 for a phase function. Into `out` (`lambdas()` long), of the piecewise constant function,
+    /// between incoming cells as `how` says. Masked cells add nothing; NaN where all are masked.
+    pub fn albedo(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        how: Interpolation,
+        out: &mut [f32],
+    ) -> Result<(), EvaluateError> {
+        self.albedo_of(Side::Both, index, wi, how, out)
+    }
+
+    /// [`Material::albedo`] of the light reflected or transmitted alone; the two add up to that of both where nothing is
+    /// masked. Quantities without a cosine have no such sides and are refused.
+    pub fn albedo_of(
+        &self,
+        side: Side,
+        index: &[usize],
+        wi: Option<Direction>,
+        how: Interpolation,
+        out: &mut [f32],
+    ) -> Result<(), EvaluateError> {
+        self.check_side(side)?;
+        let [n_in, _, lambdas] = self.geometry().shape();
+        if out.len() != lambdas {
+            return unfit(format!("room for {} samples, expected {lambdas}", out.len()));
+        }
+        let entry = self.geometry().entry(index)?;
+        let stencil = match how {
+            Interpolation::Constant => Stencil::one(self.geometry().incoming_entry(wi)?),
+            Interpolation::Smooth => self.geometry().incoming_stencil(wi)?,
+        };
+        let Some(table) = self.albedos().of(side, is_above(wi)) else {
+            out.fill(0.0);
+            return Ok(());
+        };
+        for (lambda, value) in out.iter_mut().enumerate() {
+            let (mut sum, mut total) = (0.0, 0.0);
+            for (incoming, weight) in stencil.entries() {
+                let sample = table[(entry * n_in + incoming) * lambdas + lambda];
+                if !sample.is_nan() {
+                    sum += weight * sample;
+                    total += weight;
+                }
+            }
+            *value = if total > 0.0 { sum / total } else { f32::NAN };
+        }
+        Ok(())
+    }
+
+    /// The same integral of the function as [`Material::spectrum`] gives it, by quadrature: its values at the centroids of
+    /// triangles `finer` levels below those of the outgoing axis (at most to level 8), times their (projected) solid
+    /// angles. For `Constant` that is the stored albedo to rounding; for `Smooth` the difference to it is what
+    /// interpolation adds. Slow: as many evaluations as there are triangles.
+    pub fn integrated(
+        &self,
+        side: Side,
+        index: &[usize],
+        wi: Option<Direction>,
+        how: Interpolation,
+        finer: u8,
+        out: &mut [f32],
+    ) -> Result<(), EvaluateError> {
+        self.check_side(side)?;
+        let mut value = vec![0.0; self.lambdas()];
+        if out.len() != value.len() {
+            return unfit(format!("room for {} samples, expected {}", out.len(), value.len()));
+        }
+        let Some(own) = self.geometry().mesh().map(|lookup| lookup.mesh()) else { return Ok(()) };
+        let level = own.level().saturating_add(finer);
+        let Some(mesh) = TriangleMesh::new(own.domain(), level) else {
+            return unfit(format!(
+                "integration at level {level}, expected at most {}",
+                crate::domain::limits::MAX_LEVEL
+            ));
+        };
+        let has_cosine = self.quantity().has_cosine();
+        // The whole of isotropic data is turned by the azimuth of wi; so are the triangles.
+        let azimuth = self.geometry().azimuth(wi);
+        let mut sums = vec![(0.0_f64, false); value.len()];
+        for i in 0..mesh.len() {
+            let wo = turned(mesh.centroid(i), azimuth);
+            let is_same = is_above(wi) == (wo.cos_theta() >= 0.0);
+            if (side == Side::Reflected && !is_same) || (side == Side::Transmitted && is_same) {
+                continue;
+            }
+            self.spectrum(Place { index, wi, wo: Some(wo) }, how, &mut value)?;
+            let measure = if has_cosine { mesh.projected_solid_angle(i) } else { mesh.solid_angle(i) };
+            for ((sum, is_measured), sample) in sums.iter_mut().zip(&value).filter(|(_, sample)| !sample.is_nan()) {
+                *sum += measure * f64::from(*sample);
+                *is_measured = true;
+            }
+        }
+        for (out, (sum, is_measured)) in out.iter_mut().zip(sums) {
+            // A side without directions sends nothing.
+            let is_nowhere = side != Side::Both && self.albedos().of(side, is_above(wi)).is_none();
+            *out = if is_measured || is_nowhere { sum as f32 } else { f32::NAN };
+        }
+        Ok(())
+    }
+
+    fn check_side(&self, side: Side) -> Result<(), EvaluateError> {
+        let quantity = self.quantity();
+        if self.geometry().mesh().is_none() {
+            return unfit(format!("this {quantity} has no outgoing axis to integrate over"));
+        }
+        if side != Side::Both && !quantity.has_cosine() {
+            return unfit(format!("this {quantity} has no reflected and transmitted side"));
+        }
+        Ok(())
+    }
+}

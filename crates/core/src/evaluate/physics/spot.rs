@@ -1,0 +1,64 @@
+//! Places of a material that a report names, and the rows of its axes.
+
+use crate::domain::{Axis, Direction, TriangleMesh};
+use crate::evaluate::error::{EvaluateError, unfit};
+use crate::evaluate::material::Material;
+
+/// A value, and where it was found.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Spot {
+    /// The value.
+    pub value: f64,
+    /// One entry for each leading opaque axis.
+    pub index: Vec<usize>,
+    /// The incoming direction: theta and phi in degrees.
+    pub wi: Option<[f64; 2]>,
+    /// The number of the sample in a spectrum.
+    pub lambda: usize,
+    /// Its wavelength in nm.
+    pub wavelength: Option<f64>,
+}
+
+/// Theta and phi of a direction in degrees.
+pub(super) fn degrees(direction: Direction) -> [f64; 2] {
+    [direction.theta_degrees(), direction.phi_degrees()]
+}
+
+impl Material {
+    /// The incoming axis, if there is one.
+    pub(super) fn incoming_axis(&self) -> Option<&Axis> {
+        self.layout().incoming.map(|axis| &self.axes()[axis])
+    }
+
+    /// The direction that an entry of the incoming axis stands for: a centroid, an elevation at azimuth 0.
+    pub(super) fn incoming_direction(&self, entry: usize) -> Option<Direction> {
+        let geometry = self.geometry();
+        geometry.has_incoming().then(|| Direction::from_unit(geometry.incoming_direction(entry)))
+    }
+
+    /// The wavelength of a sample in nm.
+    pub(super) fn wavelength(&self, lambda: usize) -> Option<f64> {
+        self.geometry().grid().map(|grid| grid.at(lambda))
+    }
+
+    /// `value` at sample `lambda` of the row `[entry of the opaque axes, incoming entry]`.
+    pub(super) fn spot(&self, value: f64, row: usize, lambda: usize) -> Spot {
+        let [n_in, ..] = self.geometry().shape();
+        let (entry, incoming) = (row / n_in, row % n_in);
+        Spot {
+            value,
+            index: self.index_of(entry),
+            wi: self.incoming_direction(incoming).map(degrees),
+            lambda,
+            wavelength: self.wavelength(lambda),
+        }
+    }
+
+    /// The mesh of the outgoing axis, or why there is nothing to ask.
+    pub(super) fn needs_outgoing(&self, what: &str) -> Result<TriangleMesh, EvaluateError> {
+        match self.geometry().mesh() {
+            Some(lookup) => Ok(lookup.mesh()),
+            None => unfit(format!("this {} has no outgoing axis: there is no {what} to report", self.quantity())),
+        }
+    }
+}

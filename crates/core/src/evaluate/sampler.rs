@@ -1,0 +1,198 @@
+//! Importance sampling of a function's outgoing directions, one at a time (\[CPB06\] section 6.1.2, with a mixture of trees
+//! for one).
+//!
+//! [`super::mixture`] has what is drawn from, [`super::warp`] how a tree draws and what is continuous. A linear density goes
+//! with the smooth form, a uniform one with the piecewise constant form. With a defensive part, which is the default, the
+//! density is positive wherever the function is: without one by choice, light may be left out that no tree expects. Nothing is
+//! drawn where the function is masked.
+
+use super::error::{EvaluateError, unfit};
+use super::function::Function;
+use super::mixture::Mixture;
+use super::place::{Interpolation, Place};
+use super::trees::Trees;
+use super::warp::{Density, SampleOptions};
+use crate::domain::{Direction, wide};
+
+/// One importance sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DirectionSample {
+    /// The direction drawn: `wo`.
+    pub direction: Direction,
+    /// Its probability density, sr⁻¹.
+    pub pdf: f64,
+    /// f · |cos θo| / pdf for a BRDF, BTDF or BSDF, f / pdf otherwise; f is the mean over wavelengths (of the samples that
+    /// are not masked; 0 where that mean is negative): piecewise constant where the density is, otherwise smooth.
+    pub weight: f64,
+}
+
+/// A function and the trees that its directions are drawn from.
+#[derive(Clone, Copy)]
+pub(super) struct Sampler<'a> {
+    function: &'a Function,
+    trees: &'a Trees,
+}
+
+impl<'a> Sampler<'a> {
+    #[inline]
+    pub(super) fn new(function: &'a Function, trees: &'a Trees) -> Self {
+        Self { function, trees }
+    }
+
+    #[inline]
+    pub(super) fn function(&self) -> &'a Function {
+        self.function
+    }
+
+    #[inline]
+    pub(super) fn trees(&self) -> &'a Trees {
+        self.trees
+    }
+
+    #[inline(always)]
+    fn mixture(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        options: SampleOptions,
+    ) -> Result<Mixture<'a>, EvaluateError> {
+        Mixture::new(self.function, self.trees, index, wi, options, self.trees.carry(options.density))
+    }
+
+    /// Returns true where the function is masked, so that nothing is drawn.
+    #[inline]
+    fn is_masked(&self, place: Place<'_>, options: SampleOptions) -> Result<bool, EvaluateError> {
+        Ok(self.trees.has_masked() && !self.function.is_known(place, form_of(options))?)
+    }
+
+    /// A direction, its density and weight; `None` where nothing is drawn.
+    pub(super) fn sample(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        u: [f64; 2],
+        options: SampleOptions,
+    ) -> Result<Option<DirectionSample>, EvaluateError> {
+        let Some(Draw { direction, pdf, .. }) = self.drawn(index, wi, u, options)? else { return Ok(None) };
+        let place = Place { index, wi, wo: Some(direction) };
+        let value = f64::from(self.function.weighted_known(place, form_of(options), self.trees.weights())?).max(0.0);
+        let cosine = if self.function.geometry().quantity().has_cosine() { direction.cos_theta().abs() } else { 1.0 };
+        Ok(Some(DirectionSample { direction, pdf, weight: value * cosine / pdf }))
+    }
+
+    /// A direction, its density, and what `value` makes of where the function is taken: the
+    /// place, the form, the entry of the incoming axis, and the cell where that is known.
+    #[inline(always)]
+    pub(super) fn drawn_with<T>(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        u: [f64; 2],
+        options: SampleOptions,
+        value: impl FnOnce(Place<'_>, Interpolation, Option<usize>, Option<usize>) -> Result<T, EvaluateError>,
+    ) -> Result<Option<(Direction, f64, T)>, EvaluateError> {
+        let Some(drawn) = self.drawn(index, wi, u, options)? else { return Ok(None) };
+        let place = Place { index, wi, wo: Some(drawn.direction) };
+        let value = value(place, form_of(options), drawn.incoming, drawn.cell)?;
+        Ok(Some((drawn.direction, drawn.pdf, value)))
+    }
+
+    #[inline(always)]
+    fn drawn(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        u: [f64; 2],
+        options: SampleOptions,
+    ) -> Result<Option<Draw>, EvaluateError> {
+        let mixture = self.mixture(index, wi, options)?;
+        check_point(u)?;
+        let Some((wo, leaf)) = mixture.draw(u) else { return Ok(None) };
+        let pdf = mixture.density(wo);
+        // The last corner of a triangle, of no measure, may have no density.
+        if pdf <= 0.0 {
+            return Ok(None);
+        }
+        let direction = self.function.geometry().turned_with(wi, wo);
+        if self.is_masked(Place { index, wi, wo: Some(direction) }, options)? {
+            return Ok(None);
+        }
+        let cell = leaf.filter(|_| options.density == Density::Uniform).map(|leaf| mixture.cell(leaf));
+        Ok(Some(Draw { direction, pdf, incoming: mixture.incoming(), cell }))
+    }
+
+    /// The density with which directions are drawn; 0 where nothing is.
+    #[inline]
+    pub(super) fn pdf(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        wo: Direction,
+        options: SampleOptions,
+    ) -> Result<f64, EvaluateError> {
+        let pdf = wide(
+            #[inline(always)]
+            || -> Result<f64, EvaluateError> {
+                let mixture = self.mixture(index, wi, options)?;
+                let Some((lookup, wo)) = self.function.geometry().outgoing(wi, Some(wo))? else { return Ok(0.0) };
+                Ok(if lookup.holds(wo.xyz()) { mixture.density(wo) } else { 0.0 })
+            },
+        )?;
+        let is_drawn = pdf > 0.0 && !self.is_masked(Place { index, wi, wo: Some(wo) }, options)?;
+        Ok(if is_drawn { pdf } else { 0.0 })
+    }
+
+    /// A point of the unit square that leads to a direction.
+    pub(super) fn invert(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        wo: Direction,
+        options: SampleOptions,
+    ) -> Result<Option<[f64; 2]>, EvaluateError> {
+        if self.pdf(index, wi, wo, options)? <= 0.0 {
+            return Ok(None);
+        }
+        let mixture = self.mixture(index, wi, options)?;
+        let Some((_, wo)) = self.function.geometry().outgoing(wi, Some(wo))? else { return Ok(None) };
+        Ok(mixture.invert(wo))
+    }
+
+    /// A direction and its density alone.
+    #[inline]
+    pub(super) fn draw(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        u: [f64; 2],
+        options: SampleOptions,
+    ) -> Result<Option<(Direction, f64)>, EvaluateError> {
+        let drawn = self.drawn(index, wi, u, options)?;
+        Ok(drawn.map(|drawn| (drawn.direction, drawn.pdf)))
+    }
+}
+
+/// A direction that was drawn, its density, and what is known of where the function is taken: the entry of the incoming axis
+/// and the cell.
+struct Draw {
+    direction: Direction,
+    pdf: f64,
+    incoming: Option<usize>,
+    cell: Option<usize>,
+}
+
+/// The form of the function that goes with a density.
+pub(super) fn form_of(options: SampleOptions) -> Interpolation {
+    match options.density {
+        Density::Uniform => Interpolation::Constant,
+        Density::Linear => Interpolation::Smooth,
+    }
+}
+
+/// Refuses what is no point of the unit square.
+pub(super) fn check_point(u: [f64; 2]) -> Result<(), EvaluateError> {
+    if u.iter().all(|u| (0.0..=1.0).contains(u)) {
+        return Ok(());
+    }
+    unfit(format!("u = [{}, {}], expected a point of the unit square", u[0], u[1]))
+}

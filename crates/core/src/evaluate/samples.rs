@@ -1,0 +1,158 @@
+//! Spectra where every sample is kept: those of a cell, or means of the cells around a place.
+
+use super::error::EvaluateError;
+use super::geometry::Geometry;
+use super::lookup::Stencil;
+use super::place::{Interpolation, Place};
+
+/// Samples of a spectrum that are summed together where some are masked.
+const BLOCK: usize = 64;
+
+/// Every sample of a material, `[entry, incoming, outgoing, lambda]`.
+#[derive(Debug)]
+pub(super) struct Samples {
+    values: Vec<f32>,
+    has_masked: bool,
+    shape: [usize; 3],
+}
+
+/// The rows of samples that make the value at a place.
+pub(super) struct Rows {
+    entry: usize,
+    incoming: Stencil,
+    outgoing: Stencil,
+}
+
+/// What there is at a place where every sample is kept.
+#[allow(clippy::large_enum_variant, reason = "it lives on the stack for a moment: a query does not allocate")]
+pub(super) enum Found<'a> {
+    /// Outside the outgoing domain.
+    Outside,
+    Cell(&'a [f32]),
+    Rows(Rows),
+}
+
+impl Samples {
+    /// The samples of entries of the incoming and the outgoing axis and of a spectrum in `shape`.
+    pub(super) fn new(values: Vec<f32>, shape: [usize; 3]) -> Self {
+        let has_masked = values.iter().any(|s| s.is_nan());
+        Self { values, has_masked, shape }
+    }
+
+    pub(super) fn all(&self) -> &[f32] {
+        &self.values
+    }
+
+    /// Returns true where some samples are masked.
+    pub(super) fn has_masked(&self) -> bool {
+        self.has_masked
+    }
+
+    /// The spectrum of a cell.
+    #[inline]
+    pub(super) fn cell(&self, cell: usize) -> &[f32] {
+        &self.values[cell * self.shape[2]..][..self.shape[2]]
+    }
+
+    /// The samples at a place.
+    pub(super) fn find(
+        &self,
+        geometry: &Geometry,
+        place: Place<'_>,
+        how: Interpolation,
+    ) -> Result<Found<'_>, EvaluateError> {
+        match how {
+            Interpolation::Constant => {
+                let cell = geometry.cell_of(place)?;
+                Ok(cell.map_or(Found::Outside, |cell| Found::Cell(self.cell(cell))))
+            }
+            Interpolation::Smooth => {
+                let entry = geometry.entry_of(place)?;
+                let incoming = geometry.incoming_stencil(place.wi)?;
+                let outgoing = match geometry.outgoing(place.wi, place.wo)? {
+                    None => Some(Stencil::one(0)),
+                    Some((lookup, wo)) => lookup.stencil(wo),
+                };
+                Ok(outgoing.map_or(Found::Outside, |outgoing| Found::Rows(Rows { entry, incoming, outgoing })))
+            }
+        }
+    }
+
+    /// One sample of the sum of rows; NaN if all its cells are masked.
+    pub(super) fn sample_of(&self, rows: &Rows, lambda: usize) -> f32 {
+        let (mut sum, mut total) = (0.0, 0.0);
+        for (i, a) in rows.incoming.entries() {
+            for (o, b) in rows.outgoing.entries() {
+                let sample = self.row(rows.entry, i, o)[lambda];
+                if !sample.is_nan() {
+                    sum += a * b * sample;
+                    total += a * b;
+                }
+            }
+        }
+        match self.has_masked {
+            true if total > 0.0 => sum / total,
+            true => f32::NAN,
+            false => sum,
+        }
+    }
+
+    /// The samples of one cell.
+    fn row(&self, entry: usize, incoming: usize, outgoing: usize) -> &[f32] {
+        let [n_in, n_out, lambdas] = self.shape;
+        &self.values[((entry * n_in + incoming) * n_out + outgoing) * lambdas..][..lambdas]
+    }
+
+    /// The sum of rows into `out`; NaN where all its cells are masked.
+    pub(super) fn sum(&self, rows: &Rows, out: &mut [f32]) {
+        if self.has_masked {
+            self.sum_with_masks(rows, out);
+            return;
+        }
+        out.fill(0.0);
+        for (i, a) in rows.incoming.entries() {
+            for (o, b) in rows.outgoing.entries() {
+                let weight = a * b;
+                for (sum, sample) in out.iter_mut().zip(self.row(rows.entry, i, o)) {
+                    *sum += weight * sample;
+                }
+            }
+        }
+    }
+
+    fn sum_with_masks(&self, rows: &Rows, out: &mut [f32]) {
+        for (block, out) in out.chunks_mut(BLOCK).enumerate() {
+            let mut totals = [0.0_f32; BLOCK];
+            out.fill(0.0);
+            for (i, a) in rows.incoming.entries() {
+                for (o, b) in rows.outgoing.entries() {
+                    let weight = a * b;
+                    let row = &self.row(rows.entry, i, o)[block * BLOCK..];
+                    for ((sum, total), &sample) in out.iter_mut().zip(&mut totals).zip(row) {
+                        if !sample.is_nan() {
+                            *sum += weight * sample;
+                            *total += weight;
+                        }
+                    }
+                }
+            }
+            for (sum, total) in out.iter_mut().zip(totals) {
+                *sum = if total > 0.0 { *sum / total } else { f32::NAN };
+            }
+        }
+    }
+}
+
+/// The inner product without masked samples, as if the others stood for them; 0 where all are masked.
+pub(super) fn known_sum(weights: &[f32], value: &dyn Fn(usize) -> f32) -> f32 {
+    let (mut sum, mut weight, mut all) = (0.0, 0.0, 0.0);
+    for (lambda, w) in weights.iter().enumerate() {
+        let value = value(lambda);
+        all += w;
+        if !value.is_nan() {
+            sum += w * value;
+            weight += w;
+        }
+    }
+    if weight > 0.0 { sum * all / weight } else { 0.0 }
+}

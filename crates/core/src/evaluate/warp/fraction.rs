@@ -1,0 +1,90 @@
+//! Choices by the coordinates of the unit square, which are stretched over what was chosen.
+
+use super::mesh::FLIPS;
+use std::hint::select_unpredictable;
+
+/// The largest number below 1.
+pub(in crate::evaluate) const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
+/// Points keep this barycentric distance from the edges of their leaf, so that rounding cannot carry one over the edge.
+const MARGIN: f64 = 1e-9;
+
+/// Levels after which a fraction is reduced: its terms shrink with the masses of triangles, which are no less than 1e-45.
+pub(super) const UNREDUCED: u8 = 3;
+
+/// A coordinate of the unit square as a fraction, so that a choice need not wait for a division.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Fraction {
+    pub(super) over: f64,
+    pub(super) under: f64,
+}
+
+impl Fraction {
+    #[inline(always)]
+    pub(super) fn new(u: f64) -> Self {
+        Self { over: u, under: 1.0 }
+    }
+
+    #[inline(always)]
+    pub(super) fn value(self) -> f64 {
+        let value = self.over / self.under;
+        if value < BELOW_ONE { value } else { BELOW_ONE }
+    }
+
+    #[inline(always)]
+    pub(super) fn reduced(self) -> Self {
+        Self::new(self.value())
+    }
+
+    /// Whether it is beyond the `first` of two masses, never so if there is no second one; and what is left of it, stretched
+    /// over the mass in which it is.
+    #[inline(always)]
+    #[allow(clippy::needless_bitwise_bool, reason = "neither can be predicted")]
+    fn split(self, first: f64, second: f64) -> (bool, Self) {
+        let (over, start) = (self.over * (first + second), first * self.under);
+        let beyond = (over >= start) & (second > 0.0);
+        let rest = select_unpredictable(beyond, over - start, over);
+        (beyond, Self { over: rest, under: select_unpredictable(beyond, second, first) * self.under })
+    }
+}
+
+/// Chooses a quadrant, the half a by the first coordinate and the half b by the second, and stretches both over the choice.
+/// Never chooses one without weight.
+#[inline(always)]
+pub(super) fn choose([w0, w1, w2, w3]: [f64; 4], u: &mut [Fraction; 2]) -> usize {
+    let (a, first) = u[0].split(w0 + w1, w2 + w3);
+    let (b, second) = u[1].split(select_unpredictable(a, w2, w0), select_unpredictable(a, w3, w1));
+    *u = [first, second];
+    2 * usize::from(a) + usize::from(b)
+}
+
+/// Where [`choose`] takes a quadrant from: start and length in both coordinates.
+pub(super) fn interval([w0, w1, w2, w3]: [f64; 4], quadrant: usize) -> ([f64; 2], [f64; 2]) {
+    let share = |first: f64, second: f64, which: usize| {
+        let (first, second) = (first / (first + second), second / (first + second));
+        if which == 0 { (0.0, first) } else { (first, second) }
+    };
+    let (bottom, top) = if quadrant < 2 { (w0, w1) } else { (w2, w3) };
+    let (a, width) = share(w0 + w1, w2 + w3, quadrant / 2);
+    let (b, height) = share(bottom, top, quadrant % 2);
+    ([a, b], [width, height])
+}
+
+/// `u` in the square of level 0, which may run the other way.
+#[inline(always)]
+pub(super) fn flipped(square: usize, u: [Fraction; 2]) -> [Fraction; 2] {
+    [0, 1].map(|k| {
+        let [start, direction] = FLIPS[square][k];
+        Fraction { over: start * u[k].under + direction * u[k].over, ..u[k] }
+    })
+}
+
+/// Coordinates at least [`MARGIN`] from the edges.
+#[inline(always)]
+pub(super) fn inward([a, b, c]: [f64; 3]) -> [f64; 3] {
+    if a.min(b).min(c) >= MARGIN {
+        return [a, b, c];
+    }
+    let (a, b, c) = (a.max(MARGIN), b.max(MARGIN), c.max(MARGIN));
+    let scale = 1.0 / (a + b + c);
+    [a * scale, b * scale, c * scale]
+}

@@ -1,0 +1,83 @@
+//! Sampling by the values at one wavelength.
+
+use super::error::{EvaluateError, unfit};
+use super::function::Function;
+use super::lookup::MeshLookup;
+use super::sampler::{DirectionSample, Sampler};
+use super::trees::Trees;
+use super::warp::SampleOptions;
+use crate::domain::Direction;
+
+/// Draws from a material by its values at one wavelength; as [`super::Material::sample`] and its kin do by the mean.
+#[derive(Debug)]
+pub struct WavelengthSampler<'a> {
+    function: &'a Function,
+    trees: Trees,
+}
+
+impl<'a> WavelengthSampler<'a> {
+    /// The sampler at `wavelength` in nm, linear between the samples of the spectra; with the tables of `mean`, the trees by
+    /// the mean. Refused outside the measured range.
+    pub(super) fn at(
+        function: &'a Function,
+        lookup: &MeshLookup,
+        mean: &Trees,
+        wavelength: f64,
+    ) -> Result<Self, EvaluateError> {
+        let geometry = function.geometry();
+        let Some(grid) = geometry.grid() else {
+            return unfit(format!("a wavelength was given, but this {} has none", geometry.quantity()));
+        };
+        let Some((below, t)) = grid.locate(wavelength) else {
+            return unfit(format!("{wavelength} nm is outside the measured wavelengths"));
+        };
+        let mut weights = vec![0.0; geometry.lambdas()];
+        weights[below] = (1.0 - t) as f32;
+        if t > 0.0 {
+            weights[below + 1] = t as f32;
+        }
+        Ok(Self { function, trees: mean.by(function, lookup, &weights) })
+    }
+
+    fn sampler(&self) -> Sampler<'_> {
+        Sampler::new(self.function, &self.trees)
+    }
+
+    /// As [`super::Material::sample`]; the weight is that of f at the wavelength.
+    pub fn sample(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        u: [f64; 2],
+        options: impl Into<SampleOptions>,
+    ) -> Result<Option<DirectionSample>, EvaluateError> {
+        self.sampler().sample(index, wi, u, options.into())
+    }
+
+    /// As [`super::Material::pdf`].
+    pub fn pdf(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        wo: Direction,
+        options: impl Into<SampleOptions>,
+    ) -> Result<f64, EvaluateError> {
+        self.sampler().pdf(index, wi, wo, options.into())
+    }
+
+    /// As [`super::Material::invert`].
+    pub fn invert(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        wo: Direction,
+        options: impl Into<SampleOptions>,
+    ) -> Result<Option<[f64; 2]>, EvaluateError> {
+        self.sampler().invert(index, wi, wo, options.into())
+    }
+
+    /// Memory of the sampler in bytes.
+    pub fn memory(&self) -> usize {
+        size_of::<Self>() + self.trees.memory()
+    }
+}
