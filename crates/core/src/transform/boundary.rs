@@ -37,3 +37,20 @@ named!(Boundary, "boundary rule", {
     Zero = "zero",
     Fitted = "fitted",
 });
+
+/// Sample `i` of the extension of n samples.
+pub(super) fn folded(i: i64, n: usize, rule: Boundary) -> usize {
+    let n = n as i64;
+    let folded = match rule {
+        Boundary::HalfSample => {
+            let at = i.rem_euclid(2 * n);
+            if at < n { at } else { 2 * n - 1 - at }
+        }
+        Boundary::WholeSample if n > 1 => {
+            let at = i.rem_euclid(2 * n - 2);
+            if at < n { at } else { 2 * n - 2 - at }
+        }
+        _ => i.rem_euclid(n),
+    };
+    folded as usize
+}

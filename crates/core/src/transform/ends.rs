@@ -11,9 +11,8 @@
 //! 1993, *Wavelets on the interval and fast wavelet transforms*, section 4 (theirs preserve all moments and need tables).
 
 use super::banded::Window;
-use super::boundary::Boundary;
+use super::boundary::{Boundary, folded};
 use super::filters::{Bank, Taps};
-use super::level::folded;
 use std::ops::Range;
 
 /// The rows of one level that are not inner filters.

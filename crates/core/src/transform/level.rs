@@ -5,7 +5,7 @@
 //! synthesis rows are those of the analysis matrix' inverse, by iterative refinement to 1e-13 from the bank's own synthesis.
 
 use super::banded::{Banded, Window};
-use super::boundary::Boundary;
+use super::boundary::{Boundary, folded};
 use super::ends::{Ends, Sequence, fitted};
 use super::filters::{Bank, PERFECT, Taps};
 
@@ -247,23 +247,6 @@ fn columns(taps: &[Taps; 2]) -> [Vec<(i64, f64)>; 2] {
         stencil.sort_by_key(|&(offset, _)| offset);
     }
     stencils
-}
-
-/// Sample `i` of the extension of n samples.
-pub(super) fn folded(i: i64, n: usize, rule: Boundary) -> usize {
-    let n = n as i64;
-    let folded = match rule {
-        Boundary::HalfSample => {
-            let at = i.rem_euclid(2 * n);
-            if at < n { at } else { 2 * n - 1 - at }
-        }
-        Boundary::WholeSample if n > 1 => {
-            let at = i.rem_euclid(2 * n - 2);
-            if at < n { at } else { 2 * n - 2 - at }
-        }
-        _ => i.rem_euclid(n),
-    };
-    folded as usize
 }
 
 /// Coefficient `o` of one channel of the extension, as interleaved index and sign; `None` where it is zero.

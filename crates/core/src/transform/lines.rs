@@ -4,7 +4,7 @@
 //! and lines are never removed, because files name bases by them.
 #![allow(clippy::wildcard_imports, reason = "the registry names every table there is")]
 
-use super::basis::{BasisInfo, Space};
+use super::basis_info::{BasisInfo, Space};
 use super::boundary::Boundary;
 use super::filters::Filters::{self, Biorthogonal, Orthogonal};
 use super::filters::{Bank, PERFECT};

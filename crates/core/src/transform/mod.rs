@@ -15,6 +15,7 @@
 
 mod banded;
 mod basis;
+mod basis_info;
 mod boundary;
 mod ends;
 mod filters;
@@ -30,7 +31,8 @@ mod sphere;
 mod tables;
 mod tree;
 
-pub use basis::{AxisTransform, BasisInfo, Space, SphereBasis, Weights, bases};
+pub use basis::{AxisTransform, SphereBasis, Weights, bases};
+pub use basis_info::{BasisInfo, Space};
 pub use boundary::Boundary;
 pub use klt::{Klt, KltError, MAX_KLT_LENGTH, take_away};
 pub use lines::LineBasis;
