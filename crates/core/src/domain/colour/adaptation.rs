@@ -1,11 +1,10 @@
 //! What looks the same in another light: linear Bradford adaptation (CIE 160:2004 names it; ICC.1:2022, annex E).
 
-use super::Xyz;
-
-type Matrix = [[f64; 3]; 3];
+use super::matrix::{Matrix, inverse, product};
+use super::xyz::Xyz;
 
 const CONES: Matrix = [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];
-const BACK: Matrix = super::srgb::inverse(CONES);
+const BACK: Matrix = inverse(CONES);
 
 /// From one white to another, in one matrix.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,8 +34,4 @@ impl Adaptation {
 
 fn unit(white: Xyz) -> [f64; 3] {
     [white.x / white.y, 1.0, white.z / white.y]
-}
-
-fn product(m: &Matrix, v: [f64; 3]) -> [f64; 3] {
-    m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }

@@ -1,7 +1,7 @@
 //! CIEDE2000, with kL = kC = kH = 1 (CIE 015:2018, section 8.3; G. Sharma, W. Wu, E. N. Dalal, *The CIEDE2000
 //! Color-Difference Formula*, Color Research and Application 30(1), 2005, equations 2 to 22).
 
-use super::Lab;
+use super::lab::Lab;
 
 const FULL: f64 = 360.0;
 

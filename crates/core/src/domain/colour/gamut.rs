@@ -4,7 +4,7 @@
 //! matrices between linear sRGB and its cones as corrected there in 2021). Chroma is halved in on to the boundary; a
 //! colour inside is returned as it is, bit for bit. What is as light as white becomes white, what is as dark as black black.
 
-type Matrix = [[f64; 3]; 3];
+use super::matrix::{Matrix, product};
 
 const TO_CONES: Matrix = [
     [0.412_221_470_8, 0.536_332_536_3, 0.051_445_992_9],
@@ -85,8 +85,4 @@ pub fn map_to_gamut(linear: [f64; 3]) -> [f64; 3] {
         if with(middle).iter().all(|c| (0.0..=1.0).contains(c)) { inside = middle } else { outside = middle }
     }
     with(inside).map(|c| c.clamp(0.0, 1.0))
-}
-
-fn product(m: &Matrix, v: [f64; 3]) -> [f64; 3] {
-    m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }

@@ -1,6 +1,6 @@
 //! CIE 1976 L*a*b*, relative to a given white (CIE 015:2018, section 8.2.1).
 
-use super::Xyz;
+use super::xyz::Xyz;
 
 /// A colour in CIE 1976 L*a*b*. L* is 100 for the white, and may be more for radiance factors above 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -11,16 +11,20 @@
 //! kept as data beside the program (`data/SOURCES.md`).
 
 mod adaptation;
+mod coverage;
 mod difference;
 mod gamut;
 mod lab;
+mod matrix;
 mod spectra;
 mod srgb;
 mod tables;
 mod temperature;
 mod tristimulus;
+mod xyz;
 
 pub use adaptation::Adaptation;
+pub use coverage::{ColourError, MOST_GAP, NEEDED, RANGE};
 pub use difference::ciede2000;
 pub use gamut::{Oklab, in_gamut, map_to_gamut};
 pub use lab::Lab;
@@ -29,26 +33,8 @@ pub use spectra::{ColourReport, SpectraColours};
 pub use srgb::{linear_to_bytes, linear_to_srgb, linear_to_xyz, srgb_to_linear, xyz_to_linear};
 pub use tables::{Curve, Illuminant, Observer, StandardObserver, TableError};
 pub use temperature::ColourTemperature;
-pub use tristimulus::{ColourError, MOST_GAP, NEEDED, RANGE, Tristimulus};
-
-/// CIE 1931 tristimulus values.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Xyz {
-    /// X.
-    pub x: f64,
-    /// Y; the luminance factor × 100, or the absolute luminous quantity of an emission.
-    pub y: f64,
-    /// Z.
-    pub z: f64,
-}
-
-impl Xyz {
-    /// All three × `factor`.
-    #[must_use]
-    pub fn scaled(self, factor: f64) -> Self {
-        Self { x: factor * self.x, y: factor * self.y, z: factor * self.z }
-    }
-}
+pub use tristimulus::Tristimulus;
+pub use xyz::Xyz;
 
 #[cfg(test)]
 mod display_tests;

@@ -12,8 +12,12 @@
 //! White, and so the brightest spectrum, is always the original's. Masked samples are passed over: a spectrum is linear
 //! between the measured ones, which must be enough for a colour ([`super::ColourError`]), else it is not scored.
 
-use super::tristimulus::check;
-use super::{ColourError, Illuminant, Lab, Tristimulus, Xyz, ciede2000};
+use super::coverage::{ColourError, check};
+use super::difference::ciede2000;
+use super::lab::Lab;
+use super::tables::Illuminant;
+use super::tristimulus::Tristimulus;
+use super::xyz::Xyz;
 use crate::domain::{Axis, Measurement, Quantity, Unit};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

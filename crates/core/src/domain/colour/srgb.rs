@@ -3,9 +3,8 @@
 //! The standard's matrix from sRGB to XYZ has four decimals and is exact by definition; the matrix back is its inverse, of
 //! which the standard prints four decimals and its Amendment 1 seven. White (1, 1, 1) is Y = 100 of D65.
 
-use super::Xyz;
-
-type Matrix = [[f64; 3]; 3];
+use super::matrix::{Matrix, inverse, product};
+use super::xyz::Xyz;
 
 const TO_XYZ: Matrix = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]];
 pub(super) const FROM_XYZ: Matrix = inverse(TO_XYZ);
@@ -34,20 +33,4 @@ pub fn linear_to_srgb(linear: f64) -> f64 {
 /// A channel's sRGB value → its linear value.
 pub fn srgb_to_linear(srgb: f64) -> f64 {
     if srgb <= 0.040_45 { srgb / 12.92 } else { libm::pow((srgb + 0.055) / 1.055, 2.4) }
-}
-
-fn product(m: &Matrix, v: [f64; 3]) -> [f64; 3] {
-    m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
-}
-
-/// The inverse of a matrix, by cofactors.
-pub(super) const fn inverse(m: Matrix) -> Matrix {
-    let [[a, b, c], [d, e, f], [g, h, i]] = m;
-    let (p, q, r) = (e * i - f * h, f * g - d * i, d * h - e * g);
-    let n = 1.0 / (a * p + b * q + c * r);
-    [
-        [n * p, n * (c * h - b * i), n * (b * f - c * e)],
-        [n * q, n * (a * i - c * g), n * (c * d - a * f)],
-        [n * r, n * (b * g - a * h), n * (a * e - b * d)],
-    ]
 }

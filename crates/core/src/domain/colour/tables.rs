@@ -1,7 +1,6 @@
 //! The CIE's tables: colour-matching functions and relative spectral powers of illuminants.
 
-use super::ColourError;
-use super::tristimulus::check;
+use super::coverage::{ColourError, check};
 use crate::domain::{Axis, Tensor, named};
 use std::sync::OnceLock;
 

@@ -1,7 +1,9 @@
 //! The correlated colour temperature of a light: the temperature of the Planckian radiator nearest to it in the CIE 1960
 //! (u, v) diagram, which is the (u′, 2/3 v′) of its definition (CIE 015:2018, section 9.5), as seen by the same observer.
 
-use super::{Observer, RANGE, Xyz};
+use super::coverage::RANGE;
+use super::tables::Observer;
+use super::xyz::Xyz;
 
 /// A temperature and how far the light is from it.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
