@@ -1,8 +1,9 @@
 //! Sums of many spectra in the compressed domain: one dense row of coefficients, no allocation per spectrum.
 
-use super::AlgebraError;
+use super::entry::Entry;
+use super::error::AlgebraError;
 use super::space::LineSpace;
-use super::sparse::{Entry, SparseSpectrum};
+use super::sparse::SparseSpectrum;
 use std::sync::Arc;
 
 /// `Σ factor · spectrum`, coefficient by coefficient: what photon gathering does (\[CPB06\] section 6.2.2).

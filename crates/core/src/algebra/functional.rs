@@ -1,6 +1,6 @@
 //! The dot product with one fixed function, a multiplication a coefficient: tristimulus values, fluxes, any quadrature.
 
-use super::AlgebraError;
+use super::error::AlgebraError;
 use super::space::LineSpace;
 use super::sparse::SparseSpectrum;
 use std::sync::Arc;

@@ -7,7 +7,7 @@
 //! was added is measured either way, on the decoded bytes of the result against the exact combination, and stands in the
 //! file's header: the truth that it is measured against are the decoded operands, not the measurements behind them.
 
-use super::AlgebraError;
+use super::error::AlgebraError;
 use crate::compress::{self, CompressError, Compressed, Kept, Policy, Settings, Summary, payload_digest};
 use crate::domain::{Axis, ErrorReport, Measurement, Progress, Tensor, Unit};
 use crate::transform::Plan;

@@ -30,9 +30,12 @@
 //! ```
 
 mod accumulator;
+mod entry;
 mod error;
 mod functional;
 mod gram;
+mod inner_products;
+mod limits;
 mod material;
 mod pool;
 mod product;
@@ -41,23 +44,16 @@ mod sparse;
 mod windows;
 
 pub use accumulator::Accumulator;
+pub use entry::Entry;
 pub use error::AlgebraError;
 pub use functional::Functional;
 pub use gram::Gram;
+pub use limits::{MAX_COUPLED, MAX_COUPLINGS, MAX_GRAM, MAX_LINE};
 pub use material::{Combined, DotReport, Method, Operand, OperandReport, Recompress, combine, dot};
 pub use pool::SpectrumPool;
 pub use product::{Couplings, Multiplier};
 pub use space::LineSpace;
-pub use sparse::{Entry, SparseSpectrum, Truncated};
-
-/// The longest line: the synthesis functions of all its coefficients are kept.
-pub const MAX_LINE: usize = 4096;
-/// The longest line whose Gram matrix is tabulated: n² numbers, 8 MiB at this length.
-pub const MAX_GRAM: usize = 1024;
-/// The longest line whose couplings are tabulated: n²/2 pairs, each with up to n numbers.
-pub const MAX_COUPLED: usize = 512;
-/// The most coupling coefficients that are tabulated (128 MiB). A basis whose functions all overlap reaches it at 322 samples.
-pub const MAX_COUPLINGS: usize = 1 << 24;
+pub use sparse::{SparseSpectrum, Truncated};
 
 #[cfg(test)]
 mod tests;

@@ -1,7 +1,7 @@
 //! Many compressed spectra in flat memory, six bytes a coefficient: the spectra of a photon map.
 
-use super::AlgebraError;
 use super::accumulator::Accumulator;
+use super::error::AlgebraError;
 use super::space::LineSpace;
 use super::sparse::SparseSpectrum;
 use std::sync::Arc;

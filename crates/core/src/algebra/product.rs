@@ -11,10 +11,12 @@
 //! ends. (Connection coefficients in the literature are the same integrals on the real line, per scale and shift.)
 
 use super::accumulator::Accumulator;
+use super::entry::{Entry, Union};
+use super::error::AlgebraError;
+use super::limits::{MAX_COUPLED, MAX_COUPLINGS, MAX_GRAM};
 use super::space::LineSpace;
-use super::sparse::{Entry, SparseSpectrum, Union};
+use super::sparse::SparseSpectrum;
 use super::windows::axpy;
-use super::{AlgebraError, MAX_COUPLED, MAX_COUPLINGS};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -196,7 +198,7 @@ fn row(space: &LineSpace, i: usize, j: usize) -> Row {
 
 /// Multiplication by one fixed spectrum, as a matrix on coefficients: `M_kj = Σ_s ψ̃_k(s)·a(s)·ψ_j(s)`.
 ///
-/// A surface's reflectance is one for all photons that meet it. Needs no couplings, any line up to [`super::MAX_GRAM`]; n²
+/// A surface's reflectance is one for all photons that meet it. Needs no couplings, any line up to [`MAX_GRAM`]; n²
 /// numbers of 8 bytes, n multiplications a coefficient of the other factor.
 #[derive(Clone, Debug)]
 pub struct Multiplier {
@@ -208,8 +210,8 @@ pub struct Multiplier {
 impl Multiplier {
     /// The multiplication by a function of these samples.
     pub fn new(space: &Arc<LineSpace>, samples: &[f64]) -> Result<Self, AlgebraError> {
-        if space.length() > super::MAX_GRAM {
-            return Err(AlgebraError::TooLong { what: "a multiplier", found: space.length(), most: super::MAX_GRAM });
+        if space.length() > MAX_GRAM {
+            return Err(AlgebraError::TooLong { what: "a multiplier", found: space.length(), most: MAX_GRAM });
         }
         space.check("samples", samples)?;
         let size = space.coefficients();

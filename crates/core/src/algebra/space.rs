@@ -1,9 +1,9 @@
 //! A prepared basis on a line: what each coefficient stands for, and what it is computed from, in f64.
 
-use super::gram::Gram;
-use super::sparse::{Entry, SparseSpectrum};
+use super::error::AlgebraError;
+use super::inner_products::InnerProducts;
+use super::limits::{MAX_GRAM, MAX_LINE};
 use super::windows::Windows;
-use super::{AlgebraError, MAX_GRAM, MAX_LINE};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan};
 use std::sync::{Arc, OnceLock};
@@ -26,7 +26,7 @@ pub struct LineSpace {
     analysis: Windows,
     norms: Vec<f64>,
     orthonormal: bool,
-    gram: OnceLock<Gram>,
+    gram: OnceLock<InnerProducts>,
 }
 
 impl LineSpace {
@@ -112,16 +112,6 @@ impl LineSpace {
         self.synthesis.bytes() + self.analysis.bytes() + size_of_val(self.norms.as_slice())
     }
 
-    /// All coefficients of samples, those that are 0 left out.
-    pub fn analyse(self: &Arc<Self>, samples: &[f64]) -> Result<SparseSpectrum, AlgebraError> {
-        self.check("samples", samples)?;
-        let entries = (0..self.coefficients())
-            .map(|k| Entry { index: k as u32, value: self.analysis.times(k, samples) })
-            .filter(|entry| entry.value != 0.0)
-            .collect();
-        Ok(SparseSpectrum::of(Arc::clone(self), entries))
-    }
-
     /// All coefficients of samples into `coefficients`, without allocation.
     ///
     /// # Panics
@@ -166,9 +156,9 @@ impl LineSpace {
     }
 
     /// The Gram matrix under the plain sum over samples, made on first use; `None` where it is the identity or too large.
-    pub(super) fn gram(&self) -> Option<&Gram> {
+    pub(super) fn gram(&self) -> Option<&InnerProducts> {
         let worth = !self.orthonormal && self.length <= MAX_GRAM;
-        worth.then(|| self.gram.get_or_init(|| Gram::of(self, None)))
+        worth.then(|| self.gram.get_or_init(|| InnerProducts::of(&self.synthesis, self.length, None)))
     }
 }
 

@@ -1,19 +1,10 @@
 //! A spectrum as the few coefficients that were kept of it, and its sums, scalings and dot products.
 
-use super::AlgebraError;
+use super::entry::{Entry, Union};
+use super::error::AlgebraError;
 use super::space::LineSpace;
 use super::windows::dot;
-use std::cmp::Ordering;
 use std::sync::Arc;
-
-/// One coefficient.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Entry {
-    /// Its place in the basis.
-    pub index: u32,
-    /// Its value.
-    pub value: f64,
-}
 
 /// `Σ value·ψ_index`: a function on a line in one basis, as its coefficients that are not 0, by rising index.
 #[derive(Clone, Debug)]
@@ -180,27 +171,14 @@ impl SparseSpectrum {
     }
 }
 
-/// The coefficients of two spectra by rising index, 0 where one has none.
-#[derive(Clone)]
-pub(super) struct Union<'a> {
-    pub(super) a: &'a [Entry],
-    pub(super) b: &'a [Entry],
-}
-
-impl Iterator for Union<'_> {
-    type Item = (u32, f64, f64);
-
-    fn next(&mut self) -> Option<Self::Item> {
-        let index = |entries: &[Entry]| entries.first().map_or(u32::MAX, |entry| entry.index);
-        let order = index(self.a).cmp(&index(self.b));
-        let take = |entries: &mut &[Entry], wanted: bool| -> Option<Entry> {
-            let (first, rest) = entries.split_first().filter(|_| wanted)?;
-            *entries = rest;
-            Some(*first)
-        };
-        let a = take(&mut self.a, order != Ordering::Greater);
-        let b = take(&mut self.b, order != Ordering::Less);
-        let index = a.or(b)?.index;
-        Some((index, a.map_or(0.0, |a| a.value), b.map_or(0.0, |b| b.value)))
+impl LineSpace {
+    /// All coefficients of samples, those that are 0 left out.
+    pub fn analyse(self: &Arc<Self>, samples: &[f64]) -> Result<SparseSpectrum, AlgebraError> {
+        self.check("samples", samples)?;
+        let entries = (0..self.coefficients())
+            .map(|k| Entry { index: k as u32, value: self.analysis().times(k, samples) })
+            .filter(|entry| entry.value != 0.0)
+            .collect();
+        Ok(SparseSpectrum::of(Arc::clone(self), entries))
     }
 }

@@ -1,0 +1,37 @@
+//! One coefficient with its index, and the union of two sorted lists of them.
+
+use std::cmp::Ordering;
+
+/// One coefficient.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Entry {
+    /// Its place in the basis.
+    pub index: u32,
+    /// Its value.
+    pub value: f64,
+}
+
+/// The coefficients of two spectra by rising index, 0 where one has none.
+#[derive(Clone)]
+pub(super) struct Union<'a> {
+    pub(super) a: &'a [Entry],
+    pub(super) b: &'a [Entry],
+}
+
+impl Iterator for Union<'_> {
+    type Item = (u32, f64, f64);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let index = |entries: &[Entry]| entries.first().map_or(u32::MAX, |entry| entry.index);
+        let order = index(self.a).cmp(&index(self.b));
+        let take = |entries: &mut &[Entry], wanted: bool| -> Option<Entry> {
+            let (first, rest) = entries.split_first().filter(|_| wanted)?;
+            *entries = rest;
+            Some(*first)
+        };
+        let a = take(&mut self.a, order != Ordering::Greater);
+        let b = take(&mut self.b, order != Ordering::Less);
+        let index = a.or(b)?.index;
+        Some((index, a.map_or(0.0, |a| a.value), b.map_or(0.0, |b| b.value)))
+    }
+}
