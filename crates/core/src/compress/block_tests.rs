@@ -3,7 +3,7 @@
 use super::tests::{hurt, index, measurement, mesh, settings, shapes, wavelengths};
 use super::*;
 use crate::codec::{ChunkKind, Container, Reader, Writer, write_container};
-use crate::domain::{Domain, Silent, Tensor};
+use crate::domain::{Axis, Domain, ErrorReport, Quantity, Silent, Tensor};
 
 fn random(target: Target) -> Settings {
     Settings { random_access: true, ..settings(target, Policy::Rd) }

@@ -3,25 +3,23 @@
 //! Every operation is specified, so that a reader in another language can be bit-exact: f32 additions and multiplications
 //! in the order written here and in `transform`, and the `exponential` of this room in f64, rounded once to f32.
 
+use super::classes::{apply_classes, classes_of};
 use super::exponential::add_corrections;
-use super::header::Header;
+use super::header::{Header, finish_of, plan_of};
+use super::kept_coefficients::coefficients_of;
 use super::light::Light;
+use super::metadata::metadata_of;
+use super::policy::Policy;
 use super::rd::levels::{LevelIndex, coarsen, level_samples};
 use super::rd::{adaptive, predictive};
 use super::rows::{coding_order, lanes};
 use super::scales::Scales;
-use super::thresholded::coefficients_of;
-use super::values::Values;
-use super::{Policy, Summary};
+use super::summary::Summary;
 use crate::codec::{
-    Announced, ChunkKind, Class, CodecError, Container, Decoder, Payload, Reader, code_classes, code_coefficients,
-    code_corrections, code_exact, code_steps, read_text,
+    Announced, ChunkKind, Class, CodecError, Container, Decoder, Payload, Reader, code_coefficients, code_corrections,
+    code_exact, code_steps,
 };
 use crate::domain::{Axis, Measurement, Tensor};
-use crate::transform::Plan;
-
-/// The largest metadata text, in bytes.
-pub(crate) const MAX_METADATA: usize = 1 << 24;
 
 /// A decoded material.
 #[derive(Clone, Debug)]
@@ -195,44 +193,12 @@ fn announced(r: &mut Reader<'_>) -> Result<(Header, Vec<Announced>), CodecError>
     Ok((header, chunks))
 }
 
-/// The metadata chunk's text, and the axes with the labels it holds.
-fn metadata_of(header: &Header, container: &Container<'_>) -> Result<(Option<String>, Vec<Axis>), CodecError> {
-    let mut axes = header.axes.clone();
-    let Some(chunk) = container.get(ChunkKind::Metadata) else { return Ok((None, axes)) };
-    let malformed = |reason: &str| CodecError::Malformed { at: chunk.offset, reason: reason.to_owned() };
-    let text = read_text(&mut chunk.reader(), MAX_METADATA)?;
-    let json: serde_json::Value = serde_json::from_str(&text).map_err(|_| malformed("metadata is no JSON"))?;
-    for (i, axis) in axes.iter_mut().enumerate() {
-        if let Axis::Index { count, labels } = axis {
-            let stored = json["labels"][i.to_string()].as_array().filter(|stored| stored.len() == *count);
-            *labels = stored.into_iter().flatten().map(|label| label.as_str().unwrap_or("").to_owned()).collect();
-        }
-    }
-    Ok((Some(text), axes))
-}
-
 /// The corrections of the light of all blocks, where there are any.
 fn light_of(header: &Header, coded: Option<&[u8]>) -> Option<(Light, Vec<i32>)> {
     let light = Light::of(header.quantity, &header.axes).filter(|_| header.light_step != 0.0)?;
     let mut steps = vec![0_i32; light.entries(header.axes.iter().map(Axis::len).product())];
     code_steps(&mut Decoder::new(coded?), light.inner(), &mut steps);
     Some((light, steps))
-}
-
-/// The classes of all samples, where they are not all positive.
-pub(crate) fn classes_of<'a>(header: &Header, chunk: impl Fn(ChunkKind) -> Option<&'a [u8]>) -> Option<Vec<Class>> {
-    header.has_classes.then(|| {
-        let mut classes = vec![Class::Positive; header.axes.iter().map(Axis::len).product()];
-        let coded = chunk(ChunkKind::Classes).unwrap_or_default();
-        code_classes(&mut Decoder::new(coded), lanes(&header.axes), &mut classes);
-        classes
-    })
-}
-
-/// What values become magnitudes by as they are decoded: where nothing is added to the logarithms, equal ones are made
-/// samples once.
-pub(crate) fn finish_of(header: &Header) -> Option<Values> {
-    (header.light_step == 0.0 && header.correction_step == 0.0).then(|| header.values())
 }
 
 /// The samples that `header` and its chunks stand for; NaN = masked.
@@ -308,22 +274,6 @@ fn finish_samples(classes: Option<&[Class]>, samples: &mut [f32]) -> Result<(), 
         return Err(CodecError::Malformed { at: 0, reason: "a coefficient is not a number".to_owned() });
     }
     Ok(())
-}
-
-/// Puts signs, zeros and the mask on magnitudes.
-pub(crate) fn apply_classes(classes: &[Class], samples: &mut [f32]) {
-    for (sample, class) in samples.iter_mut().zip(classes) {
-        match class {
-            Class::Positive => {}
-            Class::Negative => *sample = -*sample,
-            Class::Zero => *sample = 0.0,
-            Class::Masked => *sample = f32::NAN,
-        }
-    }
-}
-
-pub(crate) fn plan_of(header: &Header) -> Result<Plan, CodecError> {
-    Plan::new(&header.axes, &header.transforms).map_err(|e| CodecError::Malformed { at: 0, reason: e.to_string() })
 }
 
 /// The logarithms of a first layer in fixed bases.

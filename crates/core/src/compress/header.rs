@@ -24,11 +24,15 @@
 //! flag 64: varint  zero, negative, below-floor and masked samples; all others are scored
 //! ```
 
+use super::policy::Policy;
+use super::spectral_basis::basis_of;
+use super::stated::{read_error, write_error};
+use super::summary::Summary;
+use super::transform_code::{read_transform, write_transform};
 use super::values::Values;
-use super::{Policy, Summary, basis_of};
 use crate::codec::{Announced, ChunkKind, CodecError, Reader, Writer, read_axes, write_axes};
 use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
-use crate::transform::{AxisTransform, Boundary, LineBasis, SphereBasis, Weights};
+use crate::transform::{AxisTransform, Plan};
 
 /// Everything in the header chunk.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,25 +61,6 @@ pub(crate) struct Header {
     pub(crate) floor: f32,
     pub(crate) kept: u64,
     pub(crate) errors: ErrorReport,
-}
-
-const FIXED: [(u64, AxisTransform); 4] = [
-    (0, AxisTransform::Identity),
-    (1, AxisTransform::Sphere(SphereBasis::BioHaar)),
-    (2, AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Area))),
-    (3, AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count))),
-];
-
-/// The code of basis 0 on a line.
-const FIRST_LINE: u64 = 16;
-
-fn write_transform(w: &mut Writer, transform: AxisTransform) {
-    if let AxisTransform::Line { basis, boundary } = transform {
-        w.varint(FIRST_LINE + u64::from(basis.code()));
-        w.u8(boundary.code());
-    } else {
-        w.varint(FIXED.iter().find(|(_, known)| *known == transform).map_or(0, |(code, _)| *code));
-    }
 }
 
 /// What the header may have beside its fixed fields.
@@ -145,20 +130,6 @@ fn transforms_written(policy: Policy, klt: bool, predicted: bool, axes: usize) -
     if policy == Policy::Lossless || predicted { 0 } else { axes - usize::from(klt && axes > 0) }
 }
 
-fn read_transform(r: &mut Reader<'_>) -> Result<AxisTransform, CodecError> {
-    let code = r.varint("transform")?;
-    if let Some((_, transform)) = FIXED.iter().find(|(known, _)| *known == code) {
-        return Ok(*transform);
-    }
-    let number = code.checked_sub(FIRST_LINE).and_then(|number| u16::try_from(number).ok());
-    let Some(basis) = number.and_then(LineBasis::from_code) else {
-        return Err(r.malformed(format!("transform {code} is unknown")));
-    };
-    let rule = r.u8("boundary rule")?;
-    let boundary = Boundary::from_code(rule).ok_or_else(|| r.malformed(format!("boundary rule {rule} is unknown")))?;
-    Ok(AxisTransform::Line { basis, boundary })
-}
-
 impl Header {
     pub(crate) fn write(&self) -> Vec<u8> {
         let flags = Flags::of(self);
@@ -192,7 +163,7 @@ impl Header {
             let stated = [e.er_l1, e.er_l2, e.max_relative_error, e.relative_rmse, e.max_absolute_error];
             let unscored = flags.has(Flags::UNSCORED_ERROR).then_some(e.max_absolute_error_unscored);
             for error in stated.into_iter().chain(unscored) {
-                w.low_bytes(rounded_up(error).to_bits() >> STATED_SHIFT, 3);
+                write_error(&mut w, error);
             }
         }
         if flags.has(Flags::COUNTS) {
@@ -327,34 +298,14 @@ impl Header {
 /// Bytes that a header takes more where unscored samples have errors.
 pub(crate) const UNSCORED_BYTES: usize = 3;
 
-/// Bits of an f32 that a stated error leaves out.
-const STATED_SHIFT: u32 = 8;
-/// The largest error that can be stated.
-const LARGEST_STATED: u32 = 0x7F7F_FF00;
-
-/// The smallest number that a header can state and that is not below `error`.
-pub(crate) fn rounded_up(error: f64) -> f32 {
-    let nearest = error.min(f64::from(f32::MAX)) as f32;
-    let above = if f64::from(nearest) < error { nearest.next_up() } else { nearest };
-    let left_out = (1 << STATED_SHIFT) - 1;
-    f32::from_bits(((above.to_bits() + left_out) & !left_out).min(LARGEST_STATED))
+/// Map from decoded values to magnitudes, where nothing is added to the logarithms: equal ones become samples once.
+pub(super) fn finish_of(header: &Header) -> Option<Values> {
+    (header.light_step == 0.0 && header.correction_step == 0.0).then(|| header.values())
 }
 
-/// The largest number that a header can state and that is not above `target`: an error rounded up is at most `target`
-/// exactly if the error is at most this.
-pub(crate) fn rounded_down(target: f64) -> f64 {
-    let nearest = target.min(f64::from(f32::MAX)) as f32;
-    let below = if f64::from(nearest) > target { nearest.next_down() } else { nearest };
-    f64::from(f32::from_bits((below.to_bits() >> STATED_SHIFT << STATED_SHIFT).min(LARGEST_STATED)))
-}
-
-fn read_error(r: &mut Reader<'_>, what: &'static str) -> Result<f64, CodecError> {
-    let value = f32::from_bits(r.low_bytes(3, what)? << STATED_SHIFT);
-    if value >= 0.0 && value.is_finite() {
-        Ok(f64::from(value))
-    } else {
-        Err(r.malformed(format!("{what} is {value}")))
-    }
+/// The transform of coefficients in the bases that `header` names.
+pub(super) fn plan_of(header: &Header) -> Result<Plan, CodecError> {
+    Plan::new(&header.axes, &header.transforms).map_err(|e| CodecError::Malformed { at: 0, reason: e.to_string() })
 }
 
 /// The counts of what is not scored; the rest is.
@@ -373,23 +324,11 @@ fn read_counts(r: &mut Reader<'_>, present: bool, errors: &mut ErrorReport) -> R
 
 #[cfg(test)]
 mod tests {
+    use super::super::stated::rounded_up;
     use super::*;
     use crate::domain::{Domain, TriangleMesh, WavelengthGrid};
+    use crate::transform::SphereBasis;
     use proptest::prelude::*;
-
-    #[test]
-    fn errors_are_never_rounded_down_and_targets_never_up() {
-        for error in [0.0, 1e-3, 0.01, 1.0 / 3.0, 1e-30, 12_345.678_9, 0.003_906_25] {
-            let up = f64::from(rounded_up(error));
-            assert!(up >= error && up <= error * (1.0 + 6.2e-5) + 1e-40);
-            let down = rounded_down(error);
-            assert!(down <= error && down >= error * (1.0 - 6.2e-5) - 1e-40);
-            assert!(f64::from(rounded_up(down)) <= error, "what is stated of an error kept is within the target");
-            assert!(error == down || f64::from(rounded_up(down * (1.0 + 1e-9))) > error || error == 0.0);
-        }
-        assert_eq!(rounded_up(f64::MAX).to_bits(), LARGEST_STATED);
-        assert_eq!(rounded_down(f64::MAX), f64::from(f32::from_bits(LARGEST_STATED)));
-    }
 
     fn folded() -> Header {
         let mesh = |level| Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, level).unwrap());
@@ -501,20 +440,6 @@ mod tests {
             }),
             "too many zeros"
         );
-    }
-
-    #[test]
-    fn every_transform_is_read_as_it_was_written() {
-        let lines = LineBasis::all()
-            .flat_map(|basis| Boundary::ALL.iter().map(move |&boundary| AxisTransform::Line { basis, boundary }));
-        for transform in FIXED.into_iter().map(|(_, transform)| transform).chain(lines) {
-            let mut w = Writer::default();
-            write_transform(&mut w, transform);
-            assert_eq!(read_transform(&mut Reader::new(&w.into_bytes(), 0)), Ok(transform));
-        }
-        for bytes in [[9, 0], [16, 5]] {
-            assert!(matches!(read_transform(&mut Reader::new(&bytes, 0)), Err(CodecError::Malformed { .. })));
-        }
     }
 
     proptest! {

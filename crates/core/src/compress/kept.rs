@@ -1,13 +1,16 @@
 //! The coefficients that the paper's policies keep, out of a file and into one: those of the samples themselves, so that
 //! sums of coefficients are sums of samples.
 
+use super::classes::{classes_chunk, classes_of};
+use super::compressed::Compressed;
 use super::decode::open;
-use super::file::{classes_chunk, finish};
+use super::error::CompressError;
 use super::fill::settle;
+use super::finish::finish;
 use super::header::Header;
+use super::kept_coefficients::{coefficients_of, parts_of};
+use super::policy::Policy;
 use super::rows::{clear_uncoded, coding_order};
-use super::thresholded::{coefficients_of, parts_of};
-use super::{CompressError, Compressed, Policy};
 use crate::codec::{ChunkKind, Class, CodecError};
 use crate::domain::Measurement;
 use crate::transform::{AxisTransform, Plan, SphereBasis};
@@ -41,7 +44,7 @@ impl Kept {
     pub(crate) fn coefficients(bytes: &[u8]) -> Result<Vec<f32>, CodecError> {
         let (header, container) = open(bytes)?;
         let chunk = |kind| container.get(kind).map(|chunk| chunk.payload);
-        let classes = super::decode::classes_of(&header, chunk);
+        let classes = classes_of(&header, chunk);
         Ok(coefficients_of(&header, classes.as_deref(), chunk(ChunkKind::Coefficients).unwrap_or_default())?.1)
     }
 

@@ -2,7 +2,7 @@
 
 use super::tests::{hurt, measurement, mesh, settings, shapes, wavelengths};
 use super::*;
-use crate::domain::{Domain, Silent, TriangleMesh};
+use crate::domain::{Axis, Domain, ErrorReport, Quantity, Silent, TriangleMesh};
 
 /// Means of the original samples over triangles of `level` of the last triangle axis, by definition.
 fn averages(m: &Measurement, level: u8) -> Vec<f32> {

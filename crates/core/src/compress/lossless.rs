@@ -1,10 +1,15 @@
 //! Every bit of every sample: no transform, the masked samples filled so that they cost little.
 
-use super::file::{Parts, classes_chunk, finish};
+use super::classes::classes_chunk;
+use super::compressed::Compressed;
+use super::error::CompressError;
 use super::fill::fill;
+use super::finish::finish;
 use super::header::Header;
+use super::parts::Parts;
+use super::policy::Policy;
 use super::rows::lanes;
-use super::{CompressError, Compressed, Policy, Settings};
+use super::settings::Settings;
 use crate::codec::{ChunkKind, Class, Encoder, code_exact};
 use crate::domain::{ErrorReport, Measurement, Progress};
 

@@ -22,9 +22,9 @@
 //!
 //! At most [`MAX_BLOCKS`] blocks are looked at, the same ones every time: time and memory are bounded.
 
-use super::Target;
+use super::figures::two_digits_up;
 use super::logarithm::logarithms;
-use super::refusal::two_digits_up;
+use super::target::Target;
 use crate::domain::{Axis, Measurement};
 use basis::{Basis, Place};
 use rayon::prelude::*;

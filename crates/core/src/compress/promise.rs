@@ -1,9 +1,15 @@
 //! Promises: which can be made of a measurement, and the last gate that a file passes before it is handed out.
 
+use super::compressed::Compressed;
+use super::decode::decode;
+use super::error::CompressError;
+use super::figures::{shown, two_digits_up};
 use super::light::Light;
+use super::policy::Policy;
 use super::rd::shape::Shape;
-use super::refusal::{shown, two_digits_up};
-use super::{CompressError, Compressed, DeltaE, Policy, Settings, Target, decode};
+use super::settings::Settings;
+use super::stated::rounded_down;
+use super::target::{DeltaE, Target};
 use crate::domain::colour::{ColourReport, SpectraColours};
 use crate::domain::{Axis, Measurement};
 
@@ -76,6 +82,28 @@ pub(crate) fn check_random_access(measurement: &Measurement, settings: &Settings
     };
     let expected = "policy rd with basis auto or klt, another target, and an incoming or index axis before triangles";
     Err(CompressError::Setting(format!("random_access: found {found}, expected {expected}")))
+}
+
+/// The target that the errors themselves must keep for the errors that a header states, rounded up, to keep `target`.
+pub(super) fn stateable(target: Target) -> Result<Target, CompressError> {
+    let kept = |error: f64| match rounded_down(error) {
+        kept if kept > 0.0 => Ok(kept),
+        _ => Err(CompressError::Unreachable(format!(
+            "{} {error:e} is below 3.6e-43, the smallest error that a file can state; ask for a larger one, or lossless",
+            target.bound().map_or("the error", |bound| bound.name)
+        ))),
+    };
+    Ok(match target {
+        Target::ErL2(error) => Target::ErL2(kept(error)?),
+        Target::ErL1(error) => Target::ErL1(kept(error)?),
+        Target::MaxRelativeError(error) => Target::MaxRelativeError(kept(error)?),
+        Target::MaxAbsoluteError(error) => Target::MaxAbsoluteError(kept(error)?),
+        Target::RelativeRmse(error) => Target::RelativeRmse(kept(error)?),
+        // A header states no colours.
+        Target::DeltaE(_) | Target::Ratio(_) | Target::Bytes(_) | Target::Step(_) | Target::Auto | Target::Lossless => {
+            target
+        }
+    })
 }
 
 /// The colours that `target` promises to keep.

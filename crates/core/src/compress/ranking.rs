@@ -6,10 +6,15 @@
 //! At a wanted error the three that serve nearly all data compete.
 
 use super::effort::Tally;
+use super::error::CompressError;
 use super::fill::fill;
+use super::policy::Policy;
 use super::scales::Scales;
+use super::settings::Settings;
+use super::spectral_basis::SpectralBasis;
+use super::target::Target;
+use super::thresholded;
 use super::values::Values;
-use super::{CompressError, Policy, Settings, SpectralBasis, Target, thresholded};
 use crate::codec::write_text;
 use crate::domain::{Axis, Measurement, Progress, Silent, Tensor};
 use crate::transform::{LineBasis, Plan, SphereBasis, Weights};

@@ -1,7 +1,7 @@
 //! Promises are kept on synthetic measurements of every shape, by every policy, on the decoded bytes.
 
 use super::*;
-use crate::domain::{Domain, Silent, Tensor, TriangleMesh, WavelengthGrid};
+use crate::domain::{Axis, Domain, ErrorReport, Quantity, Sampling, Silent, Tensor, TriangleMesh, WavelengthGrid};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 

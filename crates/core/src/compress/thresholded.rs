@@ -4,20 +4,28 @@
 //! d; coefficients are ranked by |c|·‖synthesis function‖ in the counting measure of er(L2). The kept coefficients are stored
 //! exactly (float32), so the only error is that of what was dropped.
 
-use super::decode::plan_of;
+use super::classes::classes_chunk;
+use super::compressed::{Compressed, Ranked};
 use super::effort::Tally;
-use super::file::{Parts, assemble, classes_chunk, finish, metadata_with_labels};
+use super::error::CompressError;
+use super::figures::shown;
 use super::fill::fill;
-use super::header::{Header, UNSCORED_BYTES};
+use super::finish::finish;
+use super::header::UNSCORED_BYTES;
+use super::kept_coefficients::parts_of;
+use super::metadata::metadata_with_labels;
+use super::parts::{Parts, assemble};
+use super::policy::Policy;
 use super::refusal;
 use super::rows::{clear_uncoded, coding_order};
 use super::scales::Scales;
 use super::search::{Notch, Until, finest_fitting, largest};
 use super::selection::{GenericTransform, Rule, Search};
-use super::target::Bound;
-use super::{CompressError, Compressed, Policy, Ranked, Settings, SpectralBasis, Target};
-use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Payload, Rows, code_coefficients};
-use crate::domain::{Axis, Cancelled, ErrorReport, Measurement, Progress};
+use super::settings::Settings;
+use super::spectral_basis::SpectralBasis;
+use super::target::{Bound, Target};
+use crate::codec::{ChunkKind, Class, Rows};
+use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
 use crate::transform::{AxisTransform, Plan, SphereBasis};
 
 /// Bisections of the threshold.
@@ -291,7 +299,7 @@ impl<'a> Work<'a> {
                 "ratio {ratio}: the adaptive rule keeps {} of {count} coefficients, those of functions that are constant; ask \
                  for ratio {} or less, or for another policy",
                 search.kept,
-                refusal::shown((count as f64 / search.kept.max(1) as f64).floor())
+                shown((count as f64 / search.kept.max(1) as f64).floor())
             );
             return Err(CompressError::Unreachable(text));
         }
@@ -367,54 +375,4 @@ fn all(transform: &GenericTransform) -> Vec<f32> {
     let mut decoded = transform.coefficients().to_vec();
     transform.plan().inverse(&mut decoded);
     decoded
-}
-
-/// The file's chunks for the coefficients that are kept, the others 0.
-pub(crate) fn parts_of(
-    measurement: &Measurement,
-    (policy, transforms): (Policy, &[AxisTransform]),
-    floor: f32,
-    classes: Option<(ChunkKind, Vec<u8>)>,
-    rows: &Rows,
-    kept: Vec<f32>,
-) -> Parts {
-    let count = kept.iter().filter(|&&c| c != 0.0).count() as u64;
-    let mut bits: Vec<i32> = kept.into_iter().map(|c| if c == 0.0 { 0 } else { c.to_bits() as i32 }).collect();
-    let mut encoder = Encoder::default();
-    code_coefficients(&mut encoder, rows, Payload::Float, &mut bits);
-    let samples = measurement.tensor.samples();
-    let header = Header {
-        quantity: measurement.quantity,
-        unit: measurement.unit,
-        sampling: measurement.sampling,
-        axes: measurement.tensor.axes().to_vec(),
-        policy,
-        transforms: transforms.to_vec(),
-        klt: false,
-        predicted: false,
-        pyramid_length: 0,
-        linear: false,
-        step: 0.0,
-        light_step: 0.0,
-        correction_step: 0.0,
-        has_classes: classes.is_some(),
-        floor,
-        kept: count,
-        errors: ErrorReport::measure(samples, samples, f64::from(floor)),
-    };
-    let chunks = classes.into_iter().chain([(ChunkKind::Coefficients, encoder.finish())]).collect();
-    Parts { header, chunks }
-}
-
-/// The coefficients of a file, row-major, and the plan that they are of.
-pub(crate) fn coefficients_of(
-    header: &Header,
-    classes: Option<&[Class]>,
-    coded: &[u8],
-) -> Result<(Plan, Vec<f32>), CodecError> {
-    let plan = plan_of(header)?;
-    let mut bits = vec![0_i32; header.axes.iter().map(Axis::len).product()];
-    let rows = coding_order(&header.axes, &plan, classes);
-    code_coefficients(&mut Decoder::new(coded), &rows, Payload::Float, &mut bits);
-    Ok((plan, bits.into_iter().map(|bits| f32::from_bits(bits as u32)).collect()))
 }

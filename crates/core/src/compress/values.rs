@@ -2,9 +2,9 @@
 //!
 //! A relative error is an absolute error of the logarithm; an absolute error is one of the sample, whatever its sign.
 
-use super::Target;
 use super::exponential::exponentiate;
 use super::logarithm::logarithms;
+use super::target::Target;
 use crate::codec::Class;
 use crate::domain::wide;
 use rayon::prelude::*;

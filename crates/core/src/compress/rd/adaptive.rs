@@ -1,10 +1,11 @@
 //! The first layer in a spectral basis of the data's own, in fixed bases on the other axes.
 
-use super::super::SpectralBasis;
 use super::super::rows::{clear_uncoded, coding_order};
 use super::super::scales::Scales;
-use super::layer::{Fineness, FirstLayer, transform_of};
+use super::super::spectral_basis::SpectralBasis;
+use super::layer::{FirstLayer, transform_of};
 use super::spectrum::{Basis, components};
+use super::steps::Fineness;
 use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Payload, Rows, code_coefficients};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Klt, Plan, PlanError};

@@ -11,6 +11,9 @@
 
 mod columns;
 mod factor;
+mod kind;
+
+pub(crate) use kind::ChartKind;
 
 use super::shape::Shape;
 use super::symmetry::Representatives;
@@ -21,26 +24,6 @@ use columns::{Columns, Entries, LANES, RUN, add_up};
 use factor::Factor;
 use rayon::prelude::*;
 use std::ops::Range;
-
-/// Which coordinates a model has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub(crate) enum ChartKind {
-    /// Half-vector coordinates of an isotropic surface.
-    Isotropic = 1,
-    /// Half-vector coordinates with the tangent frame.
-    Anisotropic = 2,
-    /// The angle of scattering.
-    Zonal = 3,
-}
-
-impl ChartKind {
-    pub(crate) const ALL: [Self; 3] = [Self::Isotropic, Self::Anisotropic, Self::Zonal];
-
-    pub(crate) fn from_code(code: u8) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| *kind as u8 == code)
-    }
-}
 
 /// Rows on which the columns are made orthonormal: few, because a decoder does it, too.
 const GRAM_ROWS: usize = 1 << 12;
@@ -254,8 +237,13 @@ impl Chart {
     }
 }
 
+/// Whether a model of `kind` makes sense on `shape`.
+pub(super) fn has_chart(shape: &Shape, kind: ChartKind) -> bool {
+    incoming(shape, kind).is_some()
+}
+
 /// The incoming direction of every block.
-pub(super) fn incoming(shape: &Shape, kind: ChartKind) -> Option<Vec<Vector>> {
+fn incoming(shape: &Shape, kind: ChartKind) -> Option<Vec<Vector>> {
     let zonal = kind == ChartKind::Zonal;
     if zonal != (shape.mesh().domain() == Domain::Sphere) {
         return None;

@@ -1,10 +1,17 @@
 //! The choice among schemes: each is searched, or discarded after one look, and the best is kept.
 
+use super::super::compressed::Ranked;
+use super::super::error::CompressError;
 use super::super::refusal;
 use super::super::search::Until;
-use super::super::{CompressError, Ranked, Target};
-use super::layer::FirstLayer;
-use super::{Scheme, Steps, Work, chunk_bytes, levels};
+use super::super::target::Target;
+use super::candidate::Candidate;
+use super::layer::{FirstLayer, chunk_bytes};
+use super::levels;
+use super::schemes::Scheme;
+use super::sized::{exponent, room, settled, sized_steps};
+use super::steps::Steps;
+use super::target_steps::{find_steps, refined, risk};
 use crate::domain::Progress;
 
 /// With fewer bytes than samples by this factor, a file holds no noise: fixed bases, which win on noise, are not tried.
@@ -22,11 +29,11 @@ const SEARCHED: usize = 2;
 /// others for the comparison; and they compete only where the data's own basis follows noise, which costs bits a sample.
 /// At a wanted size the step of the best scheme so far is where the search of the next one starts.
 pub(super) fn best_of<'a>(
-    work: &impl Fn(&Scheme) -> Result<Work<'a>, CompressError>,
+    work: &impl Fn(&Scheme) -> Result<Candidate<'a>, CompressError>,
     schemes: &[Scheme],
     (target, samples): (Target, usize),
     progress: &dyn Progress,
-) -> Result<(Work<'a>, Steps, Vec<Ranked>), CompressError> {
+) -> Result<(Candidate<'a>, Steps, Vec<Ranked>), CompressError> {
     let by_size = matches!(target, Target::Ratio(_) | Target::Bytes(_));
     let by_error = by_size || target == Target::Auto;
     let mut ranking: Vec<(f64, Ranked)> = Vec::new();
@@ -50,9 +57,9 @@ pub(super) fn best_of<'a>(
         let own = match shared {
             Some(_) if fixed && !by_error => None,
             _ => match if by_size {
-                candidate.sized_steps(near, Until::Near, progress)
+                sized_steps(&candidate, near, Until::Near, progress)
             } else {
-                candidate.find_steps(progress)
+                find_steps(&candidate, progress)
             } {
                 Ok(found) => Some(found),
                 // Few vectors cannot follow noise, and their own bytes may not fit; another basis may.
@@ -78,7 +85,7 @@ pub(super) fn best_of<'a>(
             }
             // What is nearest to the truth is not what is nearest to the measurement.
             let risk =
-                if target == Target::Auto { candidate.risk(steps, &mut decoded, progress)?.sqrt() } else { error };
+                if target == Target::Auto { risk(&candidate, steps, &mut decoded, progress)?.sqrt() } else { error };
             Some((error, risk))
         } else {
             None
@@ -96,8 +103,8 @@ pub(super) fn best_of<'a>(
     }
     let Some((_, scheme, steps)) = best else { return Err(refusal::nothing_reaches(refused)) };
     let chosen = best_work.map_or_else(|| work(scheme), Ok)?;
-    let steps = steps.map_or_else(|| chosen.find_steps(progress), Ok)?;
-    let steps = chosen.refined(chosen.settled(steps, progress)?, progress)?;
+    let steps = steps.map_or_else(|| find_steps(&chosen, progress), Ok)?;
+    let steps = refined(&chosen, settled(&chosen, steps, progress)?, progress)?;
     ranking.sort_by(|a, b| a.0.total_cmp(&b.0));
     Ok((chosen, steps, ranking.into_iter().map(|(_, ranked)| ranked).collect()))
 }
@@ -105,7 +112,7 @@ pub(super) fn best_of<'a>(
 /// Of many schemes for a wanted size those that promise the least error, and the step to start from: the first is searched,
 /// the others are tried once at its step, and judged by what their errors would be with the bytes that are allowed.
 fn looked_at<'a, 's>(
-    work: &impl Fn(&Scheme) -> Result<Work<'a>, CompressError>,
+    work: &impl Fn(&Scheme) -> Result<Candidate<'a>, CompressError>,
     schemes: &'s [Scheme],
     progress: &dyn Progress,
 ) -> Result<(Vec<&'s Scheme>, Option<Steps>), CompressError> {
@@ -113,9 +120,9 @@ fn looked_at<'a, 's>(
     let (mut first, mut found) = (None, None);
     for scheme in schemes_left.by_ref() {
         let leader = work(scheme)?;
-        match leader.sized_steps(None, Until::Near, progress) {
+        match sized_steps(&leader, None, Until::Near, progress) {
             Ok(steps) => {
-                (first, found) = (Some(scheme), Some((steps, leader.exponent(steps))));
+                (first, found) = (Some(scheme), Some((steps, exponent(&leader, steps))));
                 break;
             }
             Err(CompressError::Unreachable(_)) => {}
@@ -126,7 +133,7 @@ fn looked_at<'a, 's>(
     let mut others = Vec::new();
     for scheme in schemes_left {
         let candidate = work(scheme)?;
-        let room = candidate.room(steps, progress)?;
+        let room = room(&candidate, steps, progress)?;
         let mut decoded = vec![0.0; candidate.original().len()];
         let error = candidate.relative_error(steps.first, &mut decoded, progress)?;
         others.push((error * libm::pow(room, exponent), scheme));

@@ -1,38 +1,15 @@
 //! The first layer of a file: what approximates the logarithms at a step, in a fixed basis on every axis.
 
-use super::super::SpectralBasis;
 use super::super::effort::Tally;
 use super::super::rows::{clear_uncoded, coding_order};
 use super::super::scales::Scales;
-use super::super::search::Notch;
+use super::super::spectral_basis::SpectralBasis;
 use super::super::values::Values;
+use super::steps::Fineness;
 use crate::codec::{ChunkKind, Class, Encoder, Payload, Rows, code_coefficients};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan, PlanError, SphereBasis, Weights};
 use std::cell::Cell;
-
-/// How finely a layer is quantised.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Fineness {
-    /// The step of all normalised coefficients.
-    pub(crate) step: f32,
-    /// Vectors of the data's own basis more than the step suggests.
-    pub(crate) more_vectors: i8,
-    /// The step of those vectors, in doublings of the usual one.
-    pub(crate) coarser_vectors: i8,
-}
-
-impl Fineness {
-    /// The usual choices at `step`.
-    pub(crate) fn of(step: f32) -> Self {
-        Self { step: 0.0, more_vectors: 0, coarser_vectors: 0 }.at(step)
-    }
-
-    /// The same choices at `step`, or the largest step below it that a header can hold: 8 significant bits.
-    pub(crate) fn at(self, step: f32) -> Self {
-        Self { step: Notch::below(step).value(), ..self }
-    }
-}
 
 /// What approximates the logarithms of a measurement at any step.
 pub(crate) trait FirstLayer {
@@ -179,4 +156,9 @@ impl FirstLayer for Counted<'_> {
 /// The transform of an axis that carries logarithms.
 pub(crate) fn transform_of(axis: &Axis, basis: SpectralBasis) -> AxisTransform {
     basis.transform_of(axis, SphereBasis::Orthonormal(Weights::Count))
+}
+
+/// Bytes of the chunks of a layer.
+pub(super) fn chunk_bytes(chunks: &[(ChunkKind, Vec<u8>)]) -> usize {
+    chunks.iter().map(|(_, payload)| payload.len()).sum()
 }

@@ -17,10 +17,10 @@
 //! directions and wavelengths (weighted by solid angle, projected for quantities that go with a cosine) that of the original
 //! within 1 %, in the mean over the blocks that a representative stands for.
 
-use super::super::decode::{apply_classes, classes_of, finish_of};
-use super::super::file::Parts;
-use super::super::header::Header;
+use super::super::classes::{apply_classes, classes_of};
+use super::super::header::{Header, finish_of};
 use super::super::light::weights;
+use super::super::parts::Parts;
 use super::predictive;
 use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Reader, Writer, code_steps};
 use crate::domain::{Axis, ErrorReport, Measurement, Quantity, TriangleMesh, wide};

@@ -1,12 +1,13 @@
 //! Errors at a step as a decoder would have them, for targets that bound one; and the largest step that keeps it.
 
-use super::super::decode::apply_classes;
+use super::super::classes::apply_classes;
+use super::super::error::CompressError;
 use super::super::promise::colours_of;
 use super::super::refusal;
 use super::super::search::Falling;
-use super::super::target::Bound;
-use super::super::{CompressError, SpectralBasis, Target};
-use super::{COARSE, largest_falling, largest_power};
+use super::super::spectral_basis::SpectralBasis;
+use super::super::target::{Bound, Target};
+use super::largest_step::{COARSE, largest_falling, largest_power};
 use crate::codec::Class;
 use crate::domain::colour::SpectraColours;
 use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};

@@ -14,22 +14,25 @@
 //! ```
 
 mod decode;
+mod opening;
 
-pub(crate) use decode::{Levels, decode, decode_block, is_random};
+pub(crate) use decode::{Levels, decode, decode_block, is_random, orbits};
 
-use super::super::SpectralBasis;
+use super::super::spectral_basis::SpectralBasis;
 use super::super::values::Values;
 use super::chart::{Chart, ChartKind};
 use super::folding::{fold_rows, live_leaves, spectra, synthesise, transposed};
-use super::layer::{Fineness, FirstLayer};
+use super::layer::FirstLayer;
 use super::pyramid::Pyramid;
 use super::shape::Shape;
 use super::spectrum::{Basis, components};
+use super::steps::Fineness;
 use super::streams::Streams;
 use super::symmetry::{Group, Representatives};
-use crate::codec::{ChunkKind, Class, CodecError, Encoder, Reader, Writer};
-use crate::domain::{Axis, Symmetry};
+use crate::codec::{ChunkKind, Class, Encoder, Writer};
+use crate::domain::Symmetry;
 use crate::transform::{AxisTransform, Klt};
+use opening::number_of;
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -236,46 +239,4 @@ fn code_blocks(pyramid: &Pyramid, (step, vectors): (f32, usize), planes: &[f32])
         streams.push(stream);
     }
     (decoded, details, streams)
-}
-
-/// By block: the number of the representative that stands for it.
-pub(crate) fn orbits(axes: &[Axis], coded: &[u8]) -> Result<Vec<u32>, CodecError> {
-    let no_triangles = || CodecError::Malformed { at: 0, reason: "a pyramid without a triangle axis".to_owned() };
-    let shape = Shape::of(axes).ok_or_else(no_triangles)?;
-    let group = Opening::read(&shape, &mut Reader::new(coded, 0))?.group;
-    let by_block = group.representatives().by_block(&group, shape.blocks());
-    Ok(by_block.into_iter().map(|(k, _)| k).collect())
-}
-
-/// Generators as one number; none is 0.
-fn number_of(shape: &Shape, generators: &[Symmetry]) -> u64 {
-    let known = Symmetry::of(shape.mesh().domain());
-    let digits = generators.iter().rev().filter_map(|g| known.iter().position(|k| k == g));
-    digits.fold(0, |number, digit| number * (known.len() as u64 + 1) + digit as u64 + 1)
-}
-
-/// What a pyramid's first number says.
-struct Opening {
-    model: Option<ChartKind>,
-    alone: bool,
-    random: bool,
-    group: Group,
-}
-
-impl Opening {
-    fn read(shape: &Shape, r: &mut Reader<'_>) -> Result<Self, CodecError> {
-        let known = Symmetry::of(shape.mesh().domain());
-        let base = known.len() as u64 + 1;
-        let first = r.varint("model and symmetries")?;
-        let mut number = first >> 4;
-        let mut generators = Vec::new();
-        while number > 0 {
-            let digit = (number % base).checked_sub(1).map(|digit| known[digit as usize]);
-            generators.push(digit.ok_or_else(|| r.malformed("symmetries with a digit 0"))?);
-            number /= base;
-        }
-        let group = Group::of(shape, &generators).ok_or_else(|| r.malformed("a symmetry of another domain"))?;
-        let (alone, random) = (first >> 2 & 1 == 1, first >> 3 & 1 == 1);
-        Ok(Self { model: ChartKind::from_code((first & 3) as u8), alone, random, group })
-    }
 }

@@ -1,6 +1,5 @@
 //! How a tensor is seen as planes: blocks of all other axes, leaves of the last triangle axis, rows of the last axis.
 
-use super::chart::ChartKind;
 use crate::domain::{Axis, TriangleMesh};
 
 /// A tensor as planes.
@@ -72,10 +71,5 @@ impl Shape {
     /// The row of leaf `leaf` in block `block`.
     pub(crate) fn row(&self, block: usize, leaf: usize) -> usize {
         ((block / self.inner) * self.mesh.len() + leaf) * self.inner + block % self.inner
-    }
-
-    /// Whether a model of `kind` makes sense.
-    pub(super) fn has_chart(&self, kind: ChartKind) -> bool {
-        super::chart::incoming(self, kind).is_some()
     }
 }

@@ -1,18 +1,19 @@
 //! Steps for a wanted size: the finest one whose file has at most so many bytes, or at least so many samples a coefficient.
 
-use super::super::file::{assemble, metadata_with_labels};
+use super::super::error::CompressError;
 use super::super::header::UNSCORED_BYTES;
+use super::super::metadata::metadata_with_labels;
+use super::super::parts::assemble;
 use super::super::refusal;
 use super::super::scales::LARGEST;
 use super::super::search::{DOUBLING, NEAR, Notch, Until, finest_fitting};
-use super::super::target::LEAST_STEP;
-use super::super::{CompressError, Target};
-use super::layer::{Fineness, FirstLayer};
-use super::{Steps, Work, chunk_bytes, levels};
+use super::super::target::{LEAST_STEP, Target};
+use super::candidate::Candidate;
+use super::layer::{FirstLayer, chunk_bytes};
+use super::levels;
+use super::steps::{Fineness, Steps};
 use crate::codec::{Class, write_text};
 use crate::domain::{Cancelled, Progress};
-use std::cell::{Cell, RefCell};
-use std::collections::BTreeMap;
 
 /// The step that is tried first where nothing is known.
 const USUAL_STEP: f32 = 0.05;
@@ -27,231 +28,229 @@ const LEAST_HEADER: usize = 36;
 /// Files of at least this part of the bytes allowed are as good as any.
 const FULL: f64 = 0.995;
 
-/// Sizes that were found.
-#[derive(Default)]
-pub(super) struct Sizes {
-    /// By step: bytes without the level index, or coefficients.
-    known: RefCell<BTreeMap<Notch, f64>>,
-    /// Bytes of the level index, estimated until a file was put together.
-    index: Cell<Option<f64>>,
+/// The finest steps that keep the wanted size, nearly so if they are only compared; the search starts at `start`.
+pub(super) fn sized_steps(
+    candidate: &Candidate<'_>,
+    start: Option<Steps>,
+    until: Until,
+    progress: &dyn Progress,
+) -> Result<Steps, CompressError> {
+    let start = Notch::below(start.map_or(USUAL_STEP, |steps| steps.first.step));
+    // Counts that cost nothing are met to the last coefficient.
+    let until = if is_counted(candidate) { Until::Exact } else { until };
+    match fitting(candidate, (start, finest(candidate)), until, progress)? {
+        Some(at) => finite(candidate, at, progress),
+        None => Err(too_large(candidate, progress)?),
+    }
 }
 
-impl Work<'_> {
-    /// The finest steps that keep the wanted size, nearly so if they are only compared; the search starts at `start`.
-    pub(super) fn sized_steps(
-        &self,
-        start: Option<Steps>,
-        until: Until,
-        progress: &dyn Progress,
-    ) -> Result<Steps, CompressError> {
-        let start = Notch::below(start.map_or(USUAL_STEP, |steps| steps.first.step));
-        // Counts that cost nothing are met to the last coefficient.
-        let until = if self.is_counted() { Until::Exact } else { until };
-        match self.fitting((start, self.finest()), until, progress)? {
-            Some(at) => self.finite(at, progress),
-            None => Err(self.too_large(progress)?),
-        }
-    }
+/// Size of the coefficients in parts of the room that the wanted size leaves them: 1 where they fill it.
+pub(super) fn room(candidate: &Candidate<'_>, steps: Steps, progress: &dyn Progress) -> Result<f64, CompressError> {
+    let (size, most) = (size(candidate, Notch::below(steps.first.step), progress)?, most(candidate));
+    let own = match candidate.settings.target {
+        Target::Bytes(_) => chunk_bytes(&candidate.layer.chunks(steps.first)) as f64,
+        _ => size,
+    };
+    Ok(own.max(1.0) / (most - (size - own)).max(1.0))
+}
 
-    /// Size of the coefficients in parts of the room that the wanted size leaves them: 1 where they fill it.
-    pub(super) fn room(&self, steps: Steps, progress: &dyn Progress) -> Result<f64, CompressError> {
-        let (size, most) = (self.size(Notch::below(steps.first.step), progress)?, self.most());
-        let own = match self.settings.target {
-            Target::Bytes(_) => chunk_bytes(&self.layer.chunks(steps.first)) as f64,
-            _ => size,
+/// Exponent with which errors fall as the coefficients' bytes grow around `steps`, if an error is proportional to its step.
+pub(super) fn exponent(candidate: &Candidate<'_>, steps: Steps) -> f64 {
+    let known = candidate.sizes.known.borrow();
+    let here = Notch::below(steps.first.step);
+    let least = known.values().copied().fold(f64::INFINITY, f64::min);
+    let Some(&size) = known.get(&here) else { return 1.0 };
+    // The nearest steps a quarter of a doubling away at least: steps side by side have nearly equal sizes.
+    let far = known.iter().filter(|(at, _)| at.octaves_from(here).abs() >= 0.25);
+    let near = far.min_by(|a, b| a.0.octaves_from(here).abs().total_cmp(&b.0.octaves_from(here).abs()));
+    let Some((&at, &there)) = near else { return 1.0 };
+    // Headers and classes are no part of what the step buys.
+    let fixed = assembled_without(candidate, steps).min(0.9 * least);
+    let fall = libm::log2((size - fixed) / (there - fixed));
+    let exponent = at.octaves_from(here) / fall;
+    if exponent.is_finite() { exponent.clamp(0.3, 6.0) } else { 1.0 }
+}
+
+/// Bytes of everything but the coefficients.
+fn assembled_without(candidate: &Candidate<'_>, steps: Steps) -> f64 {
+    let known = candidate.sizes.known.borrow().get(&Notch::below(steps.first.step)).copied().unwrap_or_default();
+    known - chunk_bytes(&candidate.layer.chunks(steps.first)) as f64
+}
+
+/// The steps nearest to `steps` for which the whole file, its level index included, has the wanted bytes.
+pub(super) fn settled(
+    candidate: &Candidate<'_>,
+    steps: Steps,
+    progress: &dyn Progress,
+) -> Result<Steps, CompressError> {
+    if !matches!(candidate.settings.target, Target::Ratio(_) | Target::Bytes(_)) || is_counted(candidate) {
+        return Ok(steps);
+    }
+    let most = most(candidate);
+    let mut at = Notch::below(steps.first.step);
+    if !(candidate.layer.is_predicted() && matches!(candidate.settings.target, Target::Bytes(_))) {
+        // What was compared may be a little coarser than it has to be.
+        let finest = finest(candidate).max(at.moved(-NEAR));
+        return match fitting(candidate, (at, finest), Until::Close, progress)? {
+            Some(at) => finite(candidate, at, progress),
+            None => Ok(steps),
         };
-        Ok(own.max(1.0) / (most - (size - own)).max(1.0))
     }
-
-    /// Exponent with which errors fall as the coefficients' bytes grow around `steps`, if an error is proportional to its step.
-    pub(super) fn exponent(&self, steps: Steps) -> f64 {
-        let known = self.sizes.known.borrow();
-        let here = Notch::below(steps.first.step);
-        let least = known.values().copied().fold(f64::INFINITY, f64::min);
-        let Some(&size) = known.get(&here) else { return 1.0 };
-        // The nearest steps a quarter of a doubling away at least: steps side by side have nearly equal sizes.
-        let far = known.iter().filter(|(at, _)| at.octaves_from(here).abs() >= 0.25);
-        let near = far.min_by(|a, b| a.0.octaves_from(here).abs().total_cmp(&b.0.octaves_from(here).abs()));
-        let Some((&at, &there)) = near else { return 1.0 };
-        // Headers and classes are no part of what the step buys.
-        let fixed = self.assembled_without(steps).min(0.9 * least);
-        let fall = libm::log2((size - fixed) / (there - fixed));
-        let exponent = at.octaves_from(here) / fall;
-        if exponent.is_finite() { exponent.clamp(0.3, 6.0) } else { 1.0 }
-    }
-
-    /// Bytes of everything but the coefficients.
-    fn assembled_without(&self, steps: Steps) -> f64 {
-        let known = self.sizes.known.borrow().get(&Notch::below(steps.first.step)).copied().unwrap_or_default();
-        known - chunk_bytes(&self.layer.chunks(steps.first)) as f64
-    }
-
-    /// The steps nearest to `steps` for which the whole file, its level index included, has the wanted bytes.
-    pub(super) fn settled(&self, steps: Steps, progress: &dyn Progress) -> Result<Steps, CompressError> {
-        if !matches!(self.settings.target, Target::Ratio(_) | Target::Bytes(_)) || self.is_counted() {
-            return Ok(steps);
-        }
-        let most = self.most();
-        let mut at = Notch::below(steps.first.step);
-        if !(self.layer.is_predicted() && matches!(self.settings.target, Target::Bytes(_))) {
-            // What was compared may be a little coarser than it has to be.
-            let finest = self.finest().max(at.moved(-NEAR));
-            return match self.fitting((at, finest), Until::Close, progress)? {
-                Some(at) => self.finite(at, progress),
-                None => Ok(steps),
-            };
-        }
-        let mut best: Option<Notch> = None;
-        for _ in 0..CORRECTIONS {
-            let whole = self.file_size(at);
-            self.sizes.index.set(Some(whole - (self.size(at, progress)? - self.index())));
-            if whole <= most {
-                best = Some(best.map_or(at, |best| best.min(at)));
-                if whole >= FULL * most {
-                    break;
-                }
-            }
-            match self.fitting((at, self.finest()), Until::Close, progress)? {
-                Some(next) if next != at => at = next,
-                Some(_) => break,
-                None => return Err(self.too_large(progress)?),
+    let mut best: Option<Notch> = None;
+    for _ in 0..CORRECTIONS {
+        let whole = file_size(candidate, at);
+        candidate.sizes.index.set(Some(whole - (size(candidate, at, progress)? - index(candidate))));
+        if whole <= most {
+            best = Some(best.map_or(at, |best| best.min(at)));
+            if whole >= FULL * most {
+                break;
             }
         }
-        // The index itself depends on the step a little.
-        while best.is_none() && at < Notch::COARSEST {
-            at = at.moved(DOUBLING / 16.0);
-            if progress.is_cancelled() {
-                return Err(Cancelled.into());
-            }
-            best = (self.file_size(at) <= most).then_some(at);
-        }
-        match best {
-            Some(at) => Ok(Steps::of(f64::from(at.value()))),
-            None => Err(self.too_large(progress)?),
+        match fitting(candidate, (at, finest(candidate)), Until::Close, progress)? {
+            Some(next) if next != at => at = next,
+            Some(_) => break,
+            None => return Err(too_large(candidate, progress)?),
         }
     }
-
-    /// The finest step of use: below it logarithms in float32 hold no more, or the largest coefficients no longer have an
-    /// integer, and a file with more bytes would be worse.
-    pub(super) fn finest(&self) -> Notch {
-        let samples = self.original();
-        let live = samples.iter().filter(|s| **s != 0.0 && !s.is_nan());
-        let (low, high) = live.fold((f32::MAX, 0.0_f32), |(low, high), s| (low.min(s.abs()), high.max(s.abs())));
-        let logarithm = |size: f32| libm::log(f64::from(size.max(f32::MIN_POSITIVE))).abs();
-        let (largest, least) = if self.plane.values.is_linear() {
-            (f64::from(high), LEAST_STEP * f64::from(high))
-        } else {
-            (logarithm(low).max(logarithm(high)).max(1.0), LEAST_STEP)
-        };
-        // A coefficient normalised to the norm of a tensor of equal values, with some room for what is not orthonormal.
-        let coefficient = largest * (samples.len() as f64).sqrt();
-        Notch::below((coefficient / f64::from(LARGEST / 4.0)).max(least) as f32)
-    }
-
-    /// Returns true where sizes are counts of coefficients, which need no trial.
-    pub(super) fn is_counted(&self) -> bool {
-        matches!(self.settings.target, Target::Ratio(_)) && self.layer.counts_alone()
-    }
-
-    /// The finest notch that fits. What does not depend on the step is taken off sizes: the rest is nearly a power of it.
-    fn fitting(
-        &self,
-        from: (Notch, Notch),
-        until: Until,
-        progress: &dyn Progress,
-    ) -> Result<Option<Notch>, CompressError> {
-        let most = self.most();
-        let fixed = if matches!(self.settings.target, Target::Bytes(_)) {
-            let metadata = self.settings.metadata.as_deref().map_or(0, |text| write_text(text).len());
-            let classes = self.plane.coded.map_or(0, |(_, chunk)| chunk.len());
-            ((LEAST_HEADER + metadata + classes) as f64).min(most - 1.0)
-        } else {
-            0.0
-        };
-        finest_fitting(from, (most - fixed, until), |at| Ok((self.size(at, progress)? - fixed).max(0.0)))
-    }
-
-    /// The size that is wanted: bytes, or coefficients.
-    fn most(&self) -> f64 {
-        match self.settings.target {
-            Target::Ratio(ratio) => self.original().len() as f64 / ratio,
-            Target::Bytes(bytes) => bytes as f64,
-            _ => f64::INFINITY,
-        }
-    }
-
-    /// The size at a step, in the unit of `most`.
-    fn size(&self, at: Notch, progress: &dyn Progress) -> Result<f64, CompressError> {
+    // The index itself depends on the step a little.
+    while best.is_none() && at < Notch::COARSEST {
+        at = at.moved(DOUBLING / 16.0);
         if progress.is_cancelled() {
             return Err(Cancelled.into());
         }
-        let known = self.sizes.known.borrow().get(&at).copied();
-        let size = known.unwrap_or_else(|| {
-            let fineness = Fineness::of(at.value());
-            let size = match self.settings.target {
-                Target::Ratio(_) => self.layer.kept(fineness) as f64,
-                _ => self.assembled(fineness, false),
-            };
-            self.sizes.known.borrow_mut().insert(at, size);
-            size
-        });
-        Ok(if matches!(self.settings.target, Target::Ratio(_)) { size } else { size + self.index() })
+        best = (file_size(candidate, at) <= most).then_some(at);
     }
-
-    /// Bytes of the level index.
-    fn index(&self) -> f64 {
-        let has_levels = self.layer.is_predicted() && !self.settings.random_access;
-        let usual = if has_levels { levels::usual_bytes(self.measurement) as f64 } else { 0.0 };
-        self.sizes.index.get().unwrap_or(usual)
+    match best {
+        Some(at) => Ok(Steps::of(f64::from(at.value()))),
+        None => Err(too_large(candidate, progress)?),
     }
+}
 
-    /// Bytes of the whole file at a step.
-    fn file_size(&self, at: Notch) -> f64 {
-        self.assembled(Fineness::of(at.value()), true)
+/// The finest step of use: below it logarithms in float32 hold no more, or the largest coefficients no longer have an
+/// integer, and a file with more bytes would be worse.
+pub(super) fn finest(candidate: &Candidate<'_>) -> Notch {
+    let samples = candidate.original();
+    let live = samples.iter().filter(|s| **s != 0.0 && !s.is_nan());
+    let (low, high) = live.fold((f32::MAX, 0.0_f32), |(low, high), s| (low.min(s.abs()), high.max(s.abs())));
+    let logarithm = |size: f32| libm::log(f64::from(size.max(f32::MIN_POSITIVE))).abs();
+    let (largest, least) = if candidate.plane.values.is_linear() {
+        (f64::from(high), LEAST_STEP * f64::from(high))
+    } else {
+        (logarithm(low).max(logarithm(high)).max(1.0), LEAST_STEP)
+    };
+    // A coefficient normalised to the norm of a tensor of equal values, with some room for what is not orthonormal.
+    let coefficient = largest * (samples.len() as f64).sqrt();
+    Notch::below((coefficient / f64::from(LARGEST / 4.0)).max(least) as f32)
+}
+
+/// Returns true where sizes are counts of coefficients, which need no trial.
+pub(super) fn is_counted(candidate: &Candidate<'_>) -> bool {
+    matches!(candidate.settings.target, Target::Ratio(_)) && candidate.layer.counts_alone()
+}
+
+/// The finest notch that fits. What does not depend on the step is taken off sizes: the rest is nearly a power of it.
+fn fitting(
+    candidate: &Candidate<'_>,
+    from: (Notch, Notch),
+    until: Until,
+    progress: &dyn Progress,
+) -> Result<Option<Notch>, CompressError> {
+    let most = most(candidate);
+    let fixed = if matches!(candidate.settings.target, Target::Bytes(_)) {
+        let metadata = candidate.settings.metadata.as_deref().map_or(0, |text| write_text(text).len());
+        let classes = candidate.plane.coded.map_or(0, |(_, chunk)| chunk.len());
+        ((LEAST_HEADER + metadata + classes) as f64).min(most - 1.0)
+    } else {
+        0.0
+    };
+    finest_fitting(from, (most - fixed, until), |at| Ok((size(candidate, at, progress)? - fixed).max(0.0)))
+}
+
+/// The size that is wanted: bytes, or coefficients.
+fn most(candidate: &Candidate<'_>) -> f64 {
+    match candidate.settings.target {
+        Target::Ratio(ratio) => candidate.original().len() as f64 / ratio,
+        Target::Bytes(bytes) => bytes as f64,
+        _ => f64::INFINITY,
     }
+}
 
-    fn assembled(&self, fineness: Fineness, with_levels: bool) -> f64 {
-        let metadata = metadata_with_labels(self.measurement.tensor.axes(), self.settings.metadata.as_deref());
-        let mut parts = self.encode(Steps { first: fineness, correction: 0.0 });
-        if with_levels && levels::insert(&mut parts, self.measurement).is_err() {
-            return f64::INFINITY;
+/// The size at a step, in the unit of `most`.
+fn size(candidate: &Candidate<'_>, at: Notch, progress: &dyn Progress) -> Result<f64, CompressError> {
+    if progress.is_cancelled() {
+        return Err(Cancelled.into());
+    }
+    let known = candidate.sizes.known.borrow().get(&at).copied();
+    let size = known.unwrap_or_else(|| {
+        let fineness = Fineness::of(at.value());
+        let size = match candidate.settings.target {
+            Target::Ratio(_) => candidate.layer.kept(fineness) as f64,
+            _ => assembled(candidate, fineness, false),
+        };
+        candidate.sizes.known.borrow_mut().insert(at, size);
+        size
+    });
+    Ok(if matches!(candidate.settings.target, Target::Ratio(_)) { size } else { size + index(candidate) })
+}
+
+/// Bytes of the level index.
+fn index(candidate: &Candidate<'_>) -> f64 {
+    let has_levels = candidate.layer.is_predicted() && !candidate.settings.random_access;
+    let usual = if has_levels { levels::usual_bytes(candidate.measurement) as f64 } else { 0.0 };
+    candidate.sizes.index.get().unwrap_or(usual)
+}
+
+/// Bytes of the whole file at a step.
+fn file_size(candidate: &Candidate<'_>, at: Notch) -> f64 {
+    assembled(candidate, Fineness::of(at.value()), true)
+}
+
+fn assembled(candidate: &Candidate<'_>, fineness: Fineness, with_levels: bool) -> f64 {
+    let metadata = metadata_with_labels(candidate.measurement.tensor.axes(), candidate.settings.metadata.as_deref());
+    let mut parts = candidate.encode(Steps { first: fineness, correction: 0.0 });
+    if with_levels && levels::insert(&mut parts, candidate.measurement).is_err() {
+        return f64::INFINITY;
+    }
+    let counts = &candidate.plane.counts;
+    // The decoded file states an error for these, which is not known yet.
+    let stated = if counts.negative_samples + counts.below_floor_samples > 0 { UNSCORED_BYTES } else { 0 };
+    (assemble(&parts, metadata.as_deref()).len() + stated) as f64
+}
+
+/// Steps at `at`, or coarser ones where samples decode beyond float32 there.
+fn finite(candidate: &Candidate<'_>, at: Notch, progress: &dyn Progress) -> Result<Steps, CompressError> {
+    let (low, high) = candidate.measurement.tensor.range().unwrap_or_default();
+    if low.abs().max(high.abs()) <= SAFE {
+        return Ok(Steps::of(f64::from(at.value())));
+    }
+    let mut decoded = vec![0.0; candidate.original().len()];
+    for doublings in 0..DOUBLINGS {
+        let at = at.moved(f64::from(doublings) * DOUBLING);
+        if size(candidate, at, progress)? > most(candidate) {
+            continue;
         }
-        let counts = &self.plane.counts;
-        // The decoded file states an error for these, which is not known yet.
-        let stated = if counts.negative_samples + counts.below_floor_samples > 0 { UNSCORED_BYTES } else { 0 };
-        (assemble(&parts, metadata.as_deref()).len() + stated) as f64
-    }
-
-    /// Steps at `at`, or coarser ones where samples decode beyond float32 there.
-    fn finite(&self, at: Notch, progress: &dyn Progress) -> Result<Steps, CompressError> {
-        let (low, high) = self.measurement.tensor.range().unwrap_or_default();
-        if low.abs().max(high.abs()) <= SAFE {
+        candidate.magnitudes(Fineness::of(at.value()), &mut decoded);
+        let live = |class: &Class| matches!(class, Class::Positive | Class::Negative);
+        let mut pairs = decoded.iter().zip(candidate.plane.classes);
+        if pairs.all(|(sample, class)| sample.is_finite() || !live(class)) {
             return Ok(Steps::of(f64::from(at.value())));
         }
-        let mut decoded = vec![0.0; self.original().len()];
-        for doublings in 0..DOUBLINGS {
-            let at = at.moved(f64::from(doublings) * DOUBLING);
-            if self.size(at, progress)? > self.most() {
-                continue;
-            }
-            self.magnitudes(Fineness::of(at.value()), &mut decoded);
-            let live = |class: &Class| matches!(class, Class::Positive | Class::Negative);
-            let mut pairs = decoded.iter().zip(self.plane.classes);
-            if pairs.all(|(sample, class)| sample.is_finite() || !live(class)) {
-                return Ok(Steps::of(f64::from(at.value())));
-            }
-        }
-        Err(CompressError::Unreachable(refusal::OVERFLOWS.to_owned()))
     }
+    Err(CompressError::Unreachable(refusal::OVERFLOWS.to_owned()))
+}
 
-    /// Refusal of a size that no step keeps.
-    fn too_large(&self, progress: &dyn Progress) -> Result<CompressError, CompressError> {
-        let least = match self.settings.target {
-            Target::Ratio(_) => self.size(Notch::COARSEST, progress)?,
-            _ => self.file_size(Notch::COARSEST),
-        };
-        self.closest.set(least);
-        let has_metadata = self.settings.metadata.is_some();
-        Ok(refusal::too_large(self.settings.target, least, (self.original().len(), self.layer.basis()), has_metadata))
-    }
+/// Refusal of a size that no step keeps.
+fn too_large(candidate: &Candidate<'_>, progress: &dyn Progress) -> Result<CompressError, CompressError> {
+    let least = match candidate.settings.target {
+        Target::Ratio(_) => size(candidate, Notch::COARSEST, progress)?,
+        _ => file_size(candidate, Notch::COARSEST),
+    };
+    candidate.closest.set(least);
+    let has_metadata = candidate.settings.metadata.is_some();
+    Ok(refusal::too_large(
+        candidate.settings.target,
+        least,
+        (candidate.original().len(), candidate.layer.basis()),
+        has_metadata,
+    ))
 }

@@ -10,7 +10,7 @@
 
 use super::super::rows::coding_order;
 use super::super::scales::Scales;
-use super::layer::Fineness;
+use super::steps::Fineness;
 use crate::codec::{CodecError, Decoder, Encoder, Payload, Reader, Rows, Writer, code_coefficients};
 use crate::domain::{Axis, wide};
 use crate::transform::{AxisTransform, Klt, LineBasis, Plan, take_away};

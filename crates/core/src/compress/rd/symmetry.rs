@@ -3,10 +3,6 @@
 //! Nothing here is larger than a few bytes for each block: where a triangle goes is computed, because a symmetry moves whole
 //! base triangles, and within each exchanges the corners of every triangle alike.
 
-mod search;
-
-pub(crate) use search::symmetries;
-
 use super::shape::Shape;
 use crate::domain::{Axis, Domain, Symmetry, TriangleMesh};
 
@@ -69,6 +65,23 @@ impl Moves {
     }
 }
 
+/// All products of the generators, in the order of the domain's symmetries.
+pub(super) fn closure(generators: &[Symmetry]) -> Vec<Symmetry> {
+    let mut all = vec![Symmetry::IDENTITY];
+    let mut next = 0;
+    while next < all.len() {
+        for generator in generators {
+            let product = generator.after(all[next]);
+            if !all.contains(&product) {
+                all.push(product);
+            }
+        }
+        next += 1;
+    }
+    all.sort();
+    all
+}
+
 /// A group of symmetries on blocks (all axes but the last triangles and the spectral one) and leaves; its members are
 /// numbered, the identity first.
 #[derive(Clone, Debug)]
@@ -90,10 +103,11 @@ struct BlockAxis {
 impl Group {
     /// All products of `generators`, on the planes of `shape`; `None` if one of them leaves a domain.
     pub(crate) fn of(shape: &Shape, generators: &[Symmetry]) -> Option<Self> {
-        Self::new(shape, &search::closure(generators))
+        Self::new(shape, &closure(generators))
     }
 
-    fn new(shape: &Shape, symmetries: &[Symmetry]) -> Option<Self> {
+    /// The group of `symmetries`, the identity first; `None` if one of them leaves a domain.
+    pub(super) fn new(shape: &Shape, symmetries: &[Symmetry]) -> Option<Self> {
         let moves = |domain| symmetries.iter().map(|&s| Moves::of(s, domain)).collect::<Option<Vec<_>>>();
         let axis = |axis: &Axis| {
             let moves = match axis {

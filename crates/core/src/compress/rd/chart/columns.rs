@@ -2,7 +2,7 @@
 //!
 //! The coordinates and splines of several rows are found side by side, and each row by the same operations as it would be alone.
 
-use super::ChartKind;
+use super::kind::ChartKind;
 use crate::domain::vector::Vector;
 use crate::domain::wide;
 

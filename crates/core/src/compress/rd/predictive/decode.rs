@@ -8,7 +8,7 @@ use super::super::shape::Shape;
 use super::super::spectrum::Basis;
 use super::super::streams::Streams;
 use super::super::symmetry::Representatives;
-use super::Opening;
+use super::opening::Opening;
 use crate::codec::{Class, CodecError, Decoder, Reader};
 use crate::domain::Axis;
 use rayon::prelude::*;
@@ -158,6 +158,15 @@ pub(crate) fn is_random(axes: &[Axis], coded: &[u8]) -> Result<bool, CodecError>
     let no_triangles = || CodecError::Malformed { at: 0, reason: "a pyramid without a triangle axis".to_owned() };
     let shape = Shape::of(axes).ok_or_else(no_triangles)?;
     Ok(Opening::read(&shape, &mut Reader::new(coded, 0))?.random)
+}
+
+/// By block: the number of the representative that stands for it.
+pub(crate) fn orbits(axes: &[Axis], coded: &[u8]) -> Result<Vec<u32>, CodecError> {
+    let no_triangles = || CodecError::Malformed { at: 0, reason: "a pyramid without a triangle axis".to_owned() };
+    let shape = Shape::of(axes).ok_or_else(no_triangles)?;
+    let group = Opening::read(&shape, &mut Reader::new(coded, 0))?.group;
+    let by_block = group.representatives().by_block(&group, shape.blocks());
+    Ok(by_block.into_iter().map(|(k, _)| k).collect())
 }
 
 /// What is decoded before any pyramid.

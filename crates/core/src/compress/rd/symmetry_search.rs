@@ -1,30 +1,13 @@
 //! Which symmetries hold: images are compared with what they are images of.
 
-use super::super::shape::Shape;
-use super::Group;
+use super::shape::Shape;
+use super::symmetry::{Group, closure};
 use crate::codec::Class;
 use crate::domain::Symmetry;
 use rayon::prelude::*;
 
 /// Rows compared with their images when symmetries are looked for.
 const MOST_COMPARED: usize = 1 << 15;
-
-/// All products of the generators, in the order of the domain's symmetries.
-pub(super) fn closure(generators: &[Symmetry]) -> Vec<Symmetry> {
-    let mut all = vec![Symmetry::IDENTITY];
-    let mut next = 0;
-    while next < all.len() {
-        for generator in generators {
-            let product = generator.after(all[next]);
-            if !all.contains(&product) {
-                all.push(product);
-            }
-        }
-        next += 1;
-    }
-    all.sort();
-    all
-}
 
 /// Symmetries that hold.
 #[derive(Clone, Debug, Default)]

@@ -1,0 +1,38 @@
+//! Classes of samples (positive, negative, zero, masked): their chunk, and their effect on decoded magnitudes.
+
+use super::header::Header;
+use super::rows::lanes;
+use crate::codec::{ChunkKind, Class, Decoder, Encoder, code_classes};
+use crate::domain::Axis;
+
+/// The classes chunk; `None` where every sample has the default class.
+pub(super) fn classes_chunk(axes: &[Axis], classes: &mut [Class]) -> Option<(ChunkKind, Vec<u8>)> {
+    if classes.iter().all(|&class| class == Class::Positive) {
+        return None;
+    }
+    let mut encoder = Encoder::default();
+    code_classes(&mut encoder, lanes(axes), classes);
+    Some((ChunkKind::Classes, encoder.finish()))
+}
+
+/// The classes of all samples, where they are not all positive.
+pub(super) fn classes_of<'a>(header: &Header, chunk: impl Fn(ChunkKind) -> Option<&'a [u8]>) -> Option<Vec<Class>> {
+    header.has_classes.then(|| {
+        let mut classes = vec![Class::Positive; header.axes.iter().map(Axis::len).product()];
+        let coded = chunk(ChunkKind::Classes).unwrap_or_default();
+        code_classes(&mut Decoder::new(coded), lanes(&header.axes), &mut classes);
+        classes
+    })
+}
+
+/// Puts signs, zeros and the mask on magnitudes.
+pub(super) fn apply_classes(classes: &[Class], samples: &mut [f32]) {
+    for (sample, class) in samples.iter_mut().zip(classes) {
+        match class {
+            Class::Positive => {}
+            Class::Negative => *sample = -*sample,
+            Class::Zero => *sample = 0.0,
+            Class::Masked => *sample = f32::NAN,
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! Last step of every policy: the parts of a file are decoded again, and their measured errors go into its header.
+
+use super::compressed::{Compressed, Ranked};
+use super::decode::{open, samples_behind};
+use super::effort::Effort;
+use super::error::CompressError;
+use super::light::Light;
+use super::metadata::metadata_with_labels;
+use super::parts::{Parts, assemble};
+use super::rd::levels;
+use super::refusal;
+use crate::domain::{ErrorReport, Measurement};
+
+/// Decodes `parts`, measures the errors, and writes the file that carries them. A file that no reader would take, because a
+/// sample is beyond float32 or a number of the header is out of its range, is refused here.
+pub(super) fn finish(
+    mut parts: Parts,
+    measurement: &Measurement,
+    metadata: Option<&str>,
+) -> Result<Compressed, CompressError> {
+    let decoded = levels::insert_and_decode(&mut parts, measurement)
+        .and_then(|whole| samples_behind(&parts.header, |kind| parts.chunk(kind), whole))
+        .map_err(|e| refusal::undecodable(&parts.header, &e.to_string()))?;
+    if let Some(at) = decoded.iter().position(|sample| sample.is_infinite()) {
+        return Err(refusal::beyond_float32(&parts.header, at, measurement.tensor.samples()[at]));
+    }
+    let floor = f64::from(parts.header.floor);
+    parts.header.errors = ErrorReport::measure(measurement.tensor.samples(), &decoded, floor);
+    let light = Light::of(measurement.quantity, measurement.tensor.axes());
+    let light = light.map(|light| light.report(measurement.tensor.samples(), &decoded));
+    drop(decoded);
+    let metadata = metadata_with_labels(&parts.header.axes, metadata);
+    let bytes = assemble(&parts, metadata.as_deref());
+    open(&bytes).map_err(|e| refusal::undecodable(&parts.header, &e.to_string()))?;
+    let mut summary = parts.header.summary(metadata);
+    summary.axes = measurement.tensor.axes().to_vec();
+    let ranking =
+        vec![Ranked { basis: summary.basis.clone(), bytes: bytes.len() as u64, er_l2: Some(summary.errors.er_l2) }];
+    Ok(Compressed { bytes, summary, light, colour: None, ranking, noise: None, effort: Effort::default() })
+}

@@ -1,0 +1,44 @@
+//! Metadata of a file: the text of its chunk, and the labels of index axes, which have no other place.
+
+use super::header::Header;
+use crate::codec::{ChunkKind, CodecError, Container, read_text};
+use crate::domain::Axis;
+
+/// The largest metadata text, in bytes.
+pub(super) const MAX_METADATA: usize = 1 << 24;
+
+/// Metadata with the labels of index axes, which have no other place: `"labels": {"0": [...]}`.
+pub(super) fn metadata_with_labels(axes: &[Axis], metadata: Option<&str>) -> Option<String> {
+    let mut object: serde_json::Map<String, serde_json::Value> = serde_json::from_str(metadata?).ok()?;
+    let labels: serde_json::Map<_, _> = axes
+        .iter()
+        .enumerate()
+        .filter_map(|(i, axis)| match axis {
+            Axis::Index { labels, .. } if !labels.is_empty() => Some((i.to_string(), labels.clone().into())),
+            _ => None,
+        })
+        .collect();
+    if !labels.is_empty() {
+        object.insert("labels".to_owned(), labels.into());
+    }
+    Some(serde_json::Value::Object(object).to_string())
+}
+
+/// The metadata chunk's text, and the axes with the labels it holds.
+pub(super) fn metadata_of(
+    header: &Header,
+    container: &Container<'_>,
+) -> Result<(Option<String>, Vec<Axis>), CodecError> {
+    let mut axes = header.axes.clone();
+    let Some(chunk) = container.get(ChunkKind::Metadata) else { return Ok((None, axes)) };
+    let malformed = |reason: &str| CodecError::Malformed { at: chunk.offset, reason: reason.to_owned() };
+    let text = read_text(&mut chunk.reader(), MAX_METADATA)?;
+    let json: serde_json::Value = serde_json::from_str(&text).map_err(|_| malformed("metadata is no JSON"))?;
+    for (i, axis) in axes.iter_mut().enumerate() {
+        if let Axis::Index { count, labels } = axis {
+            let stored = json["labels"][i.to_string()].as_array().filter(|stored| stored.len() == *count);
+            *labels = stored.into_iter().flatten().map(|label| label.as_str().unwrap_or("").to_owned()).collect();
+        }
+    }
+    Ok((Some(text), axes))
+}

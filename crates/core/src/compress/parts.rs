@@ -1,0 +1,28 @@
+//! Parts of a file before they are put together: the header, and the chunks between it and the metadata.
+
+use super::header::Header;
+use crate::codec::{ChunkKind, write_container, write_text};
+
+/// The chunks between header and metadata, and what the header says about them.
+pub(super) struct Parts {
+    pub(super) header: Header,
+    pub(super) chunks: Vec<(ChunkKind, Vec<u8>)>,
+}
+
+impl Parts {
+    pub(super) fn chunk(&self, kind: ChunkKind) -> Option<&[u8]> {
+        self.chunks.iter().find(|(k, _)| *k == kind).map(|(_, payload)| payload.as_slice())
+    }
+}
+
+/// The file of `parts` with the errors its header holds now.
+pub(super) fn assemble(parts: &Parts, metadata: Option<&str>) -> Vec<u8> {
+    let pyramid_length = parts.chunk(ChunkKind::Pyramid).map_or(0, <[u8]>::len);
+    let header = Header { pyramid_length, ..parts.header.clone() };
+    let mut chunks = vec![(ChunkKind::Header, header.write())];
+    chunks.extend(parts.chunks.iter().cloned());
+    if let Some(text) = metadata {
+        chunks.push((ChunkKind::Metadata, write_text(text)));
+    }
+    write_container(&chunks)
+}

@@ -1,0 +1,245 @@
+//! Candidate: a first layer in one scheme, tried at any steps: its errors, its chunks and the parts of its file.
+
+use super::super::classes::apply_classes;
+use super::super::effort::Tally;
+use super::super::error::CompressError;
+use super::super::exponential::add_corrections;
+use super::super::header::Header;
+use super::super::light::{self, Light};
+use super::super::parts::Parts;
+use super::super::policy::Policy;
+use super::super::rows::lanes;
+use super::super::search::Notch;
+use super::super::settings::Settings;
+use super::super::spectral_basis::SpectralBasis;
+use super::adaptive::AdaptiveLayer;
+use super::class_plane::{ClassPlane, approximated};
+use super::layer::{Counted, FirstLayer, FixedLayer};
+use super::predictive::PredictiveLayer;
+use super::schemes::Scheme;
+use super::steps::{Fineness, Steps};
+use crate::codec::{ChunkKind, Class, Encoder, code_corrections, code_steps};
+use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
+use rayon::prelude::*;
+use std::cell::{Cell, RefCell};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Corrections of a sample at most, in steps: its neighbours are numbers of 32 bits too.
+const LARGEST_CORRECTION: f64 = (1 << 30) as f64;
+
+/// Sizes of a candidate that are known already.
+#[derive(Default)]
+pub(super) struct Sizes {
+    /// By step: bytes without the level index, or coefficients.
+    pub(super) known: RefCell<BTreeMap<Notch, f64>>,
+    /// Bytes of the level index, estimated until a file was put together.
+    pub(super) index: Cell<Option<f64>>,
+}
+
+/// A first layer in one basis, ready to be tried at any step.
+pub(super) struct Candidate<'a> {
+    pub(super) measurement: &'a Measurement,
+    pub(super) settings: &'a Settings,
+    pub(super) plane: ClassPlane<'a>,
+    pub(super) layer: Counted<'a>,
+    /// What light is corrected by, and the step of its logarithms.
+    light: Option<(Light, f32)>,
+    pub(super) floor: f32,
+    /// The error or size nearest to the wanted one, where none is reached.
+    pub(super) closest: Cell<f64>,
+    pub(super) sizes: Sizes,
+}
+
+impl<'a> Candidate<'a> {
+    pub(super) fn new(
+        measurement: &'a Measurement,
+        plane: ClassPlane<'a>,
+        scheme: &Scheme,
+        settings: &'a Settings,
+        (floor, tally): (f32, &'a Tally),
+    ) -> Result<Self, CompressError> {
+        let axes = measurement.tensor.axes();
+        let logs = || approximated(measurement, plane, floor);
+        let coded = plane.coded.map(|_| plane.classes);
+        let layer: Box<dyn FirstLayer + 'a> = match scheme {
+            Scheme::Adaptive => Box::new(AdaptiveLayer::new(axes, coded, logs()).map_err(CompressError::Setting)?),
+            Scheme::Predicted(folded, chart) => {
+                let layer = PredictiveLayer::new(Arc::clone(folded), *chart, settings.random_access);
+                Box::new(layer.map_err(CompressError::Setting)?)
+            }
+            Scheme::Fixed(basis) => {
+                let layer = FixedLayer::new(axes, coded, *basis, logs());
+                Box::new(layer.map_err(|e| CompressError::Setting(e.to_string()))?)
+            }
+        };
+        let layer = Counted::new(layer, tally, measurement.tensor.len());
+        let light = settings
+            .albedo_error
+            .and_then(|bound| Light::of(measurement.quantity, axes).map(|light| (light, light::step_of(bound))));
+        let closest = Cell::new(f64::INFINITY);
+        Ok(Self { measurement, settings, plane, layer, light, floor, closest, sizes: Sizes::default() })
+    }
+
+    pub(super) fn original(&self) -> &[f32] {
+        self.measurement.tensor.samples()
+    }
+
+    /// What a decoder has before its corrections at `fineness`.
+    fn approximate(&self, fineness: Fineness, values: &mut [f32]) {
+        self.layer.approximate(fineness, values);
+        if let Some((light, step)) = &self.light {
+            let steps = self.light_steps(light, *step, values);
+            light.add(*step, &steps, values);
+        }
+    }
+
+    /// The same as magnitudes of samples.
+    pub(super) fn magnitudes(&self, fineness: Fineness, values: &mut [f32]) {
+        if self.light.is_none() {
+            return self.layer.magnitudes(fineness, self.plane.values, values);
+        }
+        self.approximate(fineness, values);
+        self.plane.values.finish(values);
+    }
+
+    /// The corrections of the light of `values`.
+    fn light_steps(&self, light: &Light, step: f32, values: &[f32]) -> Vec<i32> {
+        let mut samples = values.to_vec();
+        self.plane.values.finish(&mut samples);
+        if self.plane.coded.is_some() {
+            apply_classes(self.plane.classes, &mut samples);
+        }
+        light.steps(self.settings.albedo_error.unwrap_or(1.0), step, self.original(), &samples)
+    }
+
+    /// The chunk of the light's corrections.
+    fn light_chunk(&self, fineness: Fineness) -> Option<(ChunkKind, Vec<u8>)> {
+        let (light, step) = self.light.as_ref()?;
+        let mut values = vec![0.0; self.original().len()];
+        self.layer.approximate(fineness, &mut values);
+        let mut steps = self.light_steps(light, *step, &values);
+        let mut encoder = Encoder::default();
+        code_steps(&mut encoder, light.inner(), &mut steps);
+        Some((ChunkKind::Light, encoder.finish()))
+    }
+
+    /// er(L2) of what a decoder has at `fineness`.
+    pub(super) fn relative_error(
+        &self,
+        fineness: Fineness,
+        decoded: &mut [f32],
+        progress: &dyn Progress,
+    ) -> Result<f64, CompressError> {
+        if progress.is_cancelled() {
+            return Err(Cancelled.into());
+        }
+        self.magnitudes(fineness, decoded);
+        if self.plane.coded.is_none() {
+            return Ok(ErrorReport::measure(self.original(), decoded, f64::from(self.floor)).er_l2);
+        }
+        Ok(magnitude_error(self.original(), decoded, self.plane.classes, self.floor))
+    }
+
+    /// The corrections of the first layer; `None` where that is not finite.
+    pub(super) fn corrections_chunk(&self, steps: Steps) -> Option<(ChunkKind, Vec<u8>)> {
+        let mut logs = vec![0.0; self.original().len()];
+        self.layer.approximate(steps.first, &mut logs);
+        if !logs.iter().all(|log| log.is_finite()) {
+            return None;
+        }
+        let (values, floor) = (self.plane.values, self.floor);
+        let mut corrections: Vec<i32> = self
+            .original()
+            .par_iter()
+            .zip(&logs)
+            .zip(self.plane.classes)
+            .map(|((&s, &value), &class)| {
+                let wanted = values.wanted(s, class, floor);
+                if wanted.is_nan() {
+                    return 0;
+                }
+                let k = libm::round((wanted - f64::from(value)) / f64::from(steps.correction));
+                // The decoder adds in f32: make sure that the nearest step is still the nearest there.
+                nearest_in_f32(value, k.clamp(-LARGEST_CORRECTION, LARGEST_CORRECTION) as i32, steps.correction, wanted)
+            })
+            .collect();
+        let mut encoder = Encoder::default();
+        code_corrections(&mut encoder, lanes(self.measurement.tensor.axes()), &mut corrections);
+        Some((ChunkKind::Corrections, encoder.finish()))
+    }
+
+    fn header(&self, steps: Steps) -> Header {
+        let measurement = self.measurement;
+        Header {
+            quantity: measurement.quantity,
+            unit: measurement.unit,
+            sampling: measurement.sampling,
+            axes: measurement.tensor.axes().to_vec(),
+            policy: Policy::Rd,
+            transforms: self.layer.transforms().to_vec(),
+            klt: self.layer.basis() == SpectralBasis::Klt,
+            predicted: self.layer.is_predicted(),
+            // Known when the file is put together.
+            pyramid_length: 0,
+            linear: self.plane.values.is_linear(),
+            step: steps.first.step,
+            light_step: self.light.as_ref().map_or(0.0, |(_, step)| *step),
+            correction_step: steps.correction,
+            has_classes: self.plane.coded.is_some(),
+            floor: self.floor,
+            kept: self.layer.kept(steps.first),
+            errors: self.plane.counts,
+        }
+    }
+
+    pub(super) fn encode(&self, steps: Steps) -> Parts {
+        let corrections = if steps.correction == 0.0 { None } else { self.corrections_chunk(steps) };
+        let classes = self.plane.coded.cloned();
+        let chunks = classes
+            .into_iter()
+            .chain(self.layer.chunks(steps.first))
+            .chain(self.light_chunk(steps.first))
+            .chain(corrections)
+            .collect();
+        Parts { header: self.header(steps), chunks }
+    }
+}
+
+/// er(L2) over positive samples at or above the floor, over negative ones where there are no others; blocks are added in
+/// order. Both have the same step, hence nearly the same relative error; only the positive ones are promised one.
+fn magnitude_error(original: &[f32], magnitudes: &[f32], classes: &[Class], floor: f32) -> f64 {
+    let block = 1 << 16;
+    let sums: Vec<[(f64, u64); 2]> = original
+        .par_chunks(block)
+        .zip(magnitudes.par_chunks(block))
+        .zip(classes.par_chunks(block))
+        .map(|((original, magnitudes), classes)| {
+            let mut sums = [(0.0, 0); 2];
+            for ((&s, &m), &class) in original.iter().zip(magnitudes).zip(classes) {
+                let size = f64::from(s.abs());
+                if matches!(class, Class::Positive | Class::Negative) && s.abs() >= floor {
+                    let relative = (f64::from(m) - size) / size;
+                    let sum = &mut sums[usize::from(class == Class::Negative)];
+                    *sum = (sum.0 + relative * relative, sum.1 + 1);
+                }
+            }
+            sums
+        })
+        .collect();
+    let mean = |k: usize| {
+        let (sum, n) = sums.iter().fold((0.0, 0), |total, block| (total.0 + block[k].0, total.1 + block[k].1));
+        (n > 0).then(|| (sum / n as f64).sqrt())
+    };
+    mean(0).or(mean(1)).unwrap_or(0.0)
+}
+
+/// Of `k` and its neighbours, the correction after which the decoder's f32 sum is nearest to `wanted`.
+fn nearest_in_f32(log: f32, k: i32, step: f32, wanted: f64) -> i32 {
+    let distance = |k: i32| {
+        let mut sum = [log];
+        add_corrections(step, &[k], &mut sum);
+        (f64::from(sum[0]) - wanted).abs()
+    };
+    [k - 1, k, k + 1].into_iter().min_by(|a, b| distance(*a).total_cmp(&distance(*b))).unwrap_or(k)
+}

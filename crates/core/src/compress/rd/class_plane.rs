@@ -1,0 +1,33 @@
+//! Class plane of a measurement, and what any first layer approximates beside it.
+
+use super::super::fill::fill;
+use super::super::values::Values;
+use crate::codec::{ChunkKind, Class};
+use crate::domain::{ErrorReport, Measurement};
+use rayon::prelude::*;
+
+/// Classes, counts and noise of a measurement: what is the same in every basis and at every step.
+#[derive(Clone, Copy)]
+pub(super) struct ClassPlane<'a> {
+    pub(super) values: Values,
+    pub(super) classes: &'a [Class],
+    /// The classes chunk, where there is one.
+    pub(super) coded: Option<&'a (ChunkKind, Vec<u8>)>,
+    pub(super) counts: ErrorReport,
+    /// The standard deviation of the relative noise, where it is asked for and can be told.
+    pub(super) noise: Option<f64>,
+}
+
+/// Values that a first layer approximates, filled smoothly where a sample has none.
+pub(super) fn approximated(measurement: &Measurement, plane: ClassPlane<'_>, floor: f32) -> Vec<f32> {
+    let samples = measurement.tensor.samples();
+    let mut values = vec![0.0_f32; samples.len()];
+    let block = 1 << 14;
+    values.par_chunks_mut(block).zip(samples.par_chunks(block)).zip(plane.classes.par_chunks(block)).for_each(
+        |((values, samples), classes)| {
+            plane.values.wanted_of_all(samples, classes, floor, values);
+        },
+    );
+    fill(measurement.tensor.axes(), &mut values);
+    values
+}

@@ -1,0 +1,40 @@
+//! First number of a pyramid chunk behind its levels: model, streams and symmetries.
+
+use super::super::chart::ChartKind;
+use super::super::shape::Shape;
+use super::super::symmetry::Group;
+use crate::codec::{CodecError, Reader};
+use crate::domain::Symmetry;
+
+/// What a pyramid's first number says.
+pub(super) struct Opening {
+    pub(super) model: Option<ChartKind>,
+    pub(super) alone: bool,
+    pub(super) random: bool,
+    pub(super) group: Group,
+}
+
+impl Opening {
+    pub(super) fn read(shape: &Shape, r: &mut Reader<'_>) -> Result<Self, CodecError> {
+        let known = Symmetry::of(shape.mesh().domain());
+        let base = known.len() as u64 + 1;
+        let first = r.varint("model and symmetries")?;
+        let mut number = first >> 4;
+        let mut generators = Vec::new();
+        while number > 0 {
+            let digit = (number % base).checked_sub(1).map(|digit| known[digit as usize]);
+            generators.push(digit.ok_or_else(|| r.malformed("symmetries with a digit 0"))?);
+            number /= base;
+        }
+        let group = Group::of(shape, &generators).ok_or_else(|| r.malformed("a symmetry of another domain"))?;
+        let (alone, random) = (first >> 2 & 1 == 1, first >> 3 & 1 == 1);
+        Ok(Self { model: ChartKind::from_code((first & 3) as u8), alone, random, group })
+    }
+}
+
+/// Generators as one number; none is 0.
+pub(super) fn number_of(shape: &Shape, generators: &[Symmetry]) -> u64 {
+    let known = Symmetry::of(shape.mesh().domain());
+    let digits = generators.iter().rev().filter_map(|g| known.iter().position(|k| k == g));
+    digits.fold(0, |number, digit| number * (known.len() as u64 + 1) + digit as u64 + 1)
+}

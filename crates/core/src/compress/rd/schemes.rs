@@ -1,0 +1,124 @@
+//! Schemes of the first layer, and those that compete for a measurement.
+
+use super::super::error::CompressError;
+use super::super::settings::Settings;
+use super::super::spectral_basis::SpectralBasis;
+use super::super::target::Target;
+use super::chart::{ChartKind, has_chart};
+use super::class_plane::{ClassPlane, approximated};
+use super::metric::root_mean_square;
+use super::predictive::Folded;
+use super::shape::Shape;
+use super::symmetry_search::symmetries;
+use crate::codec::Class;
+use crate::domain::{Axis, Measurement};
+use std::sync::Arc;
+
+/// Entries of an index axis that the data's own basis is tried on.
+const MOST_INDICES: usize = 64;
+/// The symmetries of a hemisphere's mesh.
+const ALL_SYMMETRIES: usize = 8;
+
+/// How the first layer sees a tensor.
+#[derive(Clone)]
+pub(super) enum Scheme {
+    /// In fixed bases on all axes.
+    Fixed(SpectralBasis),
+    /// On the data's own spectral basis, in fixed bases on the other axes.
+    Adaptive,
+    /// The same with triangles predicted, folded by the group of these symmetries, behind a model.
+    Predicted(Arc<Folded>, Option<ChartKind>),
+}
+
+impl Scheme {
+    pub(super) fn name(&self) -> &'static str {
+        match self {
+            Self::Fixed(basis) => basis.name(),
+            Self::Adaptive => SpectralBasis::Klt.name(),
+            Self::Predicted(folded, None) if folded.is_trivial() => "predicted",
+            Self::Predicted(_, None) => "predicted, folded",
+            Self::Predicted(_, Some(ChartKind::Isotropic)) => "predicted, isotropic model",
+            Self::Predicted(_, Some(ChartKind::Anisotropic)) => "predicted, anisotropic model",
+            Self::Predicted(_, Some(ChartKind::Zonal)) => "predicted, zonal model",
+        }
+    }
+}
+
+/// What competes: triangles are predicted where the spectral basis is the data's own, or where there is no spectral axis.
+pub(super) fn schemes(
+    measurement: &Measurement,
+    plane: ClassPlane<'_>,
+    bases: &[SpectralBasis],
+    settings: &Settings,
+    floor: f32,
+) -> Result<Vec<Scheme>, CompressError> {
+    let axes = measurement.tensor.axes();
+    let named = settings.basis != "auto";
+    let mut schemes = Vec::new();
+    for &basis in bases {
+        let own = basis == SpectralBasis::Klt;
+        match Shape::of(axes) {
+            // Where nothing has a basis to be named, the data's own costs nothing or a few numbers.
+            Some(shape) if schemes.is_empty() && (own || !named && short(axes)) => {
+                let logs = approximated(measurement, plane, floor);
+                let classes = plane.coded.map(|_| plane.classes);
+                schemes.extend(
+                    predicted(&shape, classes, &logs, settings.target, plane.noise).map_err(CompressError::Setting)?,
+                );
+            }
+            None if own => schemes.push(Scheme::Adaptive),
+            _ => {}
+        }
+        if !own {
+            schemes.push(Scheme::Fixed(basis));
+        }
+    }
+    Ok(schemes)
+}
+
+/// Whether the last axis is no spectrum, but triangles, colours or some index.
+fn short(axes: &[Axis]) -> bool {
+    axes.last().is_some_and(|axis| match axis {
+        Axis::Triangles(_) | Axis::Rgb => true,
+        Axis::Index { count, .. } => *count <= MOST_INDICES,
+        Axis::Wavelength(_) | Axis::Elevation(_) => false,
+    })
+}
+
+/// The predicted schemes worth a trial: the symmetries that hold decide.
+fn predicted(
+    shape: &Shape,
+    classes: Option<&[Class]>,
+    values: &[f32],
+    target: Target,
+    noise: Option<f64>,
+) -> Result<Vec<Scheme>, String> {
+    let tolerance = match target {
+        Target::ErL1(error) | Target::ErL2(error) => error,
+        Target::RelativeRmse(error) => error * root_mean_square(values),
+        Target::MaxAbsoluteError(error) | Target::MaxRelativeError(error) => 0.5 * error,
+        // Where a symmetry holds, entries differ from each other by √2 times their noise, which is what is compared.
+        Target::Auto => noise.map_or(0.05, |noise| 1.05 * noise),
+        _ => 0.05,
+    };
+    let found = symmetries(shape, values, classes, tolerance);
+    let mut schemes = Vec::new();
+    let mut groups = vec![found.generators.as_slice()];
+    // Well within the error that is allowed, a symmetry is always worth its while.
+    if !found.generators.is_empty() && found.deviation > 0.5 * tolerance && target != Target::Auto {
+        groups.push(&[]);
+    }
+    for (i, generators) in groups.into_iter().enumerate() {
+        let folded = Arc::new(Folded::new(shape, classes, values, generators)?);
+        if i == 0 {
+            for kind in ChartKind::ALL.into_iter().filter(|&kind| has_chart(shape, kind)) {
+                // What has all symmetries of the mesh is as good as isotropic.
+                if kind != ChartKind::Anisotropic || found.order < ALL_SYMMETRIES {
+                    schemes.push(Scheme::Predicted(Arc::clone(&folded), Some(kind)));
+                }
+            }
+        }
+        schemes.push(Scheme::Predicted(folded, None));
+    }
+    Ok(schemes)
+}

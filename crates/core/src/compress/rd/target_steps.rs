@@ -1,0 +1,184 @@
+//! Steps for a wanted target, whichever it is, and the choices around them that make a smaller file.
+
+use super::super::error::CompressError;
+use super::super::refusal;
+use super::super::search::{Falling, Until};
+use super::super::spectral_basis::SpectralBasis;
+use super::super::target::Target;
+use super::candidate::Candidate;
+use super::largest_step::{COARSE, largest_falling, largest_power};
+use super::layer::{FirstLayer, chunk_bytes};
+use super::metric::Trial;
+use super::sized::{finest, sized_steps};
+use super::steps::{Fineness, Steps};
+use crate::domain::Progress;
+
+/// How much more than one coefficient's noise a coefficient kept for its size takes over.
+const SELECTED: f64 = 3.0;
+
+/// The steps that serve the wanted target best.
+pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> Result<Steps, CompressError> {
+    match candidate.settings.target {
+        Target::ErL2(error) => {
+            // A uniform quantiser's error is its step / √12; most coefficients are 0, so the step can be larger.
+            let mut decoded = vec![0.0; candidate.original().len()];
+            let mut falling = Falling::default();
+            let mut measure = |step: f64| {
+                let found = candidate.relative_error(Fineness::of(step as f32), &mut decoded, progress)?;
+                candidate.closest.set(candidate.closest.get().min(found));
+                Ok::<f64, CompressError>(found)
+            };
+            let keeps = |step: f64| {
+                let found = measure(step)?;
+                Ok(if found <= error || falling.falls(step, found) || step >= COARSE {
+                    Ok(found <= error)
+                } else {
+                    Err(())
+                })
+            };
+            if let Some(step) = largest_falling(4.0 * error, keeps)? {
+                return Ok(Steps::of(step));
+            }
+            // The search may have begun where steps are too fine already.
+            let (basis, finest) = (candidate.layer.basis(), f64::from(finest(candidate).value()));
+            let keeps = |step: f64| Ok(measure(step)? <= error);
+            if let Some(step) = largest_power((4.0 * error, finest), basis, &candidate.closest, keeps)? {
+                return Ok(Steps::of(step));
+            }
+            Err(refusal::cannot_follow(("er_l2", error), candidate.closest.get(), (candidate.layer.basis(), false)))
+        }
+        Target::ErL1(_) | Target::RelativeRmse(_) | Target::DeltaE(_) => {
+            let magnitudes = |step: f32, decoded: &mut [f32]| {
+                candidate.magnitudes(Fineness::of(step), decoded);
+            };
+            let classes = candidate.plane.coded.map(|_| candidate.plane.classes);
+            let trial = Trial {
+                measurement: candidate.measurement,
+                classes,
+                floor: candidate.floor,
+                linear: candidate.plane.values.is_linear(),
+                magnitudes,
+            };
+            let found = trial.largest_step(
+                candidate.settings.target,
+                (candidate.layer.basis(), f64::from(finest(candidate).value()), &candidate.closest),
+                progress,
+            )?;
+            Ok(Steps::of(found))
+        }
+        Target::Step(step) => Ok(Steps::of(step)),
+        Target::Auto => find_truth(candidate, progress),
+        Target::Ratio(_) | Target::Bytes(_) => sized_steps(candidate, None, Until::Close, progress),
+        // |Δ ln s| ≤ ln(1 + error) bounds the relative error from both sides; a little is left for rounding to f32.
+        Target::MaxRelativeError(error) => {
+            find_bounded(candidate, 2.0 * libm::log1p(error) * (1.0 - 1e-5) - 4e-7, progress)
+        }
+        Target::MaxAbsoluteError(error) => {
+            // What lies below the floor is kept within it.
+            let floored = candidate.plane.counts.below_floor_samples > 0;
+            let error = if floored { error.min(f64::from(candidate.floor)) } else { error };
+            let (low, high) = candidate.measurement.tensor.range().unwrap_or_default();
+            let largest = f64::from(low.abs().max(high.abs()));
+            let rounding = largest * f64::from(f32::EPSILON);
+            // An error above twice the largest sample allows nothing more; a step must stay a finite number.
+            let error = error.min(2.0 * largest.max(f64::from(f32::MIN_POSITIVE)));
+            find_bounded(candidate, 2.0 * error * (1.0 - 1e-5) - 4.0 * rounding, progress)
+        }
+        Target::Lossless => Err(CompressError::Setting("the rd policy is not lossless".to_owned())),
+    }
+}
+
+/// The best of the choices around `steps` that keep a wanted er(L2).
+pub(super) fn refined(
+    candidate: &Candidate<'_>,
+    steps: Steps,
+    progress: &dyn Progress,
+) -> Result<Steps, CompressError> {
+    let Target::ErL2(error) = candidate.settings.target else { return Ok(steps) };
+    if matches!(candidate.layer.basis(), SpectralBasis::Line(_)) {
+        return Ok(steps);
+    }
+    let mut decoded = vec![0.0; candidate.original().len()];
+    let mut best = (chunk_bytes(&candidate.layer.chunks(steps.first)), steps.first);
+    // One choice after the other, each from the best so far.
+    for (vectors, coarser) in [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)] {
+        let from = Fineness {
+            more_vectors: best.1.more_vectors + vectors,
+            coarser_vectors: best.1.coarser_vectors + coarser,
+            ..best.1
+        };
+        if chunk_bytes(&candidate.layer.chunks(from)) > best.0 + best.0 / 16 {
+            continue;
+        }
+        for quarter in -4..=4_i32 {
+            // The error is not monotone in the step: all of its neighbourhood is tried.
+            let factor = libm::exp2(f64::from(quarter) / 24.0) as f32;
+            let fineness = from.at(from.step * factor);
+            let bytes = chunk_bytes(&candidate.layer.chunks(fineness));
+            if bytes < best.0 && candidate.relative_error(fineness, &mut decoded, progress)? <= error {
+                best = (bytes, fineness);
+            }
+        }
+    }
+    Ok(Steps { first: best.1, ..steps })
+}
+
+/// The step for which the file is nearest to the truth behind the noise, as far as the noise lets one tell.
+fn find_truth(candidate: &Candidate<'_>, progress: &dyn Progress) -> Result<Steps, CompressError> {
+    let mut decoded = vec![0.0; candidate.original().len()];
+    let mut best: Option<(f64, Steps)> = None;
+    for quarter in -12..=20_i32 {
+        let steps = Steps::of(noise(candidate)? * libm::exp2(f64::from(quarter) / 4.0));
+        let risk = risk(candidate, steps, &mut decoded, progress)?;
+        if best.is_none_or(|(least, _)| risk < least) {
+            best = Some((risk, steps));
+        }
+    }
+    best.map(|(_, steps)| steps).ok_or_else(|| CompressError::Unreachable(refusal::NOTHING_TO_TRY.to_owned()))
+}
+
+/// An estimate of the mean square distance from the truth, but for a constant: that from the measurement, and what
+/// each coefficient takes over from its noise (Mallows 1973, *Some comments on Cp*). Coefficients that are kept because
+/// they are large take over more than those named beforehand.
+pub(super) fn risk(
+    candidate: &Candidate<'_>,
+    steps: Steps,
+    decoded: &mut [f32],
+    progress: &dyn Progress,
+) -> Result<f64, CompressError> {
+    let error = candidate.relative_error(steps.first, decoded, progress)?;
+    let noise = noise(candidate)?;
+    let share = candidate.layer.kept(steps.first) as f64 / candidate.original().len() as f64;
+    Ok(error * error + SELECTED * 2.0 * noise * noise * share)
+}
+
+/// The noise of the measurement.
+fn noise(candidate: &Candidate<'_>) -> Result<f64, CompressError> {
+    candidate.plane.noise.ok_or_else(|| CompressError::Setting(refusal::NO_NOISE.to_owned()))
+}
+
+/// The first layer's step for which both layers together are smallest.
+fn find_bounded(candidate: &Candidate<'_>, correction: f64, progress: &dyn Progress) -> Result<Steps, CompressError> {
+    // The largest step tried is a few times as large, and is a finite number too.
+    let mut correction = correction.min(f64::from(f32::MAX) / 8.0) as f32;
+    if candidate.measurement.tensor.range().is_none_or(|range| range == (0.0, 0.0)) {
+        // Zeros and masked samples come back as they are.
+        correction = correction.max(f32::MIN_POSITIVE);
+    }
+    if correction < f32::MIN_POSITIVE {
+        return Err(refusal::below_rounding(candidate.settings.target, candidate.measurement));
+    }
+    let factors = [0.5_f32, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0];
+    let mut best: Option<(usize, Steps)> = None;
+    for (i, factor) in factors.into_iter().enumerate() {
+        let steps = Steps { first: Fineness::of(correction * factor), correction };
+        // A coarse first layer may leave float32, where no correction helps.
+        let Some((_, corrections)) = candidate.corrections_chunk(steps) else { continue };
+        let bytes = chunk_bytes(&candidate.layer.chunks(steps.first)) + corrections.len();
+        if best.is_none_or(|(least, _)| bytes < least) {
+            best = Some((bytes, steps));
+        }
+        progress.step(0.45 + 0.5 * i as f64 / factors.len() as f64)?;
+    }
+    best.map(|(_, steps)| steps).ok_or_else(|| CompressError::Unreachable(refusal::OVERFLOWS.to_owned()))
+}

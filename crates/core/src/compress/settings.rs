@@ -1,0 +1,86 @@
+//! Settings of a compression, and what is wrong with them whatever the measurement.
+
+use super::error::CompressError;
+use super::policy::Policy;
+use super::spectral_basis::SpectralBasis;
+use super::target::Target;
+use crate::domain::Measurement;
+use crate::transform::LineBasis;
+
+/// Everything that decides the bytes, beside the measurement.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// The promise.
+    pub target: Target,
+    /// The policy.
+    pub policy: Policy,
+    /// Name of the spectral basis (`haar`, `db4`, `bior4.4`, any of [`LineBasis::all`]), or `auto`.
+    pub basis: String,
+    /// Samples below `floor ×` the maximum leave the relative errors and are kept within that absolutely.
+    pub floor: Option<f64>,
+    /// The largest relative error of the light of any block and wavelength (directional albedo, flux), policy `rd`.
+    pub albedo_error: Option<f64>,
+    /// Text for the optional metadata chunk: a JSON object. Labels of index axes are added to it.
+    pub metadata: Option<String>,
+    /// Whether [`decode_block`](super::decode_block) decodes the slice of one incoming direction without the rest.
+    /// Policy `rd` on the data's own basis (`auto` is `klt` then), something before the outgoing triangles, no target
+    /// that bounds every sample; the file has no coarser levels.
+    pub random_access: bool,
+}
+
+impl Default for Settings {
+    /// er(L2) 1 %, policy `rd`, any basis, nothing else asked for.
+    fn default() -> Self {
+        Self {
+            target: Target::ErL2(0.01),
+            policy: Policy::Rd,
+            basis: "auto".to_owned(),
+            floor: None,
+            albedo_error: None,
+            metadata: None,
+            random_access: false,
+        }
+    }
+}
+
+/// Refuses settings that are out of range or contradict each other.
+pub(super) fn check(settings: &Settings) -> Result<(), CompressError> {
+    let refuse = |message: String| Err(CompressError::Setting(message));
+    settings.target.check().or_else(refuse)?;
+    if settings.policy == Policy::Lossless && settings.target != Target::Lossless {
+        return refuse(
+            "policy lossless keeps every bit and has no error to aim at: ask for lossless instead of another target"
+                .to_owned(),
+        );
+    }
+    if let Some(floor) = settings.floor
+        && !(floor > 0.0 && floor < 1.0)
+    {
+        return refuse(format!(
+            "floor is {floor}, expected a fraction of the largest sample, more than 0 and less than 1 (0.01 is 1 %)"
+        ));
+    }
+    let basis = SpectralBasis::named(&settings.basis);
+    if settings.basis != "auto" && basis.is_none() {
+        let known = LineBasis::all().map(LineBasis::name).collect::<Vec<_>>().join(", ");
+        return refuse(format!("unknown basis `{}`, expected auto, klt, identity or one of {known}", settings.basis));
+    }
+    if basis == Some(SpectralBasis::Klt) && settings.policy != Policy::Rd {
+        return refuse(format!(
+            "basis klt is for policy rd; policy {} takes auto, identity or a wavelet",
+            settings.policy
+        ));
+    }
+    if let Some(metadata) = &settings.metadata
+        && !matches!(serde_json::from_str(metadata), Ok(serde_json::Value::Object(_)))
+    {
+        return refuse("metadata is no JSON object, expected text such as {\"name\": \"value\"}".to_owned());
+    }
+    Ok(())
+}
+
+/// The floor in the unit of a sample, as it is stored; 0 without a floor.
+pub(super) fn absolute_floor(measurement: &Measurement, settings: &Settings) -> f32 {
+    let maximum = || measurement.tensor.range().map_or(0.0, |(_, high)| f64::from(high.max(0.0)));
+    settings.floor.map_or(0.0, |floor| (floor * maximum()) as f32)
+}

@@ -1,0 +1,59 @@
+//! Transforms of axes as a header names them, both ways.
+
+use crate::codec::{CodecError, Reader, Writer};
+use crate::transform::{AxisTransform, Boundary, LineBasis, SphereBasis, Weights};
+
+/// Codes of transforms without a basis on a line.
+const FIXED: [(u64, AxisTransform); 4] = [
+    (0, AxisTransform::Identity),
+    (1, AxisTransform::Sphere(SphereBasis::BioHaar)),
+    (2, AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Area))),
+    (3, AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count))),
+];
+
+/// The code of basis 0 on a line.
+const FIRST_LINE: u64 = 16;
+
+/// Writes the code of `transform`.
+pub(super) fn write_transform(w: &mut Writer, transform: AxisTransform) {
+    if let AxisTransform::Line { basis, boundary } = transform {
+        w.varint(FIRST_LINE + u64::from(basis.code()));
+        w.u8(boundary.code());
+    } else {
+        w.varint(FIXED.iter().find(|(_, known)| *known == transform).map_or(0, |(code, _)| *code));
+    }
+}
+
+/// Reads a code; an unknown one is refused.
+pub(super) fn read_transform(r: &mut Reader<'_>) -> Result<AxisTransform, CodecError> {
+    let code = r.varint("transform")?;
+    if let Some((_, transform)) = FIXED.iter().find(|(known, _)| *known == code) {
+        return Ok(*transform);
+    }
+    let number = code.checked_sub(FIRST_LINE).and_then(|number| u16::try_from(number).ok());
+    let Some(basis) = number.and_then(LineBasis::from_code) else {
+        return Err(r.malformed(format!("transform {code} is unknown")));
+    };
+    let rule = r.u8("boundary rule")?;
+    let boundary = Boundary::from_code(rule).ok_or_else(|| r.malformed(format!("boundary rule {rule} is unknown")))?;
+    Ok(AxisTransform::Line { basis, boundary })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_transform_is_read_as_it_was_written() {
+        let lines = LineBasis::all()
+            .flat_map(|basis| Boundary::ALL.iter().map(move |&boundary| AxisTransform::Line { basis, boundary }));
+        for transform in FIXED.into_iter().map(|(_, transform)| transform).chain(lines) {
+            let mut w = Writer::default();
+            write_transform(&mut w, transform);
+            assert_eq!(read_transform(&mut Reader::new(&w.into_bytes(), 0)), Ok(transform));
+        }
+        for bytes in [[9, 0], [16, 5]] {
+            assert!(matches!(read_transform(&mut Reader::new(&bytes, 0)), Err(CodecError::Malformed { .. })));
+        }
+    }
+}
