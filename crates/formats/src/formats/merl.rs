@@ -9,7 +9,8 @@ use super::acquisition::{
     Acquisition, Angles, DirectionalFunction, Modelled, NoteKind, ParseReport, Samples, Written, lifted,
 };
 use super::error::{FormatError, FormatErrorKind};
-use super::{Format, Interpretation, Reader, Sample};
+use super::interpretation::Interpretation;
+use super::reader::{Format, Reader, Sample};
 use crate::domain::vector::{Vector, add, dot, norm, scale, sub};
 use crate::domain::{Axis, Direction, Quantity, Unit};
 use rayon::prelude::*;

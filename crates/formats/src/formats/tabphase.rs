@@ -3,9 +3,9 @@
 //! +1 is forward. Values are separated by commas, on one line; a reader draws lines between them and makes the integral
 //! over the sphere 1.
 
-use super::Format;
 use super::error::{FormatError, FormatErrorKind};
 use super::planes::plain;
+use super::reader::Format;
 use crate::domain::limits::MAX_ENTRIES;
 use std::f64::consts::TAU;
 

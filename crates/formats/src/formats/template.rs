@@ -56,7 +56,7 @@ pub const TEMPLATES: &[Template] = &[
 pub fn template(name: &str) -> Option<&'static Template> {
     let of_format = |template: &&Template| template.name.strip_prefix(name).is_some_and(|rest| rest.starts_with('-'));
     TEMPLATES.iter().find(|template| template.name == name).or_else(|| {
-        let is_format = super::formats().iter().any(|format| format.name == name);
+        let is_format = super::probing::formats().iter().any(|format| format.name == name);
         TEMPLATES.iter().find(of_format).filter(|_| is_format)
     })
 }

@@ -1,7 +1,7 @@
 //! Bytes of any age and country → text with lines, tokens and positions, and the clamp that keeps a file out of messages.
 
 use super::error::{FormatError, FormatErrorKind, Position};
-use super::radiometric_csv::number::decimal;
+use super::number::decimal;
 use std::borrow::Cow;
 use std::fmt::{self, Write as _};
 

@@ -5,8 +5,10 @@
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
+use super::foreign;
+use super::interpretation::Interpretation;
+use super::reader::{Format, Reader, Sample};
 use super::text::{Brief, Source, number, snippet};
-use super::{Format, Interpretation, Reader, Sample, foreign};
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Axis, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
 use quick_xml::XmlVersion;

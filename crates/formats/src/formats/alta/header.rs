@@ -1,10 +1,10 @@
 //! The `#KEY value` lines of an ALTA file, checked: which coordinates, which values, how many of each.
 
-use super::NAME;
+use super::about::NAME;
 use super::coordinates::Coordinates;
-use crate::formats::Interpretation;
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::interpretation::Interpretation;
 use crate::formats::text::{Source, snippet};
 
 /// Values of a row at most: three channels.

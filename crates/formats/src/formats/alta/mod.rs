@@ -5,6 +5,7 @@
 //! those of fewer dimensions, which leave directions open, are refused by name.
 //! Layout: `sources/core/data_storage.cpp` and `params.cpp` of ALTA (L. Belcour, R. Pacanowski, P. Barla and others).
 
+mod about;
 mod coordinates;
 mod header;
 #[cfg(test)]
@@ -12,23 +13,18 @@ mod tests;
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
+use super::interpretation::Interpretation;
+use super::radiometric_csv;
+use super::reader::{Reader, Sample};
 use super::text::{Brief, Source, Token, Tokens, number, snippet};
-use super::{Format, Interpretation, Reader, Sample, radiometric_csv};
 use crate::domain::limits::MAX_SAMPLES;
 use crate::domain::{Axis, Quantity, Unit};
+use about::{ABOUT, NAME};
 use coordinates::Pair;
 use header::Header;
 
-const NAME: &str = "alta";
-
 pub(super) const READER: Reader = Reader {
-    about: Format {
-        name: NAME,
-        description: "ALTA: a BRDF as text, directions or half-angle coordinates and values in rows (.alta, .dat)",
-        extensions: &["alta", "dat", "data"],
-        reads: true,
-        writes: false,
-    },
+    about: ABOUT,
     options: &[],
     probe: |sample: &Sample<'_>| if header::is_header(&sample.head) { 90 } else { 0 },
     read,

@@ -20,10 +20,11 @@ mod spectra;
 #[cfg(test)]
 mod tests;
 
-use super::{
-    Acquisition, Format, FormatError, FormatErrorKind, Interpretation, NoteKind, ParseReport, Position, Reader, Sample,
-    Samples, manifest,
-};
+use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
+use super::error::{FormatError, FormatErrorKind, Position};
+use super::interpretation::Interpretation;
+use super::manifest;
+use super::reader::{Format, Reader, Sample};
 use crate::domain::limits::{MAX_SAMPLES, MAX_WAVELENGTHS};
 use crate::domain::{Axis, Domain, Layout, Quantity, Sampling, Tensor};
 use document::{Document, Noise};

@@ -1,11 +1,15 @@
 //! The lines of an EULUMDAT file in their order: texts, numbers with either decimal mark, and the block of lamp sets.
 
-use super::{HEAD_LINES, LampSet, MAX_SETS, NAME};
+use super::about::NAME;
 use crate::domain::limits::MAX_ENTRIES;
 use crate::formats::error::{FormatError, FormatErrorKind};
-use crate::formats::radiometric_csv::number;
+use crate::formats::number;
 use crate::formats::text::{self, Source, Token, snippet};
 
+/// Lines before those of the lamp sets.
+pub(super) const HEAD_LINES: usize = 26;
+/// More lamp sets than any luminaire has alternatives.
+const MAX_SETS: usize = 1000;
 /// Lines of the largest file: far more than 721 planes of 721 angles.
 const MAX_LINES: usize = 1 << 21;
 /// Lines up to the last lamp set, which are looked at in another order than they have.
@@ -142,6 +146,18 @@ pub(super) fn decimal(text: &str) -> Option<f64> {
         let comma = !text.contains('.') && text.bytes().filter(|&b| b == b',').count() == 1;
         if comma { text::number(&text.replace(',', ".")) } else { None }
     })
+}
+
+/// One set of lamps that the luminaire may hold; several are alternatives.
+pub(super) struct LampSet {
+    /// Negative: absolute photometry.
+    pub(super) count: f64,
+    pub(super) kind: String,
+    /// Of all lamps of the set; with a negative count, of the luminaire.
+    pub(super) lumens: f64,
+    pub(super) colour: String,
+    pub(super) rendering: String,
+    pub(super) watts: Option<f64>,
 }
 
 /// The lamp sets, and whether they are written field by field (six blocks of n lines) instead of set by set, as some

@@ -1,6 +1,6 @@
 //! The angles and intensities of an EULUMDAT file: which C planes are stored, by symmetry and by how many values there are.
 
-use super::Header;
+use super::header::Header;
 use super::lines::{Lines, decimal};
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::FormatError;

@@ -2,7 +2,7 @@
 
 mod words;
 
-use super::Sample;
+use super::reader::{HEAD_BYTES, Sample};
 
 /// A kind of file that is not read here.
 struct Foreign {
@@ -162,7 +162,7 @@ fn is_hdf5(sample: &Sample<'_>) -> bool {
 
 /// Whether the first 64 KiB contain `needle`, in whatever case.
 fn contains(bytes: &[u8], needle: &[u8]) -> bool {
-    let head = &bytes[..bytes.len().min(super::HEAD_BYTES)];
+    let head = &bytes[..bytes.len().min(HEAD_BYTES)];
     head.windows(needle.len()).any(|window| window.eq_ignore_ascii_case(needle))
 }
 
@@ -176,7 +176,7 @@ fn says(sample: &Sample<'_>, key: &str) -> bool {
 pub(super) fn is_workbook(bytes: &[u8]) -> bool {
     const FIRST: [&[u8]; 4] = [b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/"];
     let first = bytes.strip_prefix(b"PK\x03\x04").and_then(|rest| rest.get(26..)).unwrap_or_default();
-    let list = &bytes[bytes.len().saturating_sub(super::HEAD_BYTES)..];
+    let list = &bytes[bytes.len().saturating_sub(HEAD_BYTES)..];
     FIRST.iter().any(|name| first.starts_with(name)) && contains(list, b"xl/workbook.xml")
 }
 

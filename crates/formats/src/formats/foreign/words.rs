@@ -1,9 +1,9 @@
 //! Tables that are told by the words of their header: directions in words, summaries of a lamp, surface properties.
 
 use crate::domain::Quantity;
-use crate::formats::Sample;
+use crate::formats::reader::Sample;
 use crate::formats::spectral_table::cells::{Delimiter, has_words, is_missing, unquoted};
-use crate::formats::spectral_table::rows;
+use crate::formats::spectral_table::layouts;
 use crate::formats::spectral_table::wavelength_unit::names_wavelength;
 use crate::formats::text::{Source, Token};
 
@@ -28,7 +28,7 @@ pub(super) fn is_under_symbols(sample: &Sample<'_>) -> bool {
 pub(super) fn is_summary(sample: &Sample<'_>) -> bool {
     const FEWEST: usize = 2;
     if has_columns(sample, is_figure, FEWEST) {
-        return !rows::holds_wide(&sample.head);
+        return !layouts::holds_wide(&sample.head);
     }
     let source = source(sample);
     let is_line = |line: &Token<'_>| {
@@ -38,7 +38,7 @@ pub(super) fn is_summary(sample: &Sample<'_>) -> bool {
         })
     };
     source.lines().take(LOOKED_AT).filter(|line| has_words(line.text)).filter(is_line).count() >= FEWEST
-        && rows::probe(&sample.head) == 0
+        && layouts::probe(&sample.head) == 0
 }
 
 /// Returns true for a surface property of `TracePro`: its title, or the names of its columns.

@@ -2,7 +2,7 @@
 
 use super::super::error::{FormatError, FormatErrorKind};
 use super::super::planes::{CPlanes, ascii, plain};
-use super::NAME;
+use super::about::NAME;
 use crate::domain::Unit;
 use std::fmt::Write as _;
 

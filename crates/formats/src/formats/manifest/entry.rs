@@ -1,11 +1,12 @@
 //! One axis of a manifest: a short form or an object, checked against the array's length there.
 
-use super::{over_limit, text, unfit};
+use super::fields::text;
+use super::refusal::{over_limit, unfit};
 use crate::domain::limits::{MAX_ENTRIES, MAX_LEVEL};
 use crate::domain::{Axis, Domain, TriangleMesh, WavelengthError, WavelengthGrid};
-use crate::formats::Interpretation;
 use crate::formats::acquisition::AzimuthExtent;
 use crate::formats::error::FormatError;
+use crate::formats::interpretation::Interpretation;
 use crate::formats::text::{Brief, snippet};
 use serde_json::{Map, Value};
 

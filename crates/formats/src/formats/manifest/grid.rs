@@ -1,7 +1,7 @@
 //! Axes of angles → a grid: their order, their ranges, and what azimuths stand for.
 
 use super::entry::{Angle, Entry, Role};
-use super::unfit;
+use super::refusal::unfit;
 use crate::domain::{Axis, Quantity};
 use crate::formats::acquisition::{AngleGrid, Angles, Azimuths, NoteKind, Outside, ParseReport};
 use crate::formats::azimuth::extended;

@@ -1,49 +1,26 @@
 //! The axes manifest of an array: JSON ⇄ axes, from full objects and short forms such as `"hemi:4"`.
 
+mod describe;
 mod entry;
+mod fields;
 mod grid;
+mod refusal;
 #[cfg(test)]
 mod tests;
 
+pub use describe::manifest_of;
+
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
-use super::error::{FormatError, FormatErrorKind};
-use super::stated::divide_by_pi;
+use super::error::FormatError;
+use super::interpretation::Interpretation;
+use super::npy;
+use super::stated::{StatedQuantity, divide_by_pi};
 use super::text::snippet;
-use super::{Interpretation, StatedQuantity, npy};
-use crate::domain::{Axis, Layout, Measurement, Quantity, Sampling, Tensor, Unit, UnknownName, WavelengthGrid};
+use crate::domain::{Layout, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
 use entry::Entry;
-use serde_json::{Map, Value, json};
-use std::str::FromStr;
-
-/// The manifest of a tensor, which reads back as the same axes: `quantity`, `value_unit`, `sampling` and `axes`, and
-/// `cosine_included` where there could be one.
-pub fn manifest_of(measurement: &Measurement) -> Value {
-    let axes: Vec<Value> = measurement.tensor.axes().iter().map(describe).collect();
-    let mut manifest = json!({
-        "quantity": measurement.quantity,
-        "value_unit": measurement.unit,
-        "sampling": measurement.sampling,
-        "axes": axes,
-    });
-    if measurement.quantity.has_cosine() {
-        manifest["cosine_included"] = json!(false);
-    }
-    manifest
-}
-
-fn describe(axis: &Axis) -> Value {
-    match axis {
-        Axis::Triangles(mesh) => json!({"kind": "triangles", "domain": mesh.domain(), "level": mesh.level()}),
-        Axis::Elevation(values) => json!({"kind": "elevation", "values": values}),
-        Axis::Wavelength(WavelengthGrid::Even { start, step, count }) => {
-            json!({"kind": "wavelength", "start": start, "step": step, "count": count})
-        }
-        Axis::Wavelength(WavelengthGrid::Uneven(values)) => json!({"kind": "wavelength", "values": values}),
-        Axis::Index { count, labels } if labels.is_empty() => json!({"kind": "index", "count": count}),
-        Axis::Index { count, labels } => json!({"kind": "index", "count": count, "labels": labels}),
-        Axis::Rgb => json!("rgb"),
-    }
-}
+use fields::{named, other_fields, text};
+use refusal::unfit;
+use serde_json::{Map, Value};
 
 /// The lengths of the axes that `manifest` describes, for data that are made to fit it.
 pub(super) fn shape(manifest: &Value, how: &Interpretation) -> Result<Vec<usize>, FormatError> {
@@ -121,28 +98,6 @@ pub(super) fn interpret(
     };
     let dialect = format!("NumPy array of shape {shape:?}");
     Ok(Acquisition { format: npy::NAME, dialect, quantity, unit, samples, spectral_factor: None, report })
-}
-
-fn unfit(message: impl std::fmt::Display) -> FormatError {
-    FormatError::new(FormatErrorKind::NeedsOption, npy::NAME, format!("manifest: {message}"))
-}
-
-fn over_limit(message: impl std::fmt::Display) -> FormatError {
-    FormatError::new(FormatErrorKind::OverLimit, npy::NAME, format!("manifest: {message}"))
-}
-
-fn text<'a>(fields: &'a Map<String, Value>, key: &str) -> Result<Option<&'a str>, FormatError> {
-    match fields.get(key) {
-        None | Some(Value::Null) => Ok(None),
-        Some(Value::String(text)) => Ok(Some(text)),
-        Some(other) => Err(unfit(format!("`{key}` is {}, expected text", snippet(&other.to_string())))),
-    }
-}
-
-/// A name of a closed list; the refusal quotes no more than its beginning.
-fn named<T: FromStr<Err = UnknownName>>(name: &str) -> Result<T, FormatError> {
-    name.parse()
-        .map_err(|error: UnknownName| unfit(UnknownName { found: error.found.chars().take(40).collect(), ..error }))
 }
 
 fn quantity(
@@ -228,42 +183,4 @@ fn count_negative(values: &[f32], report: &mut ParseReport) {
         let lowest = values.iter().copied().fold(0.0, f32::min);
         report.note(NoteKind::Warning, format!("{negative} values are negative, down to {lowest}; kept as they are"));
     }
-}
-
-/// Fields that say what the numbers are.
-const FIELDS: [&str; 6] = ["axes", "quantity", "value_unit", "unit", "sampling", "cosine_included"];
-
-/// The field that `key` is when one letter, its case or the marks between its words are put right.
-///
-/// Other keys are metadata: what was measured, and by whom.
-fn misspelt(key: &str) -> Option<&'static str> {
-    let plain =
-        |text: &str| text.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect::<String>();
-    let differs_once = |a: &str, b: &str| {
-        let before = a.chars().zip(b.chars()).take_while(|(x, y)| x == y).count();
-        let (a, b) = (a.chars().skip(before).collect::<Vec<_>>(), b.chars().skip(before).collect::<Vec<_>>());
-        let after = a.iter().rev().zip(b.iter().rev()).take_while(|(x, y)| x == y).count();
-        a.len().max(b.len()) - after <= 1
-    };
-    let key = plain(key);
-    // Whatever else speaks of the cosine means this one.
-    let cosine = key.contains("cosin").then_some("cosine_included");
-    cosine.or_else(|| FIELDS.into_iter().find(|field| differs_once(&key, &plain(field))))
-}
-
-/// Keeps what does not matter here as metadata, and refuses what would change the meaning of the numbers.
-fn other_fields(fields: &Map<String, Value>, report: &mut ParseReport) -> Result<(), FormatError> {
-    for (key, value) in fields.iter().filter(|(key, _)| !FIELDS.contains(&key.as_str())) {
-        if let Some(field) = misspelt(key) {
-            return Err(unfit(format!("field {}, expected `{field}`", snippet(key))));
-        }
-        match (key.as_str(), value) {
-            ("valid" | "sigma", _) => {
-                report.note(NoteKind::Skipped, format!("`{key}` names another file, which is not opened"));
-            }
-            (_, Value::String(text)) => report.metadata.push((key.clone(), text.clone())),
-            _ => report.metadata.push((key.clone(), value.to_string())),
-        }
-    }
-    Ok(())
 }

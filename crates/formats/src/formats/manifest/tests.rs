@@ -1,8 +1,9 @@
 //! Manifests: their forms, their round trips, cosines, and every refusal.
 
 use super::*;
-use crate::domain::{Domain, TriangleMesh};
-use crate::formats::{AngleGrid, AzimuthExtent};
+use crate::domain::{Axis, Domain, Measurement, TriangleMesh};
+use crate::formats::{AngleGrid, AzimuthExtent, FormatErrorKind};
+use serde_json::json;
 
 fn read(manifest: &Value, shape: &[usize], how: &Interpretation) -> Result<Acquisition, FormatError> {
     let samples = (0..shape.iter().product()).map(|i| i as f32).collect();

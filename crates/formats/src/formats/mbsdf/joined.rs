@@ -2,7 +2,9 @@
 
 use super::super::acquisition::{AngleGrid, Angles, AzimuthExtent, Azimuths, Outside};
 use super::super::error::{FormatError, FormatErrorKind};
-use super::{Block, NAME, azimuths, polar_angles};
+use super::about::NAME;
+use super::angles::{azimuths, polar_angles};
+use super::blocks::Block;
 use crate::domain::Axis;
 use crate::domain::limits::MAX_SAMPLES;
 

@@ -4,7 +4,11 @@
 //! `i · 90°/n`, the m azimuths `j · 180°/(m − 1)` between the two directions, 180° where one mirrors the other (MDL SDK,
 //! `IBsdf_isotropic_data`). This is the convention of this crate, so that values are not moved.
 
+mod about;
+mod angles;
+mod blocks;
 mod joined;
+mod refusal;
 mod write;
 
 pub use write::{MbsdfGrid, write_mbsdf};
@@ -13,22 +17,17 @@ use super::acquisition::{
     Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, NoteKind, Outside, ParseReport, Samples,
 };
 use super::error::{FormatError, FormatErrorKind};
-use super::text::snippet;
-use super::{Format, Interpretation, Reader, Sample};
-use crate::domain::limits::MAX_SAMPLES;
-use crate::domain::{Axis, Quantity, Unit, first_where};
+use super::interpretation::Interpretation;
+use super::reader::{Reader, Sample};
+use crate::domain::{Axis, Quantity, Unit};
+use about::{ABOUT, NAME};
+use angles::{azimuths, polar_angles};
+use blocks::{Block, blocks};
 use joined::joined;
-
-const NAME: &str = "mbsdf";
+use refusal::malformed;
 
 pub(super) const READER: Reader = Reader {
-    about: Format {
-        name: NAME,
-        description: "NVIDIA MDL measured BSDF (.mbsdf)",
-        extensions: &["mbsdf"],
-        reads: true,
-        writes: true,
-    },
+    about: ABOUT,
     options: &[],
     probe: |sample: &Sample<'_>| match sample.head.find("NVIDIA ARC MBSDF") {
         Some(0) => 100,
@@ -39,29 +38,10 @@ pub(super) const READER: Reader = Reader {
     read,
 };
 
-const VERSION: &[u8] = b"NVIDIA ARC MBSDF V1\n";
-const MAX_LINE: usize = 1 << 12;
-const MAX_LINES: usize = 1000;
-
-/// One table of values.
-struct Block {
-    theta: usize,
-    phi: usize,
-    rgb: bool,
-    values: Vec<f32>,
-}
-
 /// What of a file is read.
 enum Part {
     One(Block),
     Both(Block, Block),
-}
-
-impl Block {
-    fn describe(&self) -> String {
-        let kind = if self.rgb { "RGB" } else { "scalar" };
-        format!("{kind} {} × {} × {}", self.theta, self.theta, self.phi)
-    }
 }
 
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
@@ -120,10 +100,6 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     })
 }
 
-fn malformed(offset: usize, message: impl Into<String>) -> FormatError {
-    FormatError::at_byte(FormatErrorKind::Malformed, NAME, offset, message)
-}
-
 fn count_negatives(values: &[f32], report: &mut ParseReport) {
     let negative = values.iter().filter(|v| **v < 0.0).count();
     if negative > 0 {
@@ -134,98 +110,6 @@ fn count_negatives(values: &[f32], report: &mut ParseReport) {
             format!("{negative} of {all} values are negative, down to {lowest}; kept as they are"),
         );
     }
-}
-
-/// The reflection and the transmission of a file.
-fn blocks(bytes: &[u8], report: &mut ParseReport) -> Result<(Option<Block>, Option<Block>), FormatError> {
-    if !bytes.starts_with(b"NVIDIA ARC MBSDF") {
-        let found = String::from_utf8_lossy(&bytes[..bytes.len().min(64)]).into_owned();
-        return Err(malformed(0, format!("found {}, expected `NVIDIA ARC MBSDF V1`", snippet(&found))));
-    }
-    if !bytes.starts_with(VERSION) {
-        let message = "another version of the format, expected `NVIDIA ARC MBSDF V1`";
-        return Err(FormatError::at_byte(FormatErrorKind::Unsupported, NAME, 0, message));
-    }
-    let (mut reflection, mut transmission) = (None, None);
-    let mut at = VERSION.len();
-    let mut lines = 0;
-    while at < bytes.len() {
-        let rest = &bytes[at..];
-        let line = rest.iter().take(MAX_LINE).position(|&b| b == b'\n').map(|end| &rest[..end]);
-        let found = String::from_utf8_lossy(line.unwrap_or(&rest[..rest.len().min(64)])).into_owned();
-        let expected = "a line of metadata or MBSDF_DATA_REFLECTION=, MBSDF_DATA_TRANSMISSION=";
-        let Some(line) = line.filter(|line| !line.contains(&0)) else {
-            return Err(malformed(at, format!("found {}, expected {expected}", snippet(&found))));
-        };
-        let start = at;
-        at += line.len() + 1;
-        let side = match line.trim_ascii_end() {
-            b"MBSDF_DATA=" | b"MBSDF_DATA_REFLECTION=" => &mut reflection,
-            b"MBSDF_DATA_TRANSMISSION=" => &mut transmission,
-            _ => {
-                let is_metadata = reflection.is_none() && transmission.is_none() && lines < MAX_LINES;
-                if !is_metadata || found.starts_with("MBSDF_DATA") {
-                    return Err(malformed(start, format!("found {}, expected {expected}", snippet(&found))));
-                }
-                lines += 1;
-                let (key, value) = found.split_once('=').unwrap_or(("comment", &found));
-                report.metadata.push((key.trim().trim_matches('"').to_owned(), value.trim().to_owned()));
-                continue;
-            }
-        };
-        let (block, end) = block(bytes, at)?;
-        if side.replace(block).is_some() {
-            return Err(malformed(start, "the same side of the surface twice, expected each once"));
-        }
-        at = end;
-    }
-    Ok((reflection, transmission))
-}
-
-/// A block from `at` on, and where it ends.
-fn block(bytes: &[u8], at: usize) -> Result<(Block, usize), FormatError> {
-    let head = bytes.get(at..at + 12).ok_or_else(|| {
-        malformed(
-            bytes.len(),
-            "the file ends in the head of a block, expected a type and two numbers of angles in 12 bytes",
-        )
-    })?;
-    let word = |i: usize| u32::from_le_bytes([head[4 * i], head[4 * i + 1], head[4 * i + 2], head[4 * i + 3]]);
-    let rgb = match word(0) {
-        0 => false,
-        1 => true,
-        other => return Err(malformed(at, format!("type {other} of values, expected 0 (scalar) or 1 (RGB)"))),
-    };
-    let (theta, phi) = (word(1) as usize, word(2) as usize);
-    if theta == 0 || phi == 0 {
-        return Err(malformed(at + 4, format!("{theta} polar and {phi} azimuth angles, expected at least 1 of each")));
-    }
-    let count = [theta, theta, phi, if rgb { 3 } else { 1 }].into_iter().try_fold(1_usize, usize::checked_mul);
-    let Some(count) = count.filter(|&n| n <= MAX_SAMPLES) else {
-        let message = format!("{theta} × {theta} × {phi} values are more than the limit of {MAX_SAMPLES}");
-        return Err(FormatError::at_byte(FormatErrorKind::OverLimit, NAME, at + 4, message));
-    };
-    let start = at + 12;
-    let body = bytes.get(start..start + 4 * count).ok_or_else(|| {
-        malformed(
-            bytes.len(),
-            format!("{} bytes of values, expected {} for {theta} × {theta} × {phi}", bytes.len() - start, 4 * count),
-        )
-    })?;
-    let values: Vec<f32> = body.as_chunks::<4>().0.iter().map(|word| f32::from_le_bytes(*word)).collect();
-    if let Some(i) = first_where(&values, |value| !value.is_finite()) {
-        return Err(malformed(start + 4 * i, format!("value {i} is {}, expected a finite number", values[i])));
-    }
-    Ok((Block { theta, phi, rgb, values }, start + 4 * count))
-}
-
-fn polar_angles(n: usize) -> impl DoubleEndedIterator<Item = f64> {
-    (0..n).map(move |i| i as f64 * 90.0 / n as f64)
-}
-
-/// The azimuths between two directions; one stands for all of them.
-fn azimuths(m: usize) -> Vec<f64> {
-    (0..m).map(|j| if m > 1 { j as f64 * 180.0 / (m - 1) as f64 } else { 0.0 }).collect()
 }
 
 /// One side.
@@ -253,6 +137,7 @@ fn grid(quantity: Quantity, block: Block) -> AngleGrid {
 
 #[cfg(test)]
 mod tests {
+    use super::blocks::VERSION;
     use super::joined::BELOW_HORIZON;
     use super::*;
 

@@ -2,7 +2,9 @@
 
 use super::super::acquisition::{DirectionalFunction, Written, lifted};
 use super::super::error::{FormatError, FormatErrorKind};
-use super::{NAME, VERSION, azimuths, polar_angles};
+use super::about::NAME;
+use super::angles::{azimuths, polar_angles};
+use super::blocks::VERSION;
 use crate::domain::Direction;
 use crate::domain::limits::MAX_SAMPLES;
 use rayon::prelude::*;

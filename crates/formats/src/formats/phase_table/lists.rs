@@ -1,12 +1,13 @@
 //! Phase functions as bare lists: values over even steps of the cosine on one line, Legendre moments one a line.
 
-use super::NAME;
+use super::about::NAME;
 use super::function::Curve;
 use crate::domain::limits::MAX_WAVELENGTHS;
-use crate::formats::Interpretation;
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
-use crate::formats::spectral_table::{pairs::are_pairs, rows};
+use crate::formats::interpretation::Interpretation;
+use crate::formats::spectral_table::lines::contents as table_lines;
+use crate::formats::spectral_table::pairs::are_pairs;
 use crate::formats::text::{Brief, Source, Token, Tokens, number};
 use std::f64::consts::PI;
 
@@ -39,7 +40,7 @@ pub(super) fn is_line(head: &str) -> bool {
 /// Whether one line of numbers is a spectrum all the same, by itself or by the lower-case text around it.
 pub(super) fn is_spectral(head: &str, prose: &str) -> bool {
     let source = Source::decode(head.as_bytes(), NAME);
-    are_pairs(rows::contents(&source)) || ["wavelength", "lambda", "nm"].iter().any(|word| prose.contains(word))
+    are_pairs(table_lines(&source)) || ["wavelength", "lambda", "nm"].iter().any(|word| prose.contains(word))
 }
 
 /// Whether the text is one number a line, the first of them 1, none larger than 2m + 1.

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::domain::Direction;
-use crate::formats::{FormatError, read as read_any};
+use crate::formats::{FormatErrorKind, read as read_any};
+use std::f64::consts::PI;
 use std::fmt::Write as _;
 
 const G: f64 = 0.6;

@@ -1,7 +1,7 @@
 //! Rows of directions and values → axes where there are none of directions, a grid where they make one, else samples at
 //! their own directions.
 
-use super::NAME;
+use super::about::NAME;
 use super::columns::Columns;
 use super::directions::{Directions, Lattice, ranked};
 use super::header::Header;

@@ -1,12 +1,12 @@
 //! The row of column names: which cell of a row is an angle, a wavelength, a value, or nothing that is read here.
 
 use super::header::Header;
-use super::number::decimal;
 use super::problems::Problems;
 use crate::domain::Quantity;
 use crate::domain::limits::MAX_WAVELENGTHS;
-use crate::formats::Normalization;
 use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::normalization::Normalization;
+use crate::formats::number::decimal;
 use crate::formats::text::{Brief, snippet};
 
 /// The angles in the order of a row's direction.

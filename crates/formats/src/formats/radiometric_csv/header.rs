@@ -1,13 +1,15 @@
 //! The `# key: value` lines of a radiometric-csv file: what the numbers are, stated in full.
 
-use super::NAME;
+use super::about::NAME;
 use super::problems::Problems;
 use crate::domain::{Quantity, Unit};
 use crate::formats::acquisition::{AzimuthExtent, NoteKind, ParseReport, Samples};
 use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::interpretation::Interpretation;
+use crate::formats::normalization::Normalization;
 use crate::formats::spectral_table::wavelength_unit::WavelengthUnit;
+use crate::formats::stated::StatedQuantity;
 use crate::formats::text::snippet;
-use crate::formats::{Interpretation, Normalization, StatedQuantity};
 
 /// One `# key: value` line.
 pub(super) struct Field {

@@ -1,6 +1,6 @@
 //! What is wrong with a file: the first problems with their places, and how many there are in all.
 
-use super::NAME;
+use super::about::NAME;
 use crate::formats::error::{FormatError, FormatErrorKind, Position};
 use std::fmt::Write as _;
 

@@ -1,9 +1,9 @@
 //! Rows of numbers in one pass over the bytes, piece by piece in parallel; every bad cell is a problem with its place.
 
 use super::columns::{Cell, Columns};
-use super::number::decimal;
 use super::problems::Problems;
 use crate::domain::limits::MAX_SAMPLES;
+use crate::formats::number::decimal;
 use crate::formats::text::snippet;
 use rayon::prelude::*;
 use std::collections::HashMap;

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::domain::{Axis, Direction, Quantity, Unit};
-use crate::formats::acquisition::{AngleGrid, AzimuthExtent, Samples, Scattered};
+use crate::formats::acquisition::{AngleGrid, AzimuthExtent, NoteKind, Samples, Scattered};
 use crate::formats::error::Position;
 use crate::formats::read as read_any;
 use std::fmt::Write as _;

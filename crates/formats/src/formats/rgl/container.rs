@@ -6,7 +6,8 @@
 
 use super::super::error::{FormatError, FormatErrorKind};
 use super::super::text::snippet;
-use super::{NAME, malformed, over_limit};
+use super::about::NAME;
+use super::refusal::{malformed, over_limit};
 use crate::domain::limits::{MAX_AXES, MAX_SAMPLES};
 
 /// The first bytes of every tensor file.

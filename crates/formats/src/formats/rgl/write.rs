@@ -5,9 +5,10 @@
 
 use super::super::acquisition::{DirectionalFunction, Written, lifted};
 use super::super::error::{FormatError, FormatErrorKind};
+use super::about::NAME;
 use super::container::MAGIC;
+use super::limits::{LARGEST, MAX_TEXT};
 use super::warp::{Warp, unit_to_azimuth, unit_to_elevation};
-use super::{LARGEST, MAX_TEXT, NAME};
 use crate::domain::limits::{MAX_SAMPLES, MAX_WAVELENGTHS};
 use crate::domain::vector::{Vector, dot, scale, sub, unit};
 use crate::domain::{Direction, WavelengthGrid};

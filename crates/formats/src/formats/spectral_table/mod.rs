@@ -3,11 +3,15 @@
 //! Gives `[lambda]`, or `[index, lambda]` for several columns; a missing value is masked, a negative one is kept.
 //! Reflectance factors (BRF, HCRF) are divided by π: a BRDF in 1/sr without its directions.
 
+mod about;
 pub(super) mod cells;
+pub(super) mod layouts;
 mod library;
+pub(super) mod lines;
 pub(super) mod pairs;
 pub(super) mod rows;
 mod suffixed;
+mod table;
 pub(super) mod wavelength_unit;
 mod wide;
 mod write;
@@ -16,26 +20,20 @@ pub use write::{write_spd, write_spectra};
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
-use super::stated::{divide_by_pi, names_factor};
+use super::interpretation::Interpretation;
+use super::reader::{FACTOR, Reader, Sample};
+use super::stated::{StatedQuantity, divide_by_pi, names_factor};
 use super::text::{Brief, Source, is_text, snippet};
 use super::turned::turned;
-use super::{FACTOR, Format, Interpretation, Reader, Sample, StatedQuantity};
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Axis, Sampling, Tensor, Unit, WavelengthGrid};
-use rows::Table;
-
-const NAME: &str = "spectral-table";
+use about::{ABOUT, NAME};
+use table::Table;
 
 pub(super) const READER: Reader = Reader {
-    about: Format {
-        name: NAME,
-        description: "spectral table: wavelengths and columns of values as CSV, TSV or blank separated text (.csv, .spd, .txt)",
-        extensions: &["csv", "tsv", "spd", "txt", "dat"],
-        reads: true,
-        writes: true,
-    },
+    about: ABOUT,
     options: &["wavelength_unit", "column", FACTOR],
-    probe: |sample: &Sample<'_>| if is_text(&sample.head) { rows::probe(&sample.head) } else { 0 },
+    probe: |sample: &Sample<'_>| if is_text(&sample.head) { layouts::probe(&sample.head) } else { 0 },
     read,
 };
 
@@ -45,7 +43,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     if let Some(encoding) = source.odd_encoding() {
         report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
     }
-    let mut table = table(&source, &mut report)?;
+    let mut table = layouts::read(&source, &mut report)?;
     refuse_summary(&table, how)?;
     if let Some(column) = &how.column {
         table.pick(column)?;
@@ -77,20 +75,6 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
 }
 
 const REFLECTANCE_WORDS: [&str; 4] = ["reflectance", "reflectivity", "transmittance", "transmissivity"];
-
-/// The table of a text in whichever of the layouts it has.
-fn table(source: &Source, report: &mut ParseReport) -> Result<Table, FormatError> {
-    if let Some(table) = pairs::read(source, report) {
-        return Ok(table);
-    }
-    if let Some(table) = suffixed::read(source, report)? {
-        return Ok(table);
-    }
-    match wide::read(source, report)? {
-        Some(table) => Ok(table),
-        None => rows::read(source, report),
-    }
-}
 
 /// Refuses one row of figures with names of their own (CCT, CRI, illuminance): no spectrum has one wavelength and many columns.
 fn refuse_summary(table: &Table, how: &Interpretation) -> Result<(), FormatError> {
@@ -270,47 +254,4 @@ fn remarks(table: &Table, source: &Source, report: &mut ParseReport) -> Result<(
         report.note(NoteKind::Warning, format!("{negative} values are negative, down to {lowest}; kept as they are"));
     }
     Ok(())
-}
-
-impl Table {
-    /// Whether the header or the comments, in lower case, are as `said` looks for.
-    pub(in crate::formats) fn says(&self, said: impl Fn(&str) -> bool) -> bool {
-        said(&self.prose) || said(&self.heading)
-    }
-
-    fn reverse(&mut self) {
-        let columns = self.names.len();
-        self.values = self.values.chunks_exact(columns).rev().flatten().copied().collect();
-        self.wavelengths.reverse();
-    }
-
-    /// Keeps one column, by its name or by its number from 1.
-    pub(in crate::formats) fn pick(&mut self, wanted: &str) -> Result<(), FormatError> {
-        let wanted = wanted.trim();
-        let columns = self.names.len();
-        let by_name = |same: fn(&str, &str) -> bool| self.names.iter().position(|name| same(name, wanted));
-        let by_number = || wanted.parse().ok().filter(|n| (1..=columns).contains(n)).map(|n| n - 1);
-        let picked = by_name(|a, b| a == b)
-            .or_else(|| by_name(str::eq_ignore_ascii_case))
-            .or_else(by_number)
-            .ok_or_else(|| {
-                let names = self.column_list();
-                let message =
-                    format!("no column {}, expected a number from 1 to {columns} or one of: {names}", snippet(wanted));
-                FormatError::new(FormatErrorKind::NeedsOption, NAME, message)
-            })?;
-        self.values = self.values.chunks_exact(columns).map(|row| row[picked]).collect();
-        self.names = vec![self.names.swap_remove(picked)];
-        Ok(())
-    }
-
-    /// The names of the first columns.
-    pub(in crate::formats) fn column_list(&self) -> String {
-        const SHOWN: usize = 8;
-        let mut list = self.names.iter().take(SHOWN).map(|name| snippet(name)).collect::<Vec<_>>().join(", ");
-        if self.names.len() > SHOWN {
-            list.push_str(", …");
-        }
-        list
-    }
 }

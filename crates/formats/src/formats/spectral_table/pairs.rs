@@ -1,6 +1,7 @@
 //! Spectra with several pairs of wavelength and value on a line, as renderers read them (`.spd` of pbrt).
 
-use super::rows::{Table, contents, split_comment};
+use super::lines::{contents, split_comment};
+use super::table::Table;
 use crate::formats::acquisition::ParseReport;
 use crate::formats::text::{Source, Token, Tokens, number};
 

@@ -1,86 +1,23 @@
 //! Lines of text → the rows of a table: delimiter, decimal mark, header and comments found from the content.
 
-use super::NAME;
+use super::about::NAME;
 use super::cells::{Delimiter, is_missing, missing_end, unquoted};
 use super::library::{self, Library};
-use super::pairs::are_pairs;
-use super::suffixed;
+use super::lines::{contents, split_comment};
+use super::table::Table;
 use super::wavelength_unit::names_wavelength;
-use super::wide::is_wide;
 use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
-use crate::formats::radiometric_csv::number::decimal;
+use crate::formats::number::decimal;
 use crate::formats::text::{Source, Token, snippet};
-
-/// A table as written: wavelengths with their place in the text, values row by row.
-pub(in crate::formats) struct Table {
-    pub(in crate::formats) wavelengths: Vec<(f64, usize)>,
-    /// `[row, column]`; NaN = missing.
-    pub(in crate::formats) values: Vec<f32>,
-    /// One name for each column of values.
-    pub(in crate::formats) names: Vec<String>,
-    /// The name of the first column, if there is a header.
-    pub(super) wavelength_name: Option<String>,
-    /// All text around the numbers but the row of names, lower case.
-    pub(super) prose: String,
-    /// The row of names, lower case.
-    pub(super) heading: String,
-    /// The labels of a spectral library's file, if it is one.
-    pub(super) library: Option<Library>,
-    pub(in crate::formats) dialect: &'static str,
-}
 
 /// Lines looked at for the delimiter, and before the first row of numbers.
 const LOOKED_AT: usize = 20;
-const MAX_PREAMBLE: usize = 1000;
-
-/// The part of a line before a `#` comment, and the comment. In a header `#` may be part of a name.
-pub(super) fn split_comment(line: Token<'_>) -> (Token<'_>, Option<&str>) {
-    let header =
-        line.text.trim_start().starts_with(|c: char| !c.is_ascii_digit() && !matches!(c, '#' | '+' | '-' | '.'));
-    match line.text.split_once('#').filter(|_| !header) {
-        None => (line, None),
-        Some((content, comment)) => (Token { text: content, ..line }, Some(comment)),
-    }
-}
-
-/// How much the beginning of a file looks like a table: rows of numbers, or one column of them.
-pub(in crate::formats) fn probe(head: &str) -> u8 {
-    // Any format name does: no message of this source is shown.
-    let source = Source::decode(head.as_bytes(), NAME);
-    let data = library::data_offset(&source);
-    let mut lines: Vec<Token<'_>> =
-        contents(&source).skip_while(|line| line.offset < data).take(MAX_PREAMBLE + 1).collect();
-    if lines.len() > 1 && head.len() >= super::super::HEAD_BYTES / 2 {
-        // The last line may be cut.
-        lines.pop();
-    }
-    // A spectral library's file without rows is one that was cut.
-    if data > 0
-        || delimiter(&lines).is_some()
-        || are_pairs(lines.iter().copied())
-        || is_wide(lines.iter().copied())
-        || suffixed::is_list(&lines)
-    {
-        return 30;
-    }
-    let single = lines.iter().filter(|line| Delimiter::Blank.numeric_cells(**line) == Some(1)).count();
-    if single >= 3 && 2 * single > lines.len() { 10 } else { 0 }
-}
-
-/// Whether the beginning of a file has a row of wavelengths, with a spectrum in each row beneath.
-pub(in crate::formats) fn holds_wide(head: &str) -> bool {
-    is_wide(contents(&Source::decode(head.as_bytes(), NAME)))
-}
-
-/// Lines with content besides comments.
-pub(in crate::formats) fn contents(source: &Source) -> impl Iterator<Item = Token<'_>> {
-    source.lines().map(|line| split_comment(line).0).filter(|line| !line.text.trim().is_empty())
-}
+pub(super) const MAX_PREAMBLE: usize = 1000;
 
 /// The first delimiter under which the first numeric lines have one count of at least 2 cells, and this count.
-fn delimiter(lines: &[Token<'_>]) -> Option<(Delimiter, usize)> {
+pub(super) fn delimiter(lines: &[Token<'_>]) -> Option<(Delimiter, usize)> {
     Delimiter::ALL.into_iter().find_map(|delimiter| {
         let width = |line: &Token<'_>| delimiter.numeric_cells(*line);
         let (start, first) =

@@ -2,7 +2,8 @@
 //! save them, with named figures before and after.
 
 use super::cells::{Delimiter, is_missing, unquoted};
-use super::rows::{Table, contents, split_comment};
+use super::lines::{contents, split_comment};
+use super::table::Table;
 use crate::domain::limits::{MAX_SAMPLES, MAX_WAVELENGTHS};
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};

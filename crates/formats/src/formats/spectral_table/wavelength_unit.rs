@@ -1,9 +1,9 @@
 //! The unit of a column of wavelengths: as asked, as the header says, else as the numbers look.
 
-use super::NAME;
-use crate::formats::Interpretation;
+use super::about::NAME;
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::interpretation::Interpretation;
 use crate::formats::text::{Brief, snippet};
 
 /// What the first column counts.

@@ -2,7 +2,8 @@
 //! or the bare number).
 
 use super::cells::{Delimiter, has_words, is_missing, unquoted};
-use super::rows::{Table, contents, split_comment};
+use super::lines::{contents, split_comment};
+use super::table::Table;
 use super::wavelength_unit::{WavelengthUnit, names_wavelength};
 use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use crate::formats::acquisition::ParseReport;

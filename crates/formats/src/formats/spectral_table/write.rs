@@ -1,7 +1,7 @@
 //! Spectra as text: two columns with a blank between them, or CSV with a column each.
 
 use super::super::error::{FormatError, FormatErrorKind};
-use super::NAME;
+use super::about::NAME;
 use crate::domain::WavelengthGrid;
 use std::fmt::Write as _;
 

@@ -12,14 +12,16 @@ mod schema;
 #[cfg(test)]
 mod tests;
 
+use super::assemble;
 use super::columns::{self, Columns, Row};
 use super::header::{self, Field, Header};
 use super::problems::Problems;
-use super::{assemble, remarks};
+use super::remarks::remarks;
 use crate::formats::acquisition::{Acquisition, NoteKind, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::interpretation::Interpretation;
+use crate::formats::reader::{FACTOR, Format, Reader, Sample};
 use crate::formats::text::{Brief, number, snippet};
-use crate::formats::{FACTOR, Format, Interpretation, Reader, Sample};
 use batch::{Batches, Refusal};
 use flat::{Broken, Table};
 use schema::{Column, Kind, Schema};

@@ -16,7 +16,7 @@ const EXACT: u64 = 1 << 53;
 /// correctly rounded product or quotient (W. D. Clinger, "How to Read Floating Point Numbers Accurately", PLDI 1990);
 /// everything else goes to the parser of the standard library.
 #[inline]
-pub(in crate::formats) fn decimal(bytes: &[u8], start: usize) -> Option<(f64, usize)> {
+pub(super) fn decimal(bytes: &[u8], start: usize) -> Option<(f64, usize)> {
     let mut at = start;
     let negative = bytes.get(at) == Some(&b'-');
     if negative || bytes.get(at) == Some(&b'+') {

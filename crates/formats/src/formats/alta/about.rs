@@ -1,0 +1,13 @@
+//! The name of the format of the ALTA library in the table of formats, and what it is.
+
+use crate::formats::reader::Format;
+
+pub(super) const NAME: &str = "alta";
+
+pub(super) const ABOUT: Format = Format {
+    name: NAME,
+    description: "ALTA: a BRDF as text, directions or half-angle coordinates and values in rows (.alta, .dat)",
+    extensions: &["alta", "dat", "data"],
+    reads: true,
+    writes: false,
+};

@@ -1,0 +1,8 @@
+//! The name of EULUMDAT in the table of formats, and what it is.
+
+use crate::formats::reader::Format;
+
+pub(super) const NAME: &str = "eulumdat";
+
+pub(super) const ABOUT: Format =
+    Format { name: NAME, description: "EULUMDAT luminaire (.ldt)", extensions: &["ldt"], reads: true, writes: true };

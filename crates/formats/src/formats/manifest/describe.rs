@@ -1,0 +1,34 @@
+//! Axes → their manifest, which reads back as the same axes.
+
+use crate::domain::{Axis, Measurement, WavelengthGrid};
+use serde_json::{Value, json};
+
+/// The manifest of a tensor, which reads back as the same axes: `quantity`, `value_unit`, `sampling` and `axes`, and
+/// `cosine_included` where there could be one.
+pub fn manifest_of(measurement: &Measurement) -> Value {
+    let axes: Vec<Value> = measurement.tensor.axes().iter().map(describe).collect();
+    let mut manifest = json!({
+        "quantity": measurement.quantity,
+        "value_unit": measurement.unit,
+        "sampling": measurement.sampling,
+        "axes": axes,
+    });
+    if measurement.quantity.has_cosine() {
+        manifest["cosine_included"] = json!(false);
+    }
+    manifest
+}
+
+fn describe(axis: &Axis) -> Value {
+    match axis {
+        Axis::Triangles(mesh) => json!({"kind": "triangles", "domain": mesh.domain(), "level": mesh.level()}),
+        Axis::Elevation(values) => json!({"kind": "elevation", "values": values}),
+        Axis::Wavelength(WavelengthGrid::Even { start, step, count }) => {
+            json!({"kind": "wavelength", "start": start, "step": step, "count": count})
+        }
+        Axis::Wavelength(WavelengthGrid::Uneven(values)) => json!({"kind": "wavelength", "values": values}),
+        Axis::Index { count, labels } if labels.is_empty() => json!({"kind": "index", "count": count}),
+        Axis::Index { count, labels } => json!({"kind": "index", "count": count, "labels": labels}),
+        Axis::Rgb => json!("rgb"),
+    }
+}

@@ -1,0 +1,206 @@
+//! Tables over the scattering angle → functions of two directions that integrate to 1 over the sphere.
+
+use super::about::NAME;
+use super::function::{Curve, Curves};
+use super::refusal::needs;
+use crate::domain::Axis;
+use crate::formats::acquisition::{Angles, AzimuthExtent, Azimuths, Modelled, NoteKind, ParseReport};
+use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::normalization::Normalization;
+use crate::formats::text::Brief;
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// Numbers of tables over angles and wavelengths at most.
+const MAX_VALUES: usize = 1 << 22;
+/// How far the integral may be from 1 or 4π to be taken for it.
+const TOLERANCE: f64 = 0.05;
+/// Degrees at either end of a table over which its last values hold.
+const HELD: f64 = 10.0;
+/// The finest spacings, in degrees, for which levels are chosen: those of a megasample.
+const OUTGOING_SPACING: f64 = 4.5;
+const INCOMING_SPACING: f64 = 9.0;
+/// Shares of the light within the first step of a table above which it is no peak that the table resolves.
+const UNRESOLVED: f64 = 0.2;
+
+/// A function of two directions from normalised tables over the same angles, one for each entry of `spectral`.
+pub(super) fn modelled(curves: Vec<Curve>, spectral: Option<Axis>, report: &mut ParseReport) -> Modelled {
+    let numbers = curves.iter().map(|curve| curve.values.len()).sum();
+    let missing = curves.iter().flat_map(|curve| &curve.values).filter(|v| v.is_nan()).count();
+    let steps = curves.iter().take(1).flat_map(|curve| curve.angles.array_windows().map(|[a, b]| b - a));
+    let finest = steps.fold(180.0, f64::min);
+    // A function of one angle does not need all the pairs of directions that its table could tell apart.
+    let spacing = finest.max(OUTGOING_SPACING);
+    let steps = (180.0 / finest.max(INCOMING_SPACING)).round().max(2.0) as usize;
+    let even = |count: usize, length: f64| (0..count).map(|i| length * i as f64 / count as f64).collect::<Vec<f64>>();
+    let mut theta = even(steps, 180.0);
+    theta.push(180.0);
+    let phi = Some(Azimuths { phi: even(2 * steps, 360.0), extent: AzimuthExtent::Circle });
+    if finest < OUTGOING_SPACING {
+        report.note(
+            NoteKind::Assumed,
+            format!(
+                "directions {OUTGOING_SPACING} degrees apart are enough, {INCOMING_SPACING} for incoming ones, though the \
+                 table has steps of {} degrees: name the levels for more",
+                Brief(finest)
+            ),
+        );
+    }
+    Modelled {
+        incoming: Angles { theta, covers: (0.0, 180.0), phi },
+        outgoing_spacing: spacing,
+        spectral,
+        numbers,
+        missing,
+        function: Arc::new(Curves(curves)),
+    }
+}
+
+/// A function of two directions from `values` `[angle, wavelength]` over increasing scattering angles in degrees.
+pub(in crate::formats) fn tabulated(
+    angles: &[f64],
+    values: &[f32],
+    spectral: Option<Axis>,
+    said: Option<Normalization>,
+    report: &mut ParseReport,
+) -> Result<Modelled, FormatError> {
+    let width = spectral.as_ref().map_or(1, Axis::len);
+    if angles.len() < 2 {
+        let message = "values at one scattering angle, expected a table from 0 to 180 degrees";
+        return Err(FormatError::new(FormatErrorKind::Malformed, NAME, message));
+    }
+    if values.len() > MAX_VALUES {
+        let message = format!("{} values of a phase function, expected at most {MAX_VALUES}", values.len());
+        return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));
+    }
+    let is_volume = said == Some(Normalization::Vsf);
+    let mut curves = Vec::with_capacity(width);
+    for band in 0..width {
+        let values = values.iter().skip(band).step_by(width).map(|&value| f64::from(value)).collect();
+        // The notes on the first wavelength stand for all.
+        let mut others = ParseReport::default();
+        let report = if band == 0 { &mut *report } else { &mut others };
+        let mut curve = held(Curve::over_angles(angles.to_vec(), values, is_volume), report);
+        normalise(&mut curve, said, report)?;
+        curves.push(curve);
+    }
+    if width > 1 {
+        let message = format!("each of {width} wavelengths is normalised by itself; what is said here is of the first");
+        report.note(NoteKind::Assumed, message);
+    }
+    Ok(modelled(curves, spectral, report))
+}
+
+/// The values at the ends hold to 0 and 180 degrees where that is not far.
+pub(super) fn held(mut curve: Curve, report: &mut ParseReport) -> Curve {
+    let (first, last) = (curve.angles[0], curve.angles[curve.angles.len() - 1]);
+    let gap = first.max(180.0 - last);
+    // Cosines go through acos, whose last bits are no gap.
+    if gap > 1e-6 && gap <= HELD {
+        report.note(
+            NoteKind::Filled,
+            format!(
+                "the table goes from {} to {} degrees: its first and last value hold beyond",
+                Brief(first),
+                Brief(last)
+            ),
+        );
+    }
+    curve.held = if gap <= HELD { gap } else { 0.0 };
+    curve
+}
+
+/// Divides the values by what they integrate to, which must be what was said, or 1 or 4π if nothing was.
+pub(super) fn normalise(
+    curve: &mut Curve,
+    said: Option<Normalization>,
+    report: &mut ParseReport,
+) -> Result<(), FormatError> {
+    let whole = curve.held > 0.0 || (curve.angles[0] <= 1e-6 && curve.angles[curve.angles.len() - 1] >= 180.0 - 1e-6);
+    if !whole || curve.values.iter().any(|v| v.is_nan()) {
+        let divisor = match said {
+            Some(Normalization::One) => 1.0,
+            Some(Normalization::FourPi) => 4.0 * PI,
+            _ => {
+                return Err(needs(
+                    "the table does not cover 0 to 180 degrees, so that its integral is not known: expected the option \
+                     normalization=1 or 4pi, what the whole function integrates to over the sphere"
+                        .to_owned(),
+                ));
+            }
+        };
+        report.note(NoteKind::Warning, "angles that the table does not cover are masked");
+        curve.values.iter_mut().for_each(|value| *value /= divisor);
+        return Ok(());
+    }
+    let integrals = curve.integrals();
+    let total = integrals.total;
+    if !(total > 0.0 && total.is_finite()) {
+        return Err(FormatError::new(
+            FormatErrorKind::Malformed,
+            NAME,
+            format!("the values integrate to {} over the sphere, expected more than 0", Brief(total)),
+        ));
+    }
+    let near = |expected: f64| (total / expected - 1.0).abs() <= TOLERANCE;
+    let found = format!("{total:.6}");
+    match said {
+        None if near(1.0) => report.note(NoteKind::Assumed, format!("normalised to 1 over the sphere (found {found})")),
+        None if near(4.0 * PI) => {
+            report
+                .note(NoteKind::Assumed, format!("normalised to 4 pi over the sphere (found {found}): divided by it"));
+        }
+        None => {
+            return Err(needs(format!(
+                "the values integrate to {found} over the sphere, which is neither 1 nor 4 pi within 5 %: expected the option \
+                 normalization=1, 4pi, vsf (a volume scattering function in 1/m/sr) or relative"
+            )));
+        }
+        Some(Normalization::Vsf) => {
+            report.metadata.push(("scattering_coefficient".to_owned(), Brief(total).to_string()));
+            report.note(
+                NoteKind::Assumed,
+                format!(
+                    "a volume scattering function: divided by its integral, the scattering coefficient {}",
+                    Brief(total)
+                ),
+            );
+        }
+        Some(Normalization::Relative) => {
+            report.note(
+                NoteKind::Assumed,
+                format!("relative values: divided by their integral over the sphere, {found}"),
+            );
+        }
+        Some(said) => {
+            let expected = if said == Normalization::One { 1.0 } else { 4.0 * PI };
+            if !near(expected) {
+                report.note(
+                    NoteKind::Warning,
+                    format!("the values integrate to {found} over the sphere, not to {expected:.6} as was said: divided by what they make"),
+                );
+            }
+        }
+    }
+    curve.values.iter_mut().for_each(|value| *value /= total);
+    let (mean, share) = (integrals.cosine / total, integrals.first / total);
+    report.metadata.push(("integral_over_the_sphere".to_owned(), Brief(total).to_string()));
+    report.metadata.push(("mean_cosine".to_owned(), format!("{mean:.6}")));
+    report.metadata.push(("share_of_the_first_step".to_owned(), format!("{share:.6}")));
+    if share > UNRESOLVED && curve.angles[1] < 90.0 {
+        report.note(
+            NoteKind::Warning,
+            format!(
+                "{:.0} % of the light lies within the first step of the table: its peak is not resolved",
+                100.0 * share
+            ),
+        );
+    }
+    if mean < -0.05 {
+        report.note(
+            NoteKind::Warning,
+            format!("most light goes backward (mean cosine {mean:.3}): here +1 and 0 degrees are forward; is it the other way round in the file?"),
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,85 @@
+//! The table of formats, and the reader of it that recognises a file by its content.
+
+use super::acquisition::Acquisition;
+use super::error::{FormatError, FormatErrorKind};
+use super::interpretation::Interpretation;
+use super::reader::{Format, HEAD_BYTES, Reader, Sample, refuse_idle_options};
+use super::{
+    alta, analytic, archive, eulumdat, foreign, lm63, mbsdf, merl, npy, phase_table, radiometric_csv, rgl,
+    spectral_table, tabphase, text, tm27,
+};
+
+/// Every format of single files that is read, in the order of probing. A new one is its file and its line here.
+const TABLE: &[Reader] = &[
+    npy::READER,
+    mbsdf::READER,
+    rgl::READER,
+    merl::READER,
+    lm63::READER,
+    eulumdat::READER,
+    radiometric_csv::READER,
+    radiometric_csv::arrow::READER,
+    tm27::READER,
+    alta::READER,
+    analytic::READER,
+    phase_table::READER,
+    spectral_table::READER,
+];
+
+/// A probe that is at least this sure goes before the signatures of formats that are not read.
+const SURE: u8 = 50;
+
+/// Formats that are only written.
+const WRITTEN: &[Format] = &[tabphase::ABOUT];
+
+/// Every format known: those that are read in the order they are probed, then those that are only written.
+pub fn formats() -> Vec<Format> {
+    readable().chain(WRITTEN.iter().copied()).collect()
+}
+
+/// Formats that are read: archives, which are probed before all others, then those of the table.
+fn readable() -> impl Iterator<Item = Format> {
+    std::iter::once(archive::ABOUT).chain(TABLE.iter().map(|reader| reader.about))
+}
+
+/// Reads the measurement of `bytes` that are no archive, whatever their format.
+pub(super) fn read_file(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
+    let unrecognised = |message: String| FormatError::new(FormatErrorKind::Unrecognised, "", message);
+    if bytes.is_empty() {
+        return Err(unrecognised("the file is empty, expected a measurement".to_owned()));
+    }
+    let sample = Sample { bytes, head: text::head(bytes, HEAD_BYTES), quantity: how.quantity() };
+    let reader = probed(&sample).map_err(|message| FormatError::new(FormatErrorKind::Unsupported, "", message))?;
+    let Some(reader) = reader else {
+        let known: Vec<&str> = readable().map(|about| about.name).collect();
+        return Err(unrecognised(format!(
+            "the content is of no format known here, expected one of {} (`wavelume formats` explains them)",
+            known.join(", ")
+        )));
+    };
+    refuse_idle_options(&reader.about, reader.options, how)?;
+    (reader.read)(bytes, how)
+}
+
+/// The reader that is most sure of a sample, if any is; else what the sample is that no reader reads, if that is known.
+fn probed(sample: &Sample<'_>) -> Result<Option<&'static Reader>, String> {
+    let mut best: Option<(u8, &'static Reader)> = None;
+    for reader in TABLE {
+        let score = (reader.probe)(sample);
+        if score > best.map_or(0, |(highest, _)| highest) {
+            best = Some((score, reader));
+        }
+    }
+    if best.is_none_or(|(score, _)| score < SURE)
+        && let Some(message) = foreign::recognise(sample)
+    {
+        return Err(message);
+    }
+    Ok(best.map(|(_, reader)| reader))
+}
+
+/// Returns true where some format of the table recognises `bytes`; they may be malformed all the same.
+pub(super) fn recognises_file(bytes: &[u8]) -> bool {
+    let sample = Sample { bytes, head: text::head(bytes, HEAD_BYTES), quantity: None };
+    matches!(probed(&sample), Ok(Some(_)))
+}

@@ -1,0 +1,13 @@
+//! The name of radiometric-csv in the table of formats, and what it is.
+
+use crate::formats::reader::Format;
+
+pub(super) const NAME: &str = "radiometric-csv";
+
+pub(super) const ABOUT: Format = Format {
+    name: NAME,
+    description: "radiometric-csv: measurements as text that says what they are, long or wide (.csv)",
+    extensions: &["csv"],
+    reads: true,
+    writes: false,
+};

@@ -1,0 +1,96 @@
+//! The lines of a radiometric-csv file before its numbers: `# key: value`, remarks, and the row of column names.
+
+use super::about::NAME;
+use super::header::Field;
+use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::text::{Source, unmarked, unmarked_utf16};
+use std::borrow::Cow;
+
+/// The lines of the header, and the characters of each, beyond which nothing is a header.
+const MAX_HEADER_LINES: usize = 1000;
+const MAX_HEADER_LINE: usize = 1 << 16;
+
+/// The bytes as ASCII-compatible text with line feeds: UTF-16 is decoded, byte order and end-of-file marks are cut.
+pub(super) fn plain<'a>(bytes: &'a [u8], report: &mut ParseReport) -> Cow<'a, [u8]> {
+    let marked = bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff");
+    let utf16 = marked || unmarked_utf16(bytes).is_some();
+    let text = if utf16 {
+        let source = Source::decode(bytes, NAME);
+        if let Some(encoding) = source.odd_encoding() {
+            report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
+        }
+        Cow::Owned(source.text().as_bytes().to_vec())
+    } else {
+        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+        let marks = bytes.iter().rev().take_while(|&&b| b == 0x1a || b == 0 || b.is_ascii_whitespace()).count();
+        Cow::Borrowed(&bytes[..bytes.len() - marks])
+    };
+    // Old Macintosh files end their lines with a carriage return alone.
+    let end = text.iter().position(|&b| b == b'\n' || b == b'\r');
+    let alone = end.is_some_and(|end| text[end] == b'\r' && text.get(end + 1) != Some(&b'\n'));
+    if alone {
+        return Cow::Owned(text.iter().map(|&b| if b == b'\r' { b'\n' } else { b }).collect());
+    }
+    text
+}
+
+/// The lines before the numbers.
+pub(super) struct Head {
+    pub(super) fields: Vec<Field>,
+    /// The row of column names.
+    pub(super) names: String,
+    /// How many lines there are with it.
+    pub(super) lines: usize,
+    /// Where the next line starts.
+    pub(super) end: usize,
+}
+
+impl Head {
+    pub(super) fn read(text: &[u8], report: &mut ParseReport) -> Result<Self, FormatError> {
+        let mut fields: Vec<Field> = Vec::new();
+        let (mut at, mut lines) = (0, 0);
+        let mut odd = None;
+        let mut decoded = |bytes: &[u8], report: &mut ParseReport| {
+            let (text, encoding) = unmarked(bytes);
+            if encoding != "UTF-8" && odd.replace(encoding).is_none() {
+                report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
+            }
+            text.into_owned()
+        };
+        while at < text.len() {
+            lines += 1;
+            let end = text[at..].iter().position(|&b| b == b'\n').map_or(text.len(), |i| at + i);
+            let line = text[at..end].trim_ascii();
+            at = (end + 1).min(text.len());
+            let Some(comment) = line.strip_prefix(b"#") else {
+                if line.is_empty() && lines < MAX_HEADER_LINES {
+                    continue;
+                }
+                return Ok(Self { fields, names: decoded(line, report), lines, end: at });
+            };
+            if lines > MAX_HEADER_LINES || line.len() > MAX_HEADER_LINE {
+                let message = format!(
+                    "line {lines} of the header, expected at most {MAX_HEADER_LINES} lines of {MAX_HEADER_LINE} bytes"
+                );
+                return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));
+            }
+            if comment.starts_with(b"#") {
+                continue;
+            }
+            let comment = decoded(comment.trim_ascii_start(), report);
+            match comment.split_once(':') {
+                // More than one word before the colon is prose.
+                Some((key, value)) if !key.trim().is_empty() && !key.trim().contains(char::is_whitespace) => {
+                    // Spreadsheets end every line with as many separators as the longest has.
+                    let value = value.trim().trim_end_matches([',', ';']).trim_end().chars().take(4096).collect();
+                    fields.push(Field { key: key.trim().to_lowercase(), value, line: lines });
+                }
+                _ if comment.is_empty() => {}
+                _ => report.metadata.push(("comment".to_owned(), comment.chars().take(4096).collect())),
+            }
+        }
+        let message = "the file ends in its header, expected a row of column names and rows of numbers";
+        Err(FormatError::new(FormatErrorKind::Malformed, NAME, message))
+    }
+}

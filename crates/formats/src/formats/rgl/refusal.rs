@@ -1,0 +1,12 @@
+//! Refusals of tensor files, at a byte.
+
+use super::about::NAME;
+use crate::formats::error::{FormatError, FormatErrorKind};
+
+pub(super) fn malformed(offset: usize, message: impl Into<String>) -> FormatError {
+    FormatError::at_byte(FormatErrorKind::Malformed, NAME, offset, message)
+}
+
+pub(super) fn over_limit(offset: usize, message: impl Into<String>) -> FormatError {
+    FormatError::at_byte(FormatErrorKind::OverLimit, NAME, offset, message)
+}

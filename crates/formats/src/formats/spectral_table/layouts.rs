@@ -1,0 +1,57 @@
+//! Layouts of tables: which of them a text has, and the table that it becomes.
+
+use super::about::NAME;
+use super::cells::Delimiter;
+use super::lines::contents;
+use super::pairs::{self, are_pairs};
+use super::rows::{self, MAX_PREAMBLE, delimiter};
+use super::table::Table;
+use super::wide::{self, is_wide};
+use super::{library, suffixed};
+use crate::formats::acquisition::ParseReport;
+use crate::formats::error::FormatError;
+use crate::formats::reader::HEAD_BYTES;
+use crate::formats::text::{Source, Token};
+
+/// How much the beginning of a file looks like a table: rows of numbers, or one column of them.
+pub(in crate::formats) fn probe(head: &str) -> u8 {
+    // Any format name does: no message of this source is shown.
+    let source = Source::decode(head.as_bytes(), NAME);
+    let data = library::data_offset(&source);
+    let mut lines: Vec<Token<'_>> =
+        contents(&source).skip_while(|line| line.offset < data).take(MAX_PREAMBLE + 1).collect();
+    if lines.len() > 1 && head.len() >= HEAD_BYTES / 2 {
+        // The last line may be cut.
+        lines.pop();
+    }
+    // A spectral library's file without rows is one that was cut.
+    if data > 0
+        || delimiter(&lines).is_some()
+        || are_pairs(lines.iter().copied())
+        || is_wide(lines.iter().copied())
+        || suffixed::is_list(&lines)
+    {
+        return 30;
+    }
+    let single = lines.iter().filter(|line| Delimiter::Blank.numeric_cells(**line) == Some(1)).count();
+    if single >= 3 && 2 * single > lines.len() { 10 } else { 0 }
+}
+
+/// Whether the beginning of a file has a row of wavelengths, with a spectrum in each row beneath.
+pub(in crate::formats) fn holds_wide(head: &str) -> bool {
+    is_wide(contents(&Source::decode(head.as_bytes(), NAME)))
+}
+
+/// The table of a text in whichever of the layouts it has.
+pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Table, FormatError> {
+    if let Some(table) = pairs::read(source, report) {
+        return Ok(table);
+    }
+    if let Some(table) = suffixed::read(source, report)? {
+        return Ok(table);
+    }
+    match wide::read(source, report)? {
+        Some(table) => Ok(table),
+        None => rows::read(source, report),
+    }
+}
