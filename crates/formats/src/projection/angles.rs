@@ -1,6 +1,6 @@
 //! A grid of angles as a function on the sphere: bilinear in (theta, phi), held to the ends that it stands for.
 
-use super::ProjectionError;
+use super::error::ProjectionError;
 use crate::domain::{Direction, TriangleMesh};
 use crate::formats::{Angles, AzimuthExtent, Azimuths};
 

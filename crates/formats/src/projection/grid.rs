@@ -2,9 +2,12 @@
 
 use super::angles::{self, check, check_area, sampled_cells};
 use super::averages::{Averages, divisions};
-use super::levels::{self, Choice, rounded};
+use super::error::ProjectionError;
+use super::levels::{self, Choice, MAX_CHOSEN_SAMPLES, rounded};
+use super::projected::{Coverage, Projected};
+use super::request::AxesRequest;
 use super::resampling::{Directions, Resampling};
-use super::{AxesRequest, Coverage, Projected, ProjectionError, on_axes, spectral};
+use super::spectral;
 use crate::domain::{Axis, Domain, Layout, Measurement, Quantity, Sampling, Tensor, TensorError, check_axes};
 use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Outside};
 
@@ -88,7 +91,7 @@ fn incoming_side(angles: Option<&Angles>, level: Option<u8>) -> Result<Side<'_>,
         (None, Some(_)) => unfit("the data have no incoming directions to choose a level for".to_owned()),
         (Some(angles), level) if angles.phi.is_none() => match level {
             None => Ok(Side::Elevations(angles)),
-            Some(_) => unfit(on_axes::isotropic(angles.theta.len(), "incoming")),
+            Some(_) => unfit(levels::isotropic(angles.theta.len(), "incoming")),
         },
         (Some(angles), level) => {
             check_area("incoming", angles)?;
@@ -130,9 +133,6 @@ fn outgoing_side(quantity: Quantity, angles: Option<&Angles>, level: Option<u8>)
     }
     Ok(Side::Triangles(angles, levels::choose("outgoing", domain, angles, level)?))
 }
-
-/// A tensor on chosen levels has at most this many samples (128 MiB): finer ones are for who asks for them.
-pub(super) const MAX_CHOSEN_SAMPLES: usize = 1 << 25;
 
 /// Lowers chosen levels, the finer one first, until the tensor is within its limit; what the user named stays.
 fn lower_to_fit<'a>(incoming: &mut Side<'a>, outgoing: &mut Side<'a>, others: usize) {

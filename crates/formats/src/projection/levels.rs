@@ -1,14 +1,17 @@
 //! The level of triangles that fits the density of the samples.
 
-use super::ProjectionError;
 use super::angles::mean_spacing;
 use super::averages::OCTANT_DEGREES;
+use super::error::ProjectionError;
 use crate::domain::limits::MAX_LEVEL;
 use crate::domain::{Domain, TriangleMesh};
 use crate::formats::Angles;
 
 /// The finest level that is chosen without being asked for.
 const MAX_CHOSEN_LEVEL: u8 = 6;
+
+/// A tensor on chosen levels has at most this many samples (128 MiB): finer ones are for who asks for them.
+pub(super) const MAX_CHOSEN_SAMPLES: usize = 1 << 25;
 
 /// A mesh and why it is this one.
 #[derive(Clone, Debug)]
@@ -112,6 +115,12 @@ fn natural_level(theta: f64, phi: Option<f64>) -> u8 {
 /// At most two decimals, without trailing zeros.
 pub(super) fn rounded(degrees: f64) -> f64 {
     libm::round(degrees * 100.0) / 100.0
+}
+
+/// Why a level means nothing for elevations.
+pub(super) fn isotropic(elevations: usize, what: &str) -> String {
+    let s = if elevations == 1 { "" } else { "s" };
+    format!("the data are isotropic ({elevations} elevation{s}), no {what} triangles to choose a level for")
 }
 
 #[cfg(test)]

@@ -3,11 +3,15 @@
 mod angles;
 mod averages;
 mod bands;
+mod channels;
+mod error;
 mod grid;
 mod levels;
 mod modelled;
 mod on_axes;
 mod planes;
+mod projected;
+mod request;
 mod resampling;
 mod samples;
 mod scattered;
@@ -15,87 +19,13 @@ mod spectral;
 #[cfg(test)]
 mod tests;
 
+pub use error::ProjectionError;
+pub use projected::{Coverage, Projected};
+pub use request::AxesRequest;
 pub use samples::error_at_samples;
 pub use scattered::{Regions, ScatterReport, Scores};
 
-use crate::domain::{AxisError, Measurement, TensorError, WavelengthGrid};
 use crate::formats::{Acquisition, Samples};
-use serde::Serialize;
-
-/// The axes the user asks for; what is not given is chosen from the data's own density.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct AxesRequest {
-    /// Subdivision level of the incoming triangles.
-    pub incoming_level: Option<u8>,
-    /// Subdivision level of the outgoing triangles.
-    pub outgoing_level: Option<u8>,
-    /// Wavelengths to resample to.
-    pub wavelengths: Option<WavelengthGrid>,
-    /// The relative error that is promised later: levels for scattered directions represent what was measured to half of it
-    /// (1 % if none is named).
-    pub target: Option<f64>,
-}
-
-/// The relative error of which levels take half, if none is named.
-const TARGET: f64 = 0.01;
-
-impl AxesRequest {
-    fn target(&self) -> f64 {
-        self.target.unwrap_or(TARGET)
-    }
-}
-
-/// A projected measurement.
-#[derive(Clone, Debug)]
-pub struct Projected {
-    /// The tensor and what it is.
-    pub measurement: Measurement,
-    /// What the cells stand on.
-    pub coverage: Coverage,
-    /// Which cells are filled (continued, mirrored or exchanged, not measured): one for each spectrum of the tensor, row-major;
-    /// empty where none is.
-    pub filled: Vec<bool>,
-}
-
-/// What the cells of a projection stand on.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Coverage {
-    /// Cells of directions (spectra, not samples).
-    pub cells: u64,
-    /// Cells with a sample inside, or data that were on their final axes already.
-    pub measured: u64,
-    /// Cells between samples.
-    pub interpolated: u64,
-    /// Cells in holes or beyond the outermost samples, filled by a rule that the notes declare.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub filled: u64,
-    /// Cells outside what was measured: masked, or 0 where the format's standard says so.
-    pub empty: u64,
-    /// Why these axes: one sentence each.
-    pub notes: Vec<String>,
-    /// Errors at the samples, and at withheld ones, of data at scattered directions.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub scatter: Option<Box<ScatterReport>>,
-}
-
-#[allow(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
-fn is_zero(count: &u64) -> bool {
-    *count == 0
-}
-
-/// Why a measurement cannot be put on the axes asked for.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ProjectionError {
-    /// A request that the data cannot answer.
-    #[error("{0}")]
-    Unfit(String),
-    /// The axes are out of their limits.
-    #[error(transparent)]
-    Axes(#[from] AxisError),
-    /// The tensor cannot be made.
-    #[error(transparent)]
-    Tensor(#[from] TensorError),
-}
 
 /// Projects `acquisition` onto the axes of `request`.
 ///

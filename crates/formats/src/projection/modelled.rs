@@ -2,9 +2,11 @@
 
 use super::angles::{check, mean_spacing};
 use super::averages::OCTANT_DEGREES;
-use super::grid::MAX_CHOSEN_SAMPLES;
-use super::levels::{self, Choice};
-use super::{AxesRequest, Coverage, Projected, ProjectionError, on_axes, spectral};
+use super::error::ProjectionError;
+use super::levels::{self, Choice, MAX_CHOSEN_SAMPLES};
+use super::projected::{Coverage, Projected};
+use super::request::AxesRequest;
+use super::spectral;
 use crate::domain::{
     Axis, Direction, Domain, Layout, Measurement, Quantity, Sampling, Tensor, TriangleMesh, Vertices, centroid,
     check_axes, child, solid_angle,
@@ -100,7 +102,7 @@ fn incoming(modelled: &Modelled, domain: Domain, level: Option<u8>) -> Result<In
     match (&angles.phi, level) {
         (None, None) => Ok(Incoming::Elevations(&angles.theta)),
         (None, Some(_)) => {
-            let reason = on_axes::isotropic(angles.theta.len(), "incoming");
+            let reason = levels::isotropic(angles.theta.len(), "incoming");
             Err(ProjectionError::Unfit(format!("incoming_level: {reason}")))
         }
         (Some(_), level) => Ok(Incoming::Triangles(levels::choose("incoming", domain, angles, level)?)),

@@ -1,8 +1,11 @@
 //! Samples that lie on final axes already: kept, made coarser, or put on other wavelengths.
 
 use super::averages::Averages;
+use super::error::ProjectionError;
+use super::projected::{Coverage, Projected};
+use super::request::AxesRequest;
 use super::resampling::{Directions, Resampling};
-use super::{AxesRequest, Coverage, Projected, ProjectionError, spectral};
+use super::{levels, spectral};
 use crate::domain::{Axis, Layout, Measurement, Sampling, Tensor, check_axes};
 use crate::formats::Acquisition;
 
@@ -64,7 +67,7 @@ fn coarsen(
     let mesh = match axis {
         Some(Axis::Triangles(mesh)) => *mesh,
         None => return unfit(format!("the data have no {what} directions to choose a level for")),
-        Some(Axis::Elevation(values)) => return unfit(isotropic(values.len(), what)),
+        Some(Axis::Elevation(values)) => return unfit(levels::isotropic(values.len(), what)),
         Some(other) => return unfit(format!("the {what} axis is {}, no triangles", other.describe())),
     };
     let Some(depth) = mesh.level().checked_sub(level) else {
@@ -82,10 +85,4 @@ fn coarsen(
     ));
     let averages = Averages::over_children(mesh, depth);
     Ok((coarse.map(Axis::Triangles), Directions::Averaged { from: mesh.len(), averages }))
-}
-
-/// Why a level means nothing for elevations.
-pub(super) fn isotropic(elevations: usize, what: &str) -> String {
-    let s = if elevations == 1 { "" } else { "s" };
-    format!("the data are isotropic ({elevations} elevation{s}), no {what} triangles to choose a level for")
 }

@@ -1,7 +1,7 @@
 //! The spectral axis of a projection: kept, resampled to the wavelengths asked for, or made by a joined spectrum.
 
-use super::ProjectionError;
 use super::bands::Bands;
+use super::error::ProjectionError;
 use super::resampling::Channels;
 use crate::domain::{Axis, WavelengthGrid};
 use crate::formats::SpectralFactor;

@@ -1,7 +1,9 @@
 //! Tests of whole projections.
 
 use super::*;
-use crate::domain::{Axis, Direction, Domain, Quantity, Sampling, Tensor, TriangleMesh, Unit};
+use crate::domain::{
+    Axis, AxisError, Direction, Domain, Quantity, Sampling, Tensor, TensorError, TriangleMesh, Unit, WavelengthGrid,
+};
 use crate::formats::{AngleGrid, Angles, AzimuthExtent, Azimuths, Outside, ParseReport, SpectralFactor};
 
 fn steps(from: f64, step: f64, count: usize) -> Vec<f64> {

@@ -242,12 +242,12 @@ impl Fitted<'_> {
     fn evaluate(&self, shares: [f32; PARTS], scratch: &mut Scratch) {
         let Scratch { fitter, missing, row, .. } = scratch;
         missing.clear();
-        if let ([value], true) = (&mut row[..], fitter.logarithms) {
-            *value = self.rows.mean_of(fitter.gathered[0], fitter.lights(), shares);
+        if let ([value], true) = (&mut row[..], fitter.gathered.logarithms) {
+            *value = self.rows.mean_of(fitter.gathered.rows[0], fitter.lights(), shares);
             return;
         }
         let is_partial = |&row: &u32| self.rows.kinds[row as usize] == Kind::Partial;
-        if fitter.logarithms || !fitter.gathered.iter().any(is_partial) {
+        if fitter.gathered.logarithms || !fitter.gathered.rows.iter().any(is_partial) {
             fitter.weigh();
             self.rows.combine(&fitter.rows, &fitter.weights, shares, row);
             return;
@@ -255,9 +255,9 @@ impl Fitted<'_> {
         let mut any = false;
         for (band, value) in row.iter_mut().enumerate() {
             let is_missing = |&row: &u32| self.rows.row(row)[band].is_nan();
-            if missing.is_empty() || !fitter.gathered.iter().map(is_missing).eq(missing.iter().copied()) {
+            if missing.is_empty() || !fitter.gathered.rows.iter().map(is_missing).eq(missing.iter().copied()) {
                 missing.clear();
-                missing.extend(fitter.gathered.iter().map(is_missing));
+                missing.extend(fitter.gathered.rows.iter().map(is_missing));
                 any = fitter.without(missing);
             }
             *value = if any { self.rows.combine_band(band, &fitter.rows, &fitter.weights, shares) } else { f32::NAN };

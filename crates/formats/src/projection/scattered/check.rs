@@ -2,7 +2,7 @@
 
 use crate::domain::{Axis, TensorError};
 use crate::formats::Scattered;
-use crate::projection::ProjectionError;
+use crate::projection::error::ProjectionError;
 
 /// The number of bands of checked samples.
 pub(super) fn check(scattered: &Scattered) -> Result<usize, ProjectionError> {

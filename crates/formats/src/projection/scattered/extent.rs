@@ -1,7 +1,7 @@
 //! How far and how densely samples lie: their domains, sides, and the distances between neighbours.
 
 use super::cloud::{Cloud, Incoming};
-use super::trials;
+use super::withheld::trials;
 use crate::domain::vector::Vector;
 use crate::domain::{Domain, Quantity};
 
@@ -62,7 +62,7 @@ pub(super) fn incoming_domain(live: &[u32], directions: &[(Vector, Vector)]) -> 
 /// The distance between neighbouring samples in degrees, from how far their sixteenth neighbour is, in the middle of many.
 pub(super) fn spacing(clouds: &[Cloud]) -> f64 {
     let mut found = Vec::new();
-    let mut all: Vec<f64> = trials::trials(clouds, 200)
+    let mut all: Vec<f64> = trials(clouds, 200)
         .into_iter()
         .filter_map(|trial| {
             let cloud = &clouds[trial.cloud];
@@ -77,65 +77,4 @@ pub(super) fn spacing(clouds: &[Cloud]) -> f64 {
     }
     let middle = all.len() / 2;
     *all.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
-/// The angle at the origin in which points lie, as long as it is less than half a turn.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Around {
-    /// The points at its two sides, the second to the left of the first; both 0 if there are none.
-    sides: [[f64; 2]; 2],
-}
-
-impl Around {
-    /// Adds a point; whether every half plane has one now, after which no more may be added.
-    pub(super) fn add(&mut self, point: [f64; 2]) -> bool {
-        let left_of = |a: [f64; 2]| a[0] * point[1] - a[1] * point[0];
-        let [first, last] = self.sides;
-        if first == [0.0; 2] {
-            self.sides = [point; 2];
-            return false;
-        }
-        match (left_of(first) < 0.0, left_of(last) > 0.0) {
-            (true, true) => return true,
-            (true, false) => self.sides[0] = point,
-            (false, true) => self.sides[1] = point,
-            (false, false) => {}
-        }
-        false
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn points_on_a_line_are_never_all_around() {
-        for (turn, beside) in [(0.3_f64, 1e-6), (1.0, 1e-3), (2.5, 0.5), (0.0, 1e-9)] {
-            let mut around = Around::default();
-            let found = (-100..=100).any(|i| {
-                let along = f64::from(i) * 0.01 + 1e-5;
-                let (sin, cos) = turn.sin_cos();
-                around.add([along * cos - beside * sin, along * sin + beside * cos])
-            });
-            assert!(!found, "{turn} {beside}");
-        }
-    }
-
-    #[test]
-    fn three_points_are_around_what_lies_between_them() {
-        for turn in 0..360 {
-            let at = |degrees: i32| {
-                let (sin, cos) = f64::from(degrees + turn).to_radians().sin_cos();
-                [cos, sin]
-            };
-            let around = |degrees: [i32; 3]| {
-                let mut around = Around::default();
-                degrees.into_iter().any(|degrees| around.add(at(degrees)))
-            };
-            for order in [[0, 1, 2], [1, 0, 2], [2, 1, 0], [0, 2, 1]] {
-                assert!(around(order.map(|i| [0, 100, 230][i])) && !around(order.map(|i| [0, 100, 170][i])), "{turn}");
-            }
-        }
-    }
 }

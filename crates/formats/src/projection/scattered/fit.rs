@@ -8,9 +8,9 @@
 //! Nemirovski 1997). A quadratic that hangs on few samples gives way to a plane, that to a mean.
 
 use super::cloud::{Cloud, slope, tangents};
-use super::gathering::Frame;
+use super::gathering::{Frame, Gathered, REACHES};
 use super::rows::{PARTS, Rows};
-use super::system::{Columns, Factored, TERMS};
+use super::system::{Factored, TERMS};
 use super::tree::Found;
 use crate::domain::vector::Vector;
 
@@ -18,8 +18,6 @@ use crate::domain::vector::Vector;
 const UNCERTAIN: f64 = 1.0;
 /// Residuals of so many standard deviations lose all weight.
 const FAR_OFF: f64 = 6.0;
-/// Parts of the square of the reach within which fits compete.
-pub(super) const REACHES: [f64; 2] = [0.33, 1.0];
 /// The variance of a weighted fit in parts of what weights by variance would give: they fall off with distance.
 const FALL_OFF: f64 = 0.75;
 /// Departures within so many variances of theirs are noise.
@@ -68,25 +66,13 @@ pub(super) struct Fitter {
     pub(super) rows: Vec<u32>,
     /// For each of them its weight in the value at each part.
     pub(super) weights: Vec<[f32; PARTS]>,
-    /// All rows gathered: within the first of [`REACHES`], then the rest.
-    pub(super) gathered: Vec<u32>,
-    /// Whether logarithms are fitted: all values gathered are positive.
-    pub(super) logarithms: bool,
-    pub(super) counts: [usize; REACHES.len()],
+    pub(super) gathered: Gathered,
     /// The last of [`REACHES`] that counts.
-    pub(super) size: usize,
-    pub(super) parts: [[f64; TERMS]; PARTS],
-    pub(super) joint: bool,
-    pub(super) columns: Columns,
-    /// Whether no sample has lost weight by lying off.
-    pub(super) plain: bool,
-    pub(super) robust_of_all: Vec<f64>,
-    pub(super) sorted: Vec<f64>,
-    pub(super) order: Vec<Found>,
-    pub(super) most_certain: f64,
-    pub(super) fitted: Option<Factored>,
-    pub(super) frame: Frame,
-    pub(super) nearest_incoming: f64,
+    size: usize,
+    parts: [[f64; TERMS]; PARTS],
+    robust_of_all: Vec<f64>,
+    fitted: Option<Factored>,
+    frame: Frame,
 }
 
 impl Fitter {
@@ -106,40 +92,40 @@ impl Fitter {
         });
         // The farthest sample counts, too.
         let reach = (farthest * 1.05).max(1e-12);
-        self.joint = cloud.stretch > 0.0;
-        self.order(found, reach);
+        self.gathered.joint = cloud.stretch > 0.0;
+        self.gathered.order(found, reach);
         let axes = tangents(place.wo);
         let centre = slope(place.wi, place.wo);
         let is_steep = |&wo: &Vector| slope(place.wi, wo)[0].is_nan();
         let steep = !cloud.slopes || centre[0].is_nan() || place.parts.iter().any(is_steep);
-        self.gather(cloud, rows, place);
-        let by_slope = !steep && self.slopes(cloud, centre);
+        self.gathered.gather(cloud, rows, place.wi);
+        let by_slope = !steep && self.gathered.slopes(cloud, centre);
         if !by_slope {
-            self.tangents(cloud, &axes);
+            self.gathered.tangents(cloud, &axes);
         }
-        let length = self.scale();
+        let length = self.gathered.scale();
         self.frame = Frame { slopes: by_slope.then_some((place.wi, centre)), axes, length };
-        let joint = self.joint;
+        let joint = self.gathered.joint;
         self.parts = place.parts.map(|wo| self.frame.at(wo, joint));
         let mut support = Support {
             nearest: nearest.0.sqrt(),
             reach: farthest.sqrt(),
             nearest_point: nearest.1,
             count: found.len(),
-            surrounded: self.surrounded(cloud, &axes),
-            nearest_incoming: self.nearest_incoming,
+            surrounded: self.gathered.surrounded(cloud, &axes),
+            nearest_incoming: self.gathered.nearest_incoming,
             ..Support::default()
         };
         for (degree, count) in degrees(joint) {
             if degree == 0 || found.len() >= count + degree {
                 self.size = REACHES.len() - 1;
-                if !self.plain {
-                    self.columns.robust.fill(1.0);
-                    self.plain = true;
+                if !self.gathered.plain {
+                    self.gathered.columns.robust.fill(1.0);
+                    self.gathered.plain = true;
                 }
                 let factored = self.system(count);
                 let mut factored = self.robustly(factored);
-                if degree == 2 && !joint && factored.scatter > 0.0 && self.counts[0] >= count + FEWEST_LEFT {
+                if degree == 2 && !joint && factored.scatter > 0.0 && self.gathered.counts[0] >= count + FEWEST_LEFT {
                     factored = self.narrowed(factored, noise);
                 }
                 support.variance = self.variance(&factored);
@@ -158,8 +144,8 @@ impl Fitter {
     pub(super) fn elsewhere(&mut self, parts: [Vector; PARTS], degree: u8) -> Option<f64> {
         let fitted = self.fitted.as_ref()?;
         let change: f64 = fitted.solution[1..].iter().map(|term| term.abs()).sum();
-        let whole = degree == 2 && self.size + 1 == REACHES.len() && self.logarithms && change <= EVEN;
-        let parts = parts.map(|wo| self.frame.at(wo, self.joint));
+        let whole = degree == 2 && self.size + 1 == REACHES.len() && self.gathered.logarithms && change <= EVEN;
+        let parts = parts.map(|wo| self.frame.at(wo, self.gathered.joint));
         if !whole || parts.iter().any(|part| part[1].is_nan()) {
             return None;
         }
@@ -186,12 +172,12 @@ impl Fitter {
     /// Sets the weights for a band that the rows `missing` of all gathered have not; `false` if none has it.
     pub(super) fn without(&mut self, missing: &[bool]) -> bool {
         let left = missing.iter().filter(|missing| !**missing).count();
-        for (robust, &missing) in self.columns.robust.iter_mut().zip(missing) {
+        for (robust, &missing) in self.gathered.columns.robust.iter_mut().zip(missing) {
             *robust = f64::from(u8::from(!missing));
         }
-        self.plain = false;
+        self.gathered.plain = false;
         self.size = REACHES.len() - 1;
-        for (degree, count) in degrees(self.joint) {
+        for (degree, count) in degrees(self.gathered.joint) {
             if degree == 0 || left >= count + degree {
                 let factored = self.system(count);
                 if self.weigh_by(&factored) <= UNCERTAIN {
@@ -206,16 +192,16 @@ impl Fitter {
     fn narrowed(&mut self, all: Factored, noise: f64) -> Factored {
         let last = self.size;
         // What is far off the fit to all is left out at first: of few samples an outlier bends the fit to itself.
-        self.robust_of_all.clone_from(&self.columns.robust);
-        let plain = self.plain;
+        self.robust_of_all.clone_from(&self.gathered.columns.robust);
+        let plain = self.gathered.plain;
         self.size = 0;
         let mut few = self.system(all.terms);
         let suspicion = self.suspicion(&few);
         if suspicion.is_some() {
             few = self.robustly(few);
-        } else if !self.plain {
-            self.columns.robust.fill(1.0);
-            self.plain = true;
+        } else if !self.gathered.plain {
+            self.gathered.columns.robust.fill(1.0);
+            self.gathered.plain = true;
             few = self.system(all.terms);
             few = self.robustly(few);
         }
@@ -225,8 +211,8 @@ impl Fitter {
         let scatter = few.scatter.min(all.scatter);
         let departure = (all.solution[0] - few.solution[0]).powi(2) - CHANCE * scatter * (own - less).max(0.0);
         if departure.max(0.0) <= noise * scatter * (own - less) {
-            std::mem::swap(&mut self.columns.robust, &mut self.robust_of_all);
-            self.plain = plain;
+            std::mem::swap(&mut self.gathered.columns.robust, &mut self.robust_of_all);
+            self.gathered.plain = plain;
             self.size = last;
             return all;
         }
@@ -238,8 +224,8 @@ impl Fitter {
         let mut last = f64::INFINITY;
         for _ in 0..ROUNDS {
             let Some(scale) = self.suspicion(&factored) else { break };
-            self.columns.trust(FAR_OFF * scale);
-            self.plain = false;
+            self.gathered.columns.trust(FAR_OFF * scale);
+            self.gathered.plain = false;
             factored = self.system(factored.terms);
             if scale > 0.99 * last {
                 break;
@@ -252,17 +238,17 @@ impl Fitter {
     /// The standard deviation of the light about the fit, by its median, if some sample is far off; residuals are left as
     /// the light's.
     fn suspicion(&mut self, factored: &Factored) -> Option<f64> {
-        let count = self.counts[self.size];
-        let departure = self.columns.depart(count, &factored.solution);
+        let count = self.gathered.counts[self.size];
+        let departure = self.gathered.columns.depart(count, &factored.solution);
         let n = count as f64;
         let (largest, deviation) = (departure.largest, (departure.squares / n).sqrt());
         // A normal distribution has 1.25 for the ratio of its standard to its mean deviation. Light that is not known has none.
         if departure.squares.is_nan() || largest <= SUSPECT * deviation && deviation <= 1.6 * departure.sum / n {
             return None;
         }
-        self.sorted.clear();
-        self.sorted.extend_from_slice(&self.columns.residuals[..count]);
-        let (_, &mut median, _) = self.sorted.select_nth_unstable_by(count / 2, f64::total_cmp);
+        self.gathered.sorted.clear();
+        self.gathered.sorted.extend_from_slice(&self.gathered.columns.residuals[..count]);
+        let (_, &mut median, _) = self.gathered.sorted.select_nth_unstable_by(count / 2, f64::total_cmp);
         // Some residuals are used up by the terms of the fit; exact data have residuals of rounding.
         let used = (n / (n - factored.terms as f64).max(1.0)).sqrt();
         let scale = (1.4826 * median * used).max(1e-6 * departure.brightest);
@@ -270,13 +256,13 @@ impl Fitter {
     }
 
     fn system(&mut self, terms: usize) -> Factored {
-        self.columns.system(self.counts[self.size], REACHES[self.size], self.joint, terms)
+        self.gathered.columns.system(self.gathered.counts[self.size], REACHES[self.size], self.gathered.joint, terms)
     }
 
     /// At least the largest variance of a value at the parts, in parts of that of a sample.
     fn variance(&mut self, factored: &Factored) -> f64 {
         // As if the samples varied by the inverse of how much they count; they vary less.
-        let most = self.most_certain * most_of(self.parts.map(|part| factored.variance(part)));
+        let most = self.gathered.most_certain * most_of(self.parts.map(|part| factored.variance(part)));
         if most <= UNCERTAIN { most } else { self.weigh_by(factored) }
     }
 
@@ -286,8 +272,8 @@ impl Fitter {
         self.weights.clear();
         self.rows.clear();
         let mut variance = [0.0; PARTS];
-        let Self { columns, gathered, rows, weights, .. } = self;
-        columns.weigh((self.counts[self.size], REACHES[self.size]), factored, &self.parts, |i, counts| {
+        let Self { gathered: Gathered { columns, rows: gathered, .. }, rows, weights, .. } = self;
+        columns.weigh((self.gathered.counts[self.size], REACHES[self.size]), factored, &self.parts, |i, counts| {
             variance.iter_mut().zip(counts).for_each(|(sum, w)| *sum += w * w);
             weights.push(counts.map(|w| w as f32));
             rows.push(gathered[i]);

@@ -1,14 +1,15 @@
 //! What a fit is made of: the rows, light and certainty of samples, and their coordinates as terms.
 
+use super::around::Around;
 use super::cloud::{Cloud, slope};
-use super::extent::Around;
-use super::fit::{Fitter, Place, REACHES};
 use super::rows::Rows;
-use super::system::TERMS;
+use super::system::{Columns, TERMS};
 use super::tree::Found;
 use crate::domain::vector::{Vector, dot, sub};
 use crate::domain::wide;
 
+/// Parts of the square of the reach within which fits compete.
+pub(super) const REACHES: [f64; 2] = [0.33, 1.0];
 /// A sample counts at most so many times as much as the middle one.
 const MOST_CERTAIN: f64 = 1e6;
 
@@ -36,7 +37,25 @@ impl Frame {
     }
 }
 
-impl Fitter {
+/// Samples around a place, as columns of the system that is solved.
+#[derive(Default)]
+pub(super) struct Gathered {
+    /// All rows gathered: within the first of [`REACHES`], then the rest.
+    pub(super) rows: Vec<u32>,
+    /// Whether logarithms are fitted: all values gathered are positive.
+    pub(super) logarithms: bool,
+    pub(super) counts: [usize; REACHES.len()],
+    pub(super) joint: bool,
+    pub(super) columns: Columns,
+    /// Whether no sample has lost weight by lying off.
+    pub(super) plain: bool,
+    pub(super) sorted: Vec<f64>,
+    order: Vec<Found>,
+    pub(super) most_certain: f64,
+    pub(super) nearest_incoming: f64,
+}
+
+impl Gathered {
     /// Puts what lies within the first of [`REACHES`] first.
     pub(super) fn order(&mut self, found: &[Found], reach: f64) {
         let inverse = 1.0 / reach;
@@ -54,14 +73,14 @@ impl Fitter {
     }
 
     /// Looks up rows, light and certainty.
-    pub(super) fn gather(&mut self, cloud: &Cloud, rows: &Rows<'_>, place: &Place) {
+    pub(super) fn gather(&mut self, cloud: &Cloud, rows: &Rows<'_>, wi: Vector) {
         self.columns.resize(self.order.len());
         self.plain = true;
-        self.gathered.clear();
-        self.gathered.extend(self.order.iter().map(|&(_, item)| cloud.rows[item as usize]));
+        self.rows.clear();
+        self.rows.extend(self.order.iter().map(|&(_, item)| cloud.rows[item as usize]));
         self.logarithms = true;
         for (((light, square), &row), ordered) in
-            self.columns.light.iter_mut().zip(&mut self.columns.squares).zip(&self.gathered).zip(&self.order)
+            self.columns.light.iter_mut().zip(&mut self.columns.squares).zip(&self.rows).zip(&self.order)
         {
             *square = ordered.0;
             *light = rows.light[row as usize][0];
@@ -69,7 +88,7 @@ impl Fitter {
         }
         let scale = usize::from(!self.logarithms);
         if !self.logarithms {
-            for (light, &row) in self.columns.light.iter_mut().zip(&self.gathered) {
+            for (light, &row) in self.columns.light.iter_mut().zip(&self.rows) {
                 *light = rows.light[row as usize][scale];
             }
         }
@@ -79,18 +98,18 @@ impl Fitter {
         if self.joint {
             self.nearest_incoming = f64::INFINITY;
             for (i, &(_, item)) in self.order.iter().enumerate() {
-                let incoming = sub(cloud.wi[item as usize], place.wi);
+                let incoming = sub(cloud.wi[item as usize], wi);
                 (self.columns.basis[3][i], self.columns.basis[4][i]) = (incoming[0], incoming[1]);
                 self.nearest_incoming = self.nearest_incoming.min(dot(incoming, incoming));
             }
             self.nearest_incoming = self.nearest_incoming.sqrt();
         }
         self.most_certain = 1.0;
-        let certainty = &mut self.columns.certainty[..self.gathered.len()];
+        let certainty = &mut self.columns.certainty[..self.rows.len()];
         if rows.certainty.is_empty() {
             certainty.fill(1.0);
         } else {
-            for (certainty, &row) in certainty.iter_mut().zip(&self.gathered) {
+            for (certainty, &row) in certainty.iter_mut().zip(&self.rows) {
                 *certainty = rows.certainty[row as usize][usize::from(self.logarithms)];
             }
             self.count_certainty();
@@ -119,8 +138,8 @@ impl Fitter {
     }
 
     /// Certainties in parts of their median; rows without any count as the median.
-    pub(super) fn count_certainty(&mut self) {
-        let certainty = &mut self.columns.certainty[..self.gathered.len()];
+    fn count_certainty(&mut self) {
+        let certainty = &mut self.columns.certainty[..self.rows.len()];
         self.sorted.clear();
         self.sorted.extend(certainty.iter().copied().filter(|&certainty| certainty > 0.0));
         let middle = self.sorted.len() / 2;

@@ -9,9 +9,9 @@ use crate::domain::vector::Vector;
 use crate::domain::{Axis, Direction, Domain, Quantity};
 use crate::formats::Scattered;
 use crate::projection::averages::OCTANT_DEGREES;
-use crate::projection::grid::MAX_CHOSEN_SAMPLES;
-use crate::projection::levels::{self, Choice, rounded};
-use crate::projection::{AxesRequest, ProjectionError, on_axes};
+use crate::projection::error::ProjectionError;
+use crate::projection::levels::{self, Choice, MAX_CHOSEN_SAMPLES, rounded};
+use crate::projection::request::AxesRequest;
 use rayon::prelude::*;
 
 /// The finest level that is chosen to represent what was measured.
@@ -159,7 +159,7 @@ impl Plan {
         );
         let (name, level) = asked(of, request, lone)?;
         if let (true, Some(_)) = (isotropic, request.incoming_level) {
-            return unfit(format!("incoming_level: {}", on_axes::isotropic(elevations.len(), "incoming")));
+            return unfit(format!("incoming_level: {}", levels::isotropic(elevations.len(), "incoming")));
         }
         let outgoing = levels::choose_by_distance(name, domain, spacing, level)?;
         let incoming = match (&joint, isotropic) {

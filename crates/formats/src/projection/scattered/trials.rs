@@ -4,6 +4,7 @@ use super::cells::{Fitted, Scratch};
 use super::cloud::Cloud;
 use super::fit::{Place, Support};
 use super::rows::{PARTS, Rows};
+use super::withheld::{Trial, trials};
 use crate::domain::vector::Vector;
 use crate::domain::{Domain, Quantity, TriangleMesh};
 use rayon::prelude::*;
@@ -34,37 +35,6 @@ const TRIMMED: usize = 20;
 /// Places at which cells are tried, and cells that make a value at each.
 const PLACES: usize = 96;
 const CELLS: usize = 12;
-
-/// A sample to predict: the cloud that it is in, and its point.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Trial {
-    pub(super) cloud: usize,
-    pub(super) point: u32,
-}
-
-impl Trial {
-    /// The row of the sample in its cloud, and its directions.
-    pub(super) fn of(self, cloud: &Cloud) -> (u32, Vector, Vector) {
-        let point = self.point as usize;
-        (cloud.rows[point], cloud.wi[point], cloud.wo[point])
-    }
-}
-
-/// `count` of the withheld samples, evenly over all.
-pub(super) fn trials(clouds: &[Cloud], count: usize) -> Vec<Trial> {
-    let all: Vec<Trial> = clouds
-        .iter()
-        .enumerate()
-        .flat_map(|(cloud, of)| {
-            let own = of.rows[..of.own()].iter().copied().zip(0..).zip(&of.is_withheld);
-            let mut withheld: Vec<(u32, u32)> = own.filter(|(_, is)| **is).map(|(point, _)| point).collect();
-            withheld.sort_unstable();
-            withheld.into_iter().map(move |(_, point)| Trial { cloud, point })
-        })
-        .collect();
-    let step = all.len().div_ceil(count.max(1)).max(1);
-    all.into_iter().step_by(step).collect()
-}
 
 /// The value that samples make at a direction; `withheld` leaves out their tenth. `None` if it is far from any.
 pub(super) fn predict(

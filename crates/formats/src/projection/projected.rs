@@ -1,0 +1,43 @@
+//! A projected measurement, and what its cells stand on.
+
+use super::scattered::ScatterReport;
+use crate::domain::Measurement;
+use serde::Serialize;
+
+/// A projected measurement.
+#[derive(Clone, Debug)]
+pub struct Projected {
+    /// The tensor and what it is.
+    pub measurement: Measurement,
+    /// What the cells stand on.
+    pub coverage: Coverage,
+    /// Which cells are filled (continued, mirrored or exchanged, not measured): one for each spectrum of the tensor, row-major;
+    /// empty where none is.
+    pub filled: Vec<bool>,
+}
+
+/// What the cells of a projection stand on.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Coverage {
+    /// Cells of directions (spectra, not samples).
+    pub cells: u64,
+    /// Cells with a sample inside, or data that were on their final axes already.
+    pub measured: u64,
+    /// Cells between samples.
+    pub interpolated: u64,
+    /// Cells in holes or beyond the outermost samples, filled by a rule that the notes declare.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub filled: u64,
+    /// Cells outside what was measured: masked, or 0 where the format's standard says so.
+    pub empty: u64,
+    /// Why these axes: one sentence each.
+    pub notes: Vec<String>,
+    /// Errors at the samples, and at withheld ones, of data at scattered directions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scatter: Option<Box<ScatterReport>>,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
+fn is_zero(count: &u64) -> bool {
+    *count == 0
+}
