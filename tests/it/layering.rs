@@ -15,8 +15,9 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("compress", &["codec", "transform", "domain"]),
     ("algebra", &["compress", "codec", "transform", "domain"]),
     ("evaluate", &["compress", "codec", "transform", "domain"]),
-    ("preview", &["evaluate", "domain"]),
-    ("export", &["preview", "evaluate", "formats", "domain"]),
+    ("appearance", &["evaluate", "domain"]),
+    ("preview", &["appearance", "evaluate", "domain"]),
+    ("export", &["appearance", "preview", "evaluate", "formats", "domain"]),
     ("paper", &["projection", "formats", "compress", "codec", "transform", "domain"]),
     ("pipeline", SCIENCE),
     ("store", &[]),
@@ -26,8 +27,19 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("cli", BELOW_CLI),
 ];
 
-const SCIENCE: &[&str] =
-    &["domain", "formats", "projection", "transform", "codec", "compress", "algebra", "evaluate", "preview", "export"];
+const SCIENCE: &[&str] = &[
+    "domain",
+    "formats",
+    "projection",
+    "transform",
+    "codec",
+    "compress",
+    "algebra",
+    "evaluate",
+    "appearance",
+    "preview",
+    "export",
+];
 const BELOW_JOBS: &[&str] = &[
     "domain",
     "formats",

@@ -3,6 +3,7 @@
 //! file → [`formats`] → [`projection`] → tensor → `wavelume_core` → [`preview`] and [`export`]. [`pipeline`] is that way as
 //! one call.
 
+mod appearance;
 pub mod export;
 pub mod formats;
 pub mod pipeline;

@@ -3,6 +3,7 @@
 use super::measure::{Draws, measure};
 use super::subject::{Subject, entry, wavelengths};
 use super::{ExportError, ExportFormat, ExportOptions, Exported, Summary, check_size, read_back, resolution};
+use crate::appearance::JOULES_PER_MICROMOLE;
 use crate::domain::colour::Tristimulus;
 use crate::domain::{Axis, Direction, Domain, Quantity, Unit};
 use crate::evaluate::{Interpolation, Material};
@@ -10,7 +11,6 @@ use crate::formats::{
     self, AngleGrid, CPlanes, FormatError, FormatErrorKind, Interpretation, Samples, flux_of_planes, write_eulumdat,
     write_lm63,
 };
-use crate::preview::JOULES_PER_MICROMOLE;
 use rayon::prelude::*;
 
 /// What one intensity of a luminaire file is of a spectrum.

@@ -1,10 +1,11 @@
 //! A material as the function that is written: its spectra, their linear sRGB, or a weighted sum of them.
 
 use super::{ExportError, ExportOptions};
+use crate::appearance::{Channels, Viewing};
 use crate::domain::{Axis, Direction, WavelengthGrid};
 use crate::evaluate::{Interpolation, Material, Place};
 use crate::formats::DirectionalFunction;
-use crate::preview::{Channels, Viewing};
+use crate::preview::PreviewError;
 
 /// What is made of a spectrum.
 #[derive(Debug)]
@@ -47,7 +48,7 @@ impl<'a> Subject<'a> {
 
     /// Three channels of linear sRGB.
     pub(super) fn rgb(material: &'a Material, options: &ExportOptions) -> Result<Self, ExportError> {
-        let channels = Channels::of(material, &Viewing::default())?;
+        let channels = Channels::of(material, &Viewing::default()).map_err(PreviewError::from)?;
         Ok(Self { material, index: entry(material, options), made: Made::Rgb(channels) })
     }
 

@@ -1,7 +1,7 @@
 //! Drawing for diagrams: filled shapes, lines and labels, smoothed by parts of pixels; colours are sRGB values of 0..=1.
 
-use super::PreviewError;
 use super::encode::png;
+use super::error::PreviewError;
 use super::font::{HEIGHT, STEP, WIDTH, glyph};
 
 pub(super) type Ink = [f32; 3];

@@ -1,7 +1,7 @@
 //! The colour of a material at a place: XYZ, CIELAB, sRGB, and the temperature of lights.
 
-use super::viewing::Viewing;
-use super::{PreviewError, unfit};
+use super::error::{PreviewError, unfit};
+use crate::appearance::{JOULES_PER_MICROMOLE, Viewing, counts_photons, emits};
 use crate::domain::colour::{
     Adaptation, ColourError, ColourTemperature, Lab, Xyz, in_gamut, linear_to_bytes, linear_to_xyz, map_to_gamut,
     xyz_of, xyz_to_linear,
@@ -248,17 +248,6 @@ impl<'a> Look<'a> {
             luminous: watts.map(|watts| watts * absolute.y),
         }
     }
-}
-
-/// Avogadro's h·c × 10⁻⁶ mol/µmol × 10⁹ nm/m (SI of 2019): the energy of a µmol of photons is this through their wavelength in nm.
-pub(crate) const JOULES_PER_MICROMOLE: f64 = 119.626_565_8;
-
-pub(super) fn emits(quantity: Quantity) -> bool {
-    matches!(quantity, Quantity::Spectrum | Quantity::Edf)
-}
-
-pub(super) fn counts_photons(unit: Unit) -> bool {
-    unit == Unit::MicromolePerSecondSteradianNanometre
 }
 
 /// The straight way in: for the lower hemisphere it is from below.

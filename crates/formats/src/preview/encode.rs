@@ -1,6 +1,6 @@
 //! Linear sRGB → PNG.
 
-use super::PreviewError;
+use super::error::PreviewError;
 use crate::domain::colour::{linear_to_srgb, srgb_to_linear};
 
 /// From linear values to eight bits, without a power for each.

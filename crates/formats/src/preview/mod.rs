@@ -14,46 +14,28 @@
 
 mod ball;
 mod canvas;
-mod channels;
 mod colours;
 mod encode;
+mod error;
 mod font;
 mod plot;
 mod polar;
 mod scale;
-mod viewing;
 
-pub(crate) use colours::JOULES_PER_MICROMOLE;
+pub use crate::appearance::Viewing;
 pub use colours::{Colour, Colours, Question, colours};
-pub use viewing::Viewing;
+pub use error::PreviewError;
 
-use crate::domain::colour::ColourError;
+use crate::appearance::Channels;
 use crate::domain::{Axis, Quantity};
-use crate::evaluate::{EvaluateError, Material};
-pub(crate) use channels::Channels;
+use crate::evaluate::Material;
+use error::unfit;
 use std::ops::RangeInclusive;
 
 /// Sizes of pictures, in pixels along a side.
 pub const SIZES: RangeInclusive<usize> = 64..=512;
 /// The size where none is named.
 pub const DEFAULT_SIZE: usize = 256;
-
-/// Why there is no colour or no picture.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum PreviewError {
-    /// The place asked for does not fit the material.
-    #[error(transparent)]
-    Evaluate(#[from] EvaluateError),
-    /// The spectra have no colour.
-    #[error(transparent)]
-    Colour(#[from] ColourError),
-    /// What was asked for does not fit the material.
-    #[error("{0}")]
-    Unfit(String),
-    /// The picture could not be written: a bug.
-    #[error("the picture could not be encoded: {0}")]
-    Encode(String),
-}
 
 /// A picture of `material` as PNG, `size` × `size`: a ball of a BRDF, BTDF or BSDF; the polar diagram of a luminaire or a
 /// phase function; the plot of spectra. `index` names an entry of the leading index axes; without it, spectra are all drawn,
@@ -90,10 +72,6 @@ pub fn picture(
         }
         _ => plot::spectra(material, index, &channels, size),
     }
-}
-
-fn unfit<T>(message: impl Into<String>) -> Result<T, PreviewError> {
-    Err(PreviewError::Unfit(message.into()))
 }
 
 #[cfg(test)]

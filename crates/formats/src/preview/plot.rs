@@ -1,11 +1,11 @@
 //! Spectra over wavelength: one filled with the colours of its wavelengths, several as lines in their own colours; what has
 //! no wavelengths as patches.
 
-use super::PreviewError;
 use super::canvas::{AXIS, Canvas, GRID, Hold, Ink, Point, TEXT};
-use super::channels::Channels;
 use super::encode::encoded;
+use super::error::PreviewError;
 use super::scale::{short, step};
+use crate::appearance::Channels;
 use crate::domain::colour::{Observer, Xyz, map_to_gamut, xyz_to_linear};
 use crate::domain::{Axis, Direction, Quantity};
 use crate::evaluate::{Interpolation, Material, Place};

@@ -1,11 +1,10 @@
 //! Polar diagrams: the intensity of a luminaire in two planes, a phase function by scattering angle.
 
-use super::PreviewError;
 use super::canvas::{AXIS, Canvas, GRID, Hold, Ink, PAPER, Point, TEXT};
-use super::channels::Channels;
 use super::encode::encoded;
+use super::error::PreviewError;
 use super::scale::{short, step};
-use super::viewing::Viewing;
+use crate::appearance::{Channels, Viewing};
 use crate::domain::colour::map_to_gamut;
 use crate::domain::{Axis, Direction, Unit};
 use crate::evaluate::{Interpolation, Material, Place};

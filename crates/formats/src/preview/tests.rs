@@ -1,8 +1,9 @@
 //! Colours against identities and colour-science; pictures that decode, have their size, and are the same every time.
 
 use super::*;
-use crate::domain::colour::{Illuminant, StandardObserver, linear_to_bytes};
+use crate::domain::colour::{ColourError, Illuminant, StandardObserver, linear_to_bytes};
 use crate::domain::{Direction, Domain, Measurement, Sampling, Tensor, TriangleMesh, Unit, WavelengthGrid};
+use crate::evaluate::EvaluateError;
 use std::f32::consts::{FRAC_1_PI, PI};
 
 fn triangles(domain: Domain, level: u8) -> Axis {

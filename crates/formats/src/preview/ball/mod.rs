@@ -9,9 +9,9 @@ mod scene;
 mod shade;
 mod surface;
 
-use super::PreviewError;
-use super::channels::Channels;
 use super::encode::{Transfer, png};
+use super::error::PreviewError;
+use crate::appearance::Channels;
 use crate::domain::colour::map_to_gamut;
 use crate::evaluate::Material;
 use lattice::Rgb;

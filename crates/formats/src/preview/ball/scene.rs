@@ -1,6 +1,6 @@
 //! Camera, lights, ground, and what of them a pixel sees.
 
-use super::super::PreviewError;
+use super::super::error::PreviewError;
 use super::lattice::{Rgb, Vector};
 use super::shade::shaded;
 use super::surface::{Side, Surface};

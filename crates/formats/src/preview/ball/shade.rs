@@ -1,6 +1,6 @@
 //! A picture of a smooth function, evaluated where its neighbours do not tell: on every fourth pixel, then between them.
 
-use super::super::PreviewError;
+use super::super::error::PreviewError;
 use super::lattice::Rgb;
 use rayon::prelude::*;
 

@@ -3,10 +3,9 @@
 //! Where the wavelengths are not enough for a colour by the standards, but hold most of the visible range, pictures make do
 //! with straight lines between them; elsewhere (ultraviolet lamps, one wavelength) they are grey.
 
-use super::PreviewError;
-use super::colours::{JOULES_PER_MICROMOLE, counts_photons, emits};
+use super::emission::{JOULES_PER_MICROMOLE, counts_photons, emits};
 use super::viewing::Viewing;
-use crate::domain::colour::{Tristimulus, Xyz, xyz_to_linear};
+use crate::domain::colour::{ColourError, Tristimulus, Xyz, xyz_to_linear};
 use crate::domain::{Axis, WavelengthGrid};
 use crate::evaluate::Material;
 
@@ -26,7 +25,7 @@ const FEWEST: usize = 3;
 const LANES: usize = 8;
 
 impl Channels {
-    pub(crate) fn of(material: &Material, viewing: &Viewing) -> Result<Self, PreviewError> {
+    pub(crate) fn of(material: &Material, viewing: &Viewing) -> Result<Self, ColourError> {
         let grid = match material.axes().last() {
             Some(Axis::Wavelength(grid)) => grid,
             Some(Axis::Rgb) => {
@@ -99,7 +98,7 @@ impl Channels {
 }
 
 /// XYZ of a sample of 1 at each wavelength, and the white; `None` where the wavelengths are too few for a colour.
-fn weights(grid: &WavelengthGrid, light: bool, viewing: &Viewing) -> Result<Option<(Vec<Xyz>, Xyz)>, PreviewError> {
+fn weights(grid: &WavelengthGrid, light: bool, viewing: &Viewing) -> Result<Option<(Vec<Xyz>, Xyz)>, ColourError> {
     let of = |grid: &WavelengthGrid| if light { viewing.emission(grid) } else { viewing.reflectance(grid) };
     let as_xyz = |weights: &[[f64; 3]]| weights.iter().map(|&[x, y, z]| Xyz { x, y, z }).collect::<Vec<_>>();
     if let Ok(strict) = of(grid) {

@@ -63,32 +63,32 @@ impl Viewing {
     }
 
     /// Whether the illuminant is D65, which RGB data are already seen under.
-    pub(super) fn is_d65(&self) -> bool {
+    pub(crate) fn is_d65(&self) -> bool {
         self.power == *Illuminant::D65.power()
     }
 
     /// Whether Y of an emission is photometric: only ȳ of 1931 is V(λ).
-    pub(super) fn is_photometric(&self) -> bool {
+    pub(crate) fn is_photometric(&self) -> bool {
         self.functions == *Observer::cie_1931()
     }
 
     /// XYZ of reflectances; the perfect reflector has Y = 100.
-    pub(super) fn reflectance(&self, grid: &WavelengthGrid) -> Result<Tristimulus, ColourError> {
+    pub(crate) fn reflectance(&self, grid: &WavelengthGrid) -> Result<Tristimulus, ColourError> {
         Tristimulus::reflectance_by(grid, &self.power, &self.functions)
     }
 
     /// XYZ of lights, 683 lm/W.
-    pub(super) fn emission(&self, grid: &WavelengthGrid) -> Result<Tristimulus, ColourError> {
+    pub(crate) fn emission(&self, grid: &WavelengthGrid) -> Result<Tristimulus, ColourError> {
         Tristimulus::emission_by(grid, &self.functions)
     }
 
     /// The perfect diffuser, Y = 100.
-    pub(super) fn white(&self) -> Result<Xyz, ColourError> {
+    pub(crate) fn white(&self) -> Result<Xyz, ColourError> {
         Ok(self.reflectance(&every_nanometre()?)?.white())
     }
 
     /// From `white` to the white of sRGB.
-    pub(super) fn adaptation(white: Xyz) -> Result<Adaptation, ColourError> {
+    pub(crate) fn adaptation(white: Xyz) -> Result<Adaptation, ColourError> {
         // The white of the table, not the rounded one of the standard's matrix, so that D65 is not changed at all.
         Ok(Adaptation::between(white, Tristimulus::reflectance(&every_nanometre()?, Illuminant::D65)?.white()))
     }
