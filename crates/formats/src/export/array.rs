@@ -1,8 +1,11 @@
 //! The samples of a decoded material as a `NumPy` array.
 
+use super::error::{ExportError, setting};
+use super::exported::{Exported, Summary};
 use super::fits::unused;
+use super::format::ExportFormat;
 use super::measure::AddedError;
-use super::{ExportError, ExportFormat, ExportOptions, Exported, Summary, check_size, setting};
+use super::options::{ExportOptions, check_size};
 use crate::domain::{Axis, ErrorReport, Measurement};
 use crate::evaluate::EvaluateError;
 use crate::formats::{self, FormatError, FormatErrorKind, Interpretation, Samples, manifest_of, write_npy};

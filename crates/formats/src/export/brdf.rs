@@ -1,8 +1,12 @@
 //! Surfaces: RGL tensor files, MERL tables, MDL measured BSDFs.
 
+use super::error::ExportError;
+use super::exported::{Exported, Summary};
+use super::format::ExportFormat;
 use super::measure::{AddedError, Draws, measure};
+use super::options::{ExportOptions, check_size};
 use super::subject::{Subject, wavelengths};
-use super::{ExportError, ExportFormat, ExportOptions, Exported, Summary, check_size, read_back, resolution};
+use super::{read_back, resolution};
 use crate::domain::{Axis, Direction, Quantity, Unit};
 use crate::evaluate::Material;
 use crate::formats::{

@@ -1,6 +1,8 @@
 //! Which formats hold what a material is; a refusal names those that do.
 
-use super::{ExportError, ExportFormat, ExportOptions, setting};
+use super::error::{ExportError, setting};
+use super::format::ExportFormat;
+use super::options::ExportOptions;
 use crate::domain::{Axis, Domain, Quantity};
 use crate::evaluate::Material;
 

@@ -1,8 +1,12 @@
 //! Luminaires: LM-63 and EULUMDAT, in candela where the light is seen, else in its own unit over all wavelengths.
 
+use super::error::ExportError;
+use super::exported::{Exported, Summary};
+use super::format::ExportFormat;
 use super::measure::{Draws, measure};
+use super::options::{ExportOptions, check_size};
 use super::subject::{Subject, entry, wavelengths};
-use super::{ExportError, ExportFormat, ExportOptions, Exported, Summary, check_size, read_back, resolution};
+use super::{read_back, resolution};
 use crate::appearance::JOULES_PER_MICROMOLE;
 use crate::domain::colour::Tristimulus;
 use crate::domain::{Axis, Direction, Domain, Quantity, Unit};

@@ -1,8 +1,12 @@
 //! Phase functions as a table over the cosine of the scattering angle.
 
+use super::error::{ExportError, setting};
+use super::exported::{Exported, Summary};
+use super::format::ExportFormat;
 use super::measure::{Draws, measure};
+use super::options::{ExportOptions, check_size};
+use super::resolution;
 use super::subject::{Subject, wavelengths};
-use super::{ExportError, ExportFormat, ExportOptions, Exported, Summary, check_size, resolution, setting};
 use crate::domain::vector::{Vector, add, cross, scale, unit};
 use crate::domain::{Axis, Direction};
 use crate::evaluate::Material;

@@ -1,6 +1,7 @@
 //! How densely a material is written: rules over its own axes, and what options say instead.
 
-use super::{ExportError, ExportOptions, check_size, setting};
+use super::error::{ExportError, setting};
+use super::options::{ExportOptions, check_size};
 use crate::domain::Axis;
 use crate::evaluate::Material;
 

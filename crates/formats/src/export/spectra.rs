@@ -1,8 +1,11 @@
 //! Spectra without directions: two columns, or CSV.
 
+use super::error::{ExportError, setting};
+use super::exported::{Exported, Summary};
+use super::format::ExportFormat;
 use super::measure::AddedError;
+use super::options::{ExportOptions, check_size};
 use super::subject::{entry, wavelengths};
-use super::{ExportError, ExportFormat, ExportOptions, Exported, Summary, setting};
 use crate::domain::{Axis, ErrorReport, Quantity, WavelengthGrid};
 use crate::evaluate::{Interpolation, Material, Place};
 use crate::formats::{self, FormatError, FormatErrorKind, Interpretation, Samples, write_spd, write_spectra};
@@ -36,7 +39,7 @@ pub(super) fn csv(material: &Material, options: &ExportOptions) -> Result<Export
         samples.extend(spectrum(material, index)?);
     }
     let names: Vec<String> = entries.iter().map(|index| name(material, axes, index)).collect();
-    super::check_size(samples.len().checked_mul(4), options, "name one entry by its index")?;
+    check_size(samples.len().checked_mul(4), options, "name one entry by its index")?;
     let bytes = write_spectra(grid, &samples, &names)?;
     finish(material, ExportFormat::Csv, bytes, &samples, entries.len(), Vec::new())
 }

@@ -1,6 +1,7 @@
 //! A material as the function that is written: its spectra, their linear sRGB, or a weighted sum of them.
 
-use super::{ExportError, ExportOptions};
+use super::error::ExportError;
+use super::options::ExportOptions;
 use crate::appearance::{Channels, Viewing};
 use crate::domain::{Axis, Direction, WavelengthGrid};
 use crate::evaluate::{Interpolation, Material, Place};

@@ -1,0 +1,39 @@
+//! Options of an export, and the limit on the size of its file.
+
+use super::error::ExportError;
+use crate::domain::limits::MAX_SAMPLES;
+
+/// What replaces the rules; an option that a format does not know is refused.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExportOptions {
+    /// One entry for each leading index axis; `csv` without it has them all, `npy` always.
+    pub index: Option<Vec<usize>>,
+    /// `rgl`: nodes along a side; `mbsdf`: polar angles; `tabphase`: cosines.
+    pub side: Option<usize>,
+    /// `rgl`: degrees between incident directions; `lm63`, `eulumdat`: between angles.
+    pub step: Option<f64>,
+    /// `rgl`: linear sRGB instead of spectra.
+    pub rgb: bool,
+    /// `tabphase`: the wavelength in nm, instead of the mean over wavelengths.
+    pub wavelength: Option<f64>,
+    /// The largest file, in bytes.
+    pub most_bytes: usize,
+}
+
+impl Default for ExportOptions {
+    fn default() -> Self {
+        Self { index: None, side: None, step: None, rgb: false, wavelength: None, most_bytes: 4 * MAX_SAMPLES }
+    }
+}
+
+/// Refuses a file of `bytes` bytes, before it is made.
+pub(super) fn check_size(bytes: Option<usize>, options: &ExportOptions, less: &str) -> Result<(), ExportError> {
+    match bytes {
+        Some(bytes) if bytes <= options.most_bytes => Ok(()),
+        _ => {
+            let size = bytes.map_or_else(|| "far more bytes than fit".to_owned(), |bytes| format!("{bytes} bytes"));
+            let message = format!("a file of {size}, expected at most {}: {less}", options.most_bytes);
+            Err(ExportError::OverLimit(message))
+        }
+    }
+}
