@@ -1,6 +1,9 @@
 //! Blobs in a local directory: `blobs/ab/b3-ab…`, published by a rename that is on stable storage when it returns.
 
-use super::{Digest, Retired, Staged, Staging, Store, StoreError};
+use super::digest::Digest;
+use super::error::StoreError;
+use super::interface::Store;
+use super::staging::{Retired, Staged, Staging};
 use bytes::Bytes;
 use futures::future::BoxFuture;
 use futures::stream::{BoxStream, StreamExt};

@@ -1,6 +1,7 @@
 //! Bytes on their way in: a file that is hashed while it is written, and vanishes unless it is published.
 
-use super::{Digest, StoreError};
+use super::digest::Digest;
+use super::error::StoreError;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
