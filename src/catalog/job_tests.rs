@@ -4,6 +4,7 @@ use super::testing::{self, add, measurement};
 use super::*;
 use crate::domain::Quantity;
 use crate::store::Digest;
+use std::time::Duration;
 
 const LEASE: Duration = Duration::from_mins(1);
 

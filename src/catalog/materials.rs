@@ -1,7 +1,9 @@
 //! Rows of materials: manifests, the measurements they were made of, and tags.
 
-use super::page::pattern;
-use super::{Catalog, CatalogError, Cursor, Deleted, Page, Write};
+use super::database::{Catalog, Write};
+use super::error::CatalogError;
+use super::measurements::Deleted;
+use super::page::{Cursor, Page, pattern};
 use crate::domain::Quantity;
 use crate::store::Digest;
 use serde_json::{Map, Value, json};
@@ -253,7 +255,7 @@ fn added(document: &mut Map<String, Value>, key: &str, current: Option<String>, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalog::{Catalog, testing};
+    use crate::catalog::testing;
 
     fn material(name: Option<&str>, licence: Option<&str>, tags: &[&str]) -> NewMaterial {
         let document = json!({ "licence": licence, "format": "ies" });

@@ -1,8 +1,9 @@
 //! Rows of measurements: what was uploaded and what was understood of it.
 
-use super::page::pattern;
+use super::database::Catalog;
+use super::error::CatalogError;
+use super::page::{Cursor, Page, pattern};
 use super::pins::unpin;
-use super::{Catalog, CatalogError, Cursor, Page};
 use crate::domain::Quantity;
 use crate::store::Digest;
 use sqlx::Row;

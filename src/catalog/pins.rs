@@ -11,7 +11,8 @@
 //! transaction, under a name that nobody publishes to, so that a slow removal delays no writer and a late one hits
 //! nothing that was published since.
 
-use super::{Catalog, CatalogError, Write};
+use super::database::{Catalog, Write};
+use super::error::CatalogError;
 use crate::store::Digest;
 use sqlx::Row;
 use std::collections::BTreeMap;

@@ -1,0 +1,97 @@
+//! The file of the catalog: its URL, a look at it before it is opened for good, and what to do about its faults.
+
+use super::dialect::PRAGMAS;
+use super::error::CatalogError;
+use super::lock::PAUSE;
+use super::result_code::{BUSY, CANNOT_OPEN, CORRUPT, NOT_A_DATABASE, READ_ONLY, primary};
+use sqlx::{AnyConnection, Connection, Executor};
+use std::path::Path;
+use std::time::{Duration, Instant};
+use tokio::time::sleep;
+
+/// A database URL holds a path percent-encoded.
+pub(super) fn url(file: &Path) -> Result<String, CatalogError> {
+    let path = file
+        .to_str()
+        .ok_or_else(|| CatalogError::Sql(sqlx::Error::Configuration("the path of the catalog is not UTF-8".into())))?;
+    let encoded: String = path
+        .bytes()
+        .map(|b| match b {
+            b'/' | b'.' | b'-' | b'_' => char::from(b).to_string(),
+            b if b.is_ascii_alphanumeric() => char::from(b).to_string(),
+            b => format!("%{b:02X}"),
+        })
+        .collect();
+    Ok(format!("sqlite:{encoded}?mode=rwc"))
+}
+
+/// Opens and reads the file without a pool, whose retries would hide the fault for 30 s. The fault, with what to do
+/// about it, is the error.
+pub(super) async fn check(file: &Path, url: &str) -> Result<(), CatalogError> {
+    let start = Instant::now();
+    // Another process that starts now may hold the lock for a moment, where SQLite does not wait.
+    while let Err(error) = look(url).await {
+        if primary(&error) != Some(BUSY) || is_hopeless(&error, start) {
+            return Err(unusable(file, error));
+        }
+        sleep(PAUSE).await;
+    }
+    Ok(())
+}
+
+async fn look(url: &str) -> Result<(), sqlx::Error> {
+    let mut connection = AnyConnection::connect(url).await?;
+    for pragma in PRAGMAS {
+        connection.execute(pragma).await?;
+    }
+    connection.execute("SELECT COUNT(*) FROM sqlite_master").await?;
+    connection.close().await
+}
+
+/// Seconds of waiting for the lock after which a start gives up.
+const START: Duration = Duration::from_secs(10);
+
+/// Whether another try cannot help: the file is at fault, or its lock has not been free since `start`.
+pub(super) fn is_hopeless(error: &sqlx::Error, start: Instant) -> bool {
+    match primary(error) {
+        Some(BUSY) => start.elapsed() >= START,
+        Some(READ_ONLY | CORRUPT | CANNOT_OPEN | NOT_A_DATABASE) => true,
+        _ => false,
+    }
+}
+
+/// The error of a file that cannot serve, with what to do about it.
+pub(super) fn unusable(file: &Path, error: sqlx::Error) -> CatalogError {
+    let advice = match primary(&error) {
+        Some(NOT_A_DATABASE) => {
+            "found other bytes, expected a SQLite database; restore it from a backup, or move it away to begin empty"
+        }
+        Some(CORRUPT) => "the database is damaged; restore it from a backup",
+        Some(BUSY) => "another program has locked the database; end that program and start again",
+        Some(CANNOT_OPEN) => {
+            "the file cannot be opened; check that it is a file and that this user may read and write it"
+        }
+        Some(READ_ONLY) => "the file or its directory is read-only; let this user write both",
+        _ => return error.into(),
+    };
+    CatalogError::Unusable { file: file.to_owned(), reason: format!("{advice} ({error})") }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::catalog::{Catalog, CatalogError};
+
+    #[tokio::test]
+    async fn a_file_that_is_no_database_is_named_with_what_to_do() {
+        let directory = tempfile::tempdir().unwrap();
+        let file = directory.path().join("catalog.sqlite");
+        std::fs::write(&file, "notes of last week\n".repeat(300)).unwrap();
+        let error = Catalog::open(&file).await.unwrap_err();
+        let text = error.to_string();
+        assert!(matches!(error, CatalogError::Unusable { .. }), "{text}");
+        assert!(text.contains("catalog.sqlite") && text.contains("restore it from a backup"), "{text}");
+        let inside = file.join("below a file");
+        let text = Catalog::open(&inside).await.unwrap_err().to_string();
+        assert!(text.contains("below a file") && text.contains("cannot be opened"), "{text}");
+    }
+}
