@@ -1,6 +1,6 @@
 //! Sizes, times and numbers of places of a service or worker, each declared once with its default and its unit.
 
-use super::setting::{Setting, Unit, Value};
+use super::unit::{Unit, Value};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -21,6 +21,39 @@ impl WorkConfig {
     /// Defaults for everything but the data directory.
     pub fn new(data: impl Into<PathBuf>) -> Self {
         Self { data: data.into(), threads: 0, workers: 1, limits: Limits::default() }
+    }
+}
+
+/// One number that a person may set, declared once in [`SETTINGS`].
+#[derive(Clone, Copy, Debug)]
+pub struct Setting {
+    /// Name in `snake_case`; flag and environment variable follow from it.
+    pub field: &'static str,
+    /// Group under which help and documentation list it.
+    pub heading: &'static str,
+    /// Explanation, one sentence or two.
+    pub help: &'static str,
+    /// Unit of its text.
+    pub unit: Unit,
+    /// Smallest value that makes sense.
+    pub least: u64,
+    /// Reads the value, times in milliseconds.
+    pub get: fn(&WorkConfig) -> u64,
+    /// Sets the value; `None` if it does not fit the machine's integers.
+    pub set: fn(&mut WorkConfig, u64) -> Option<()>,
+}
+
+impl Setting {
+    /// Reads text as a value of this setting.
+    pub fn parse(&self, text: &str) -> Result<u64, String> {
+        let expected = self.unit.expected();
+        let value = self.unit.parse(text.trim()).ok_or_else(|| format!("expected {expected}"))?;
+        if value < self.least {
+            return Err(format!("expected {expected}, at least {}", self.unit.show(self.least)));
+        }
+        // A value that the field cannot hold is refused here, where the text is known.
+        (self.set)(&mut WorkConfig::new(""), value).ok_or_else(|| format!("expected {expected}, and a smaller one"))?;
+        Ok(value)
     }
 }
 
@@ -179,5 +212,30 @@ limits! {
         /// Time that running requests and jobs have to end when the service stops; jobs that do not end go back to the
         /// queue.
         drain: Duration = Duration::from_secs(7), Time >= 0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_setting_is_one_of_a_kind_and_has_a_default_that_it_takes() {
+        let mut names: Vec<&str> = SETTINGS.iter().map(|setting| setting.field).collect();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), SETTINGS.len());
+        let default = WorkConfig::new("");
+        for setting in SETTINGS {
+            let value = (setting.get)(&default);
+            assert_eq!(setting.parse(&setting.unit.show(value)), Ok(value), "{}", setting.field);
+            let mut other = default.clone();
+            let next = setting.least.max(value.saturating_sub(1));
+            (setting.set)(&mut other, next).unwrap();
+            assert_eq!((setting.get)(&other), next, "{}", setting.field);
+            assert!(setting.help.len() > 20, "{}", setting.field);
+        }
+        let zero = SETTINGS.iter().find(|setting| setting.field == "idle").unwrap().parse("0");
+        assert_eq!(zero, Err("expected a time such as 500ms, 30s, 15min or 1h, at least 100ms".to_owned()));
     }
 }

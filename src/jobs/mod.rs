@@ -15,19 +15,19 @@ mod presence;
 mod problem;
 mod publish;
 mod request;
-mod setting;
 mod turns;
+mod unit;
 mod unpack;
 mod worker;
 
 pub use archive::{Archive, ArchiveError, Fault, FsckReport, SweepReport};
-pub use config::{Limits, SETTINGS, WorkConfig};
+pub use config::{Limits, SETTINGS, Setting, WorkConfig};
 pub use engine::{Engine, OpenError};
 pub use ingest::{IngestError, Options, Upload};
 pub use maths::{Maths, MathsError};
 pub use problem::{Code, JobProblem};
 pub use request::{CompressRequest, JobRequest, Kind, KindOnly, MAX_TEXT, PaperRequest, check_text};
-pub use setting::{Setting, Unit};
+pub use unit::Unit;
 pub use unpack::Ingested;
 
 pub(crate) use maths::message as panic_message;

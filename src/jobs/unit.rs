@@ -1,6 +1,5 @@
-//! Settings as people write them: a number with a unit, read and shown the same way on every surface.
+//! Units of settings: the text of a number, read and shown the same way on every surface, and the field behind it.
 
-use super::config::WorkConfig;
 use std::time::Duration;
 
 /// Unit of a setting, which decides how its text is read.
@@ -14,39 +13,6 @@ pub enum Unit {
     Rate,
     /// A time: `500ms`, `30s`, `15min`, `1h`; a number alone counts seconds.
     Time,
-}
-
-/// One number that a person may set, declared once in [`super::SETTINGS`].
-#[derive(Clone, Copy, Debug)]
-pub struct Setting {
-    /// Name in `snake_case`; flag and environment variable follow from it.
-    pub field: &'static str,
-    /// Group under which help and documentation list it.
-    pub heading: &'static str,
-    /// Explanation, one sentence or two.
-    pub help: &'static str,
-    /// Unit of its text.
-    pub unit: Unit,
-    /// Smallest value that makes sense.
-    pub least: u64,
-    /// Reads the value, times in milliseconds.
-    pub get: fn(&WorkConfig) -> u64,
-    /// Sets the value; `None` if it does not fit the machine's integers.
-    pub set: fn(&mut WorkConfig, u64) -> Option<()>,
-}
-
-impl Setting {
-    /// Reads text as a value of this setting.
-    pub fn parse(&self, text: &str) -> Result<u64, String> {
-        let expected = self.unit.expected();
-        let value = self.unit.parse(text.trim()).ok_or_else(|| format!("expected {expected}"))?;
-        if value < self.least {
-            return Err(format!("expected {expected}, at least {}", self.unit.show(self.least)));
-        }
-        // A value that the field cannot hold is refused here, where the text is known.
-        (self.set)(&mut WorkConfig::new(""), value).ok_or_else(|| format!("expected {expected}, and a smaller one"))?;
-        Ok(value)
-    }
 }
 
 /// Suffixes of bytes, largest first.
@@ -64,7 +30,7 @@ const BYTES: [(&str, u64); 7] = [
 const TIMES: [(&str, u64); 4] = [("ms", 1), ("min", 60_000), ("h", 3_600_000), ("s", 1000)];
 
 impl Unit {
-    fn parse(self, text: &str) -> Option<u64> {
+    pub(super) fn parse(self, text: &str) -> Option<u64> {
         let (suffixes, alone): (&[_], u64) = match self {
             Self::Count => (&[], 1),
             Self::Bytes | Self::Rate => (&BYTES, 1),
@@ -77,7 +43,7 @@ impl Unit {
         digits.bytes().all(|byte| byte.is_ascii_digit()).then(|| digits.parse::<u64>().ok())??.checked_mul(factor)
     }
 
-    /// Text that [`Setting::parse`] reads as `value`.
+    /// Text that [`Setting::parse`](super::Setting::parse) reads as `value`.
     pub fn show(self, value: u64) -> String {
         let largest = |suffixes: &[(&str, u64)]| {
             let fits = suffixes.iter().find(|(_, factor)| value >= *factor && value.is_multiple_of(*factor));
@@ -100,7 +66,7 @@ impl Unit {
         }
     }
 
-    fn expected(self) -> &'static str {
+    pub(super) fn expected(self) -> &'static str {
         match self {
             Self::Count => "a whole number",
             Self::Bytes => "bytes such as 4096, 64KiB or 1GiB",
@@ -159,7 +125,6 @@ impl Value for Duration {
 
 #[cfg(test)]
 mod tests {
-    use super::super::config::SETTINGS;
     use super::*;
 
     #[test]
@@ -191,25 +156,5 @@ mod tests {
         ] {
             assert_eq!(unit.parse(text), None, "{text}");
         }
-    }
-
-    #[test]
-    fn every_setting_is_one_of_a_kind_and_has_a_default_that_it_takes() {
-        let mut names: Vec<&str> = SETTINGS.iter().map(|setting| setting.field).collect();
-        names.sort_unstable();
-        names.dedup();
-        assert_eq!(names.len(), SETTINGS.len());
-        let default = WorkConfig::new("");
-        for setting in SETTINGS {
-            let value = (setting.get)(&default);
-            assert_eq!(setting.parse(&setting.unit.show(value)), Ok(value), "{}", setting.field);
-            let mut other = default.clone();
-            let next = setting.least.max(value.saturating_sub(1));
-            (setting.set)(&mut other, next).unwrap();
-            assert_eq!((setting.get)(&other), next, "{}", setting.field);
-            assert!(setting.help.len() > 20, "{}", setting.field);
-        }
-        let zero = SETTINGS.iter().find(|setting| setting.field == "idle").unwrap().parse("0");
-        assert_eq!(zero, Err("expected a time such as 500ms, 30s, 15min or 1h, at least 100ms".to_owned()));
     }
 }
