@@ -1,6 +1,5 @@
 //! The log on stderr: an event is one bounded line, in colour on a terminal alone.
 
-use super::LogFormat;
 use std::io::{self, IsTerminal, Write};
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::layer::SubscriberExt;
@@ -9,6 +8,16 @@ use tracing_subscriber::{fmt, registry};
 
 /// Bytes of a line; the rest of a longer one is left out. Events of the service are far below.
 const LONGEST_LINE: usize = 8 << 10;
+
+/// How the log on stderr is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum LogFormat {
+    /// Lines for people.
+    #[default]
+    Human,
+    /// One JSON object a line.
+    Json,
+}
 
 /// Begins the log; `RUST_LOG` filters it (`warn` or `info,sqlx=debug`: levels, also by the beginning of a target), else `level`.
 pub(super) fn start(format: LogFormat, level: LevelFilter) {

@@ -36,6 +36,7 @@ mod settings;
 mod viewing;
 
 pub use failure::{Failure, one_line};
+pub use log::LogFormat;
 
 use std::ffi::OsString;
 use tracing_subscriber::filter::LevelFilter;
@@ -50,16 +51,6 @@ pub struct Cli {
     pub log_format: LogFormat,
     #[command(subcommand)]
     command: Command,
-}
-
-/// How the log on stderr is written.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum LogFormat {
-    /// Lines for people.
-    #[default]
-    Human,
-    /// One JSON object a line.
-    Json,
 }
 
 #[derive(Debug, clap::Subcommand)]
