@@ -1,7 +1,7 @@
 //! `/v1/jobs/{id}/events`: what happens to a job, as server-sent events.
 
 use super::extract::JobId;
-use super::jobs::{Job, change, find};
+use super::job::{Job, change, find};
 use super::places::{Peer, Place};
 use super::problem::Problem;
 use super::schemas::{EventText, JobIdText};

@@ -1,20 +1,20 @@
 //! `/v1/jobs`: work that outlives a request.
 
+use super::events;
 use super::extract::{JobId, SmallJson, parse_json};
+use super::job::{Job, absent, change, find};
 use super::places::Peer;
-use super::problem::{Kind, Problem, ProblemBody};
+use super::problem::{Kind, Problem};
 use super::schemas::{DigestText, JobIdText, PolicyName, StatedQuantityName, Text};
 use super::state::App;
 use crate::catalog::{Enqueued, JobRow, JobState};
-use crate::jobs::{JobProblem, JobRequest, Kind as JobKind, KindOnly};
+use crate::jobs::{JobRequest, Kind as JobKind, KindOnly};
 use crate::store::Digest;
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use serde::Serialize;
 use std::time::Duration;
-use tokio::sync::broadcast::error::RecvError;
 use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -24,15 +24,12 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(post_job))
         .routes(routes!(get_job))
-        .routes(routes!(super::events::get_job_events))
+        .routes(routes!(events::get_job_events))
         .routes(routes!(cancel_job))
 }
 
 /// The longest that a client may wait for a job in one request.
 const LONGEST_WAIT: u64 = 60;
-
-/// How often a job of another process is looked at.
-pub(super) const LOOK: Duration = Duration::from_secs(1);
 
 /// What to do; `kind` says which, and is `compress` if nothing is said.
 #[derive(ToSchema)]
@@ -128,63 +125,6 @@ enum Compress {
 #[allow(dead_code, reason = "describes jobs::Kind")]
 enum Paper {
     Paper,
-}
-
-/// The states of a job.
-#[derive(ToSchema)]
-#[schema(as = JobState)]
-#[serde(rename_all = "snake_case")]
-#[allow(dead_code, reason = "describes catalog::JobState")]
-enum StateSchema {
-    Queued,
-    Running,
-    Succeeded,
-    Failed,
-    Dead,
-    Cancelled,
-}
-
-/// A job.
-#[derive(Debug, Serialize, ToSchema)]
-pub(super) struct Job {
-    #[schema(value_type = JobIdText)]
-    id: String,
-    /// The state in which it is or ended.
-    #[schema(value_type = StateSchema)]
-    state: &'static str,
-    /// 0 to 1.
-    #[schema(minimum = 0, maximum = 1)]
-    progress: f64,
-    /// What it reads; null for a report.
-    #[schema(value_type = Option<DigestText>)]
-    measurement: Option<Digest>,
-    /// The material it made.
-    #[schema(value_type = Option<DigestText>)]
-    material: Option<Digest>,
-    /// The digest of the report it made: an array of tables, as `wavelume paper --json` prints it.
-    #[schema(value_type = Option<DigestText>)]
-    report: Option<Digest>,
-    /// Why it failed or died.
-    problem: Option<ProblemBody>,
-    /// How often it was begun.
-    attempts: u32,
-    /// When it came, ms of the Unix epoch.
-    created_ms: i64,
-    /// When its state changed last, ms of the Unix epoch.
-    updated_ms: i64,
-    links: Links,
-}
-
-/// Where to go from a job.
-#[derive(Debug, Serialize, ToSchema)]
-#[schema(as = JobLinks)]
-struct Links {
-    #[serde(rename = "self")]
-    this: String,
-    events: String,
-    cancel: String,
-    /// The material or the report, once there is one.
-    result: Option<String>,
 }
 
 /// Queue a job.
@@ -286,15 +226,6 @@ async fn cancel_job(State(app): State<App>, JobId(id): JobId) -> Result<Response
     }
 }
 
-/// The job, as of now.
-pub(super) async fn find(app: &App, id: &str) -> Result<JobRow, Problem> {
-    app.engine.job(id).await?.ok_or_else(|| absent(id))
-}
-
-fn absent(id: &str) -> Problem {
-    Problem::new(Kind::NotFound, format!("there is no job {id}"))
-}
-
 /// Waits for the end of a job, for some time.
 async fn until_final(app: &App, mut row: JobRow, time: Duration) -> Result<JobRow, Problem> {
     let mut changes = app.engine.hub.listen();
@@ -311,23 +242,6 @@ async fn until_final(app: &App, mut row: JobRow, time: Duration) -> Result<JobRo
         }
     }
     Ok(row)
-}
-
-/// Waits until something about the job may be new.
-pub(super) async fn change(changes: &mut tokio::sync::broadcast::Receiver<std::sync::Arc<str>>, id: &str) {
-    let told = async {
-        loop {
-            match changes.recv().await {
-                Ok(job) if *job == *id => return,
-                Ok(_) => {}
-                // Some news were missed: this job's may be among them.
-                Err(RecvError::Lagged(_)) => return,
-                Err(RecvError::Closed) => std::future::pending().await,
-            }
-        }
-    };
-    // Jobs of other processes are not told here.
-    let _ = tokio::time::timeout(LOOK, told).await;
 }
 
 /// RFC 7240: `wait=N` among the preferences; what is not understood is not preferred.
@@ -352,38 +266,6 @@ fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
         return Err(Problem::new(Kind::BadHeader, "Idempotency-Key: expected 1 to 255 visible ASCII characters"));
     }
     Ok(Some(key.to_owned()))
-}
-
-impl Job {
-    pub(super) fn of(row: JobRow) -> Self {
-        let this = format!("/v1/jobs/{}", row.id);
-        // A problem of an attempt that is made again is not the job's.
-        let problem = match row.state {
-            JobState::Failed | JobState::Dead => row.problem.as_deref(),
-            JobState::Queued | JobState::Running | JobState::Succeeded | JobState::Cancelled => None,
-        };
-        Self {
-            links: Links {
-                events: format!("{this}/events"),
-                cancel: format!("{this}/cancel"),
-                result: row
-                    .material
-                    .map(|id| format!("/v1/materials/{id}"))
-                    .or_else(|| row.report.map(|digest| format!("/v1/blobs/{digest}"))),
-                this,
-            },
-            id: row.id,
-            state: row.state.name(),
-            progress: row.progress,
-            measurement: row.measurement,
-            material: row.material,
-            report: row.report,
-            problem: problem.map(|text| Problem::from(JobProblem::from_json(text)).body()),
-            attempts: row.attempts,
-            created_ms: row.created_ms,
-            updated_ms: row.updated_ms,
-        }
-    }
 }
 
 #[cfg(test)]

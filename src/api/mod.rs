@@ -6,11 +6,13 @@ mod body;
 mod color;
 mod connection;
 mod content;
+mod content_cache;
 mod description;
 mod descriptors;
 mod events;
 mod export;
 mod extract;
+mod job;
 mod jobs;
 mod known;
 mod layers;
@@ -23,6 +25,7 @@ mod preview;
 mod problem;
 mod query;
 mod root;
+mod router;
 mod schemas;
 mod server;
 mod state;
@@ -32,46 +35,5 @@ mod words;
 mod zstd;
 
 pub use descriptors::raise_descriptor_limit;
+pub use router::openapi;
 pub use server::{ServeConfig, ServeError, Server, Stop, serve};
-
-use axum::Router;
-use state::App;
-use std::sync::Arc;
-use tower_http::catch_panic::CatchPanicLayer;
-use utoipa::openapi::{OpenApi, OpenApiBuilder};
-use utoipa_axum::router::OpenApiRouter;
-
-/// Every route, as a table of contents.
-fn routes() -> OpenApiRouter<App> {
-    OpenApiRouter::with_openapi(OpenApiBuilder::new().info(description::info()).build())
-        .merge(root::routes())
-        .merge(measurements::routes())
-        .merge(jobs::routes())
-        .merge(materials::routes())
-        .merge(query::routes())
-        .merge(color::routes())
-        .merge(preview::routes())
-        .merge(export::routes())
-        .merge(known::routes())
-}
-
-/// The routes with everything around them. Layers below run first.
-fn router(app: App) -> Router {
-    let (router, _) = routes().split_for_parts();
-    let access = Arc::clone(&app.access);
-    router
-        .fallback(layers::no_route)
-        .method_not_allowed_fallback(layers::no_method)
-        .with_state(app.clone())
-        .layer(axum::middleware::from_fn_with_state(app, admit::admit))
-        .layer(axum::extract::DefaultBodyLimit::disable())
-        .layer(CatchPanicLayer::custom(layers::panicked))
-        .layer(axum::middleware::from_fn_with_state(access, layers::hosts_and_origins))
-        .layer(axum::middleware::from_fn(layers::harden))
-        .layer(axum::middleware::from_fn(layers::observe))
-}
-
-/// The description of every route, generated from the router.
-pub fn openapi() -> OpenApi {
-    description::complete(routes().into_openapi())
-}

@@ -117,6 +117,11 @@ impl Problem {
         self
     }
 
+    /// A request that asks for what cannot be.
+    pub(crate) fn invalid(detail: impl Into<String>) -> Self {
+        Self::new(Kind::InvalidRequest, detail)
+    }
+
     /// Something went wrong inside: `error` goes to the log, the client gets the kind's own words.
     fn inside(kind: Kind, error: &dyn std::fmt::Display, detail: &str) -> Self {
         tracing::error!(%error, problem = kind.code(), "a request failed");

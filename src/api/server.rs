@@ -2,9 +2,10 @@
 
 use super::access::Access;
 use super::connection::{Entrance, Host};
-use super::content::Contents;
+use super::content_cache::Contents;
 use super::descriptors;
 use super::places::Peer;
+use super::router::{openapi, router};
 use super::state::{App, Held};
 use crate::jobs::{ArchiveError, Engine, WorkConfig, run_workers};
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
@@ -112,7 +113,7 @@ impl Server {
     ) -> Result<(), ServeError> {
         let Self { address, listener, access, engine, workers } = self;
         let (stopping, stop, cut) = (CancellationToken::new(), CancellationToken::new(), CancellationToken::new());
-        let json = super::openapi().to_json().unwrap_or_default();
+        let json = openapi().to_json().unwrap_or_default();
         let limits = &engine.limits;
         let app = App {
             held: Held::new(limits),
@@ -139,7 +140,7 @@ impl Server {
                 tokio::time::sleep(notice).await;
             }
         };
-        let host = Host::new(super::router(app), limits, stop.clone(), cut.clone());
+        let host = Host::new(router(app), limits, stop.clone(), cut.clone());
         let connections = accept(&listener, &host, &Entrance::new(limits), closing).await;
         drop(listener);
         tracing::info!("stopping: running requests and jobs may end");

@@ -1,7 +1,7 @@
 //! State that every handler shares.
 
 use super::access::Access;
-use super::content::Contents;
+use super::content_cache::Contents;
 use super::places::{KIB, Places};
 use crate::jobs::{Engine, Limits};
 use metrics_exporter_prometheus::PrometheusHandle;

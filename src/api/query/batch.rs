@@ -9,6 +9,7 @@ use super::answers::{AlbedosAnswer, EvaluateAnswer, PdfAnswer, SampleAnswer};
 use super::blocks::{Cutter, Source, cut_off};
 use super::media::Encoding;
 use super::one::json_response;
+use super::opened::open;
 use super::options::{
     AlbedoOptions, EvaluateOptions, How, Outside, PdfOptions, SampleOptions, check_wavelengths, indices, read,
     wavelengths,
@@ -17,7 +18,6 @@ use super::places::{Line, Places};
 use super::question::Question;
 use super::read_ahead::ReadAhead;
 use super::stream::{stream, whole};
-use super::{invalid, open};
 use crate::store::Digest;
 use axum::extract::{FromRequest, Request, State};
 use axum::http::{HeaderMap, header};
@@ -149,7 +149,7 @@ pub(super) async fn evaluate(
     let parse: Parse = |bytes, most| {
         let request: EvaluateRequest = parse_json(bytes)?;
         if let Some(values) = &request.wavelengths {
-            check_wavelengths(values).map_err(invalid)?;
+            check_wavelengths(values).map_err(Problem::invalid)?;
         }
         let (index, wavelengths) = (request.index, request.wavelengths);
         let (how, beyond) = (request.interpolation.into(), request.beyond.into());

@@ -15,11 +15,13 @@
 //! If the first record cannot be answered the whole answer is a problem. Later the status is gone: NDJSON then ends with
 //! the problem as its last line, f32 with the connection cut before the end that its framing promised.
 
+mod answering;
 mod answers;
 mod batch;
 mod blocks;
 mod media;
 mod one;
+mod opened;
 mod options;
 mod places;
 mod question;
@@ -27,14 +29,10 @@ mod read_ahead;
 mod stream;
 
 pub(super) use one::compute;
+pub(super) use opened::open;
 pub(super) use options::{direction, indices, read};
 
-use super::materials::known;
-use super::problem::{Kind, Problem};
 use super::state::App;
-use crate::evaluate::Material;
-use crate::store::Digest;
-use std::sync::Arc;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
@@ -46,14 +44,4 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(batch::evaluate))
         .routes(routes!(batch::pdf))
         .routes(routes!(batch::sample))
-}
-
-/// The opened form of a material that the catalog knows.
-pub(super) async fn open(app: &App, id: Digest) -> Result<Arc<Material>, Problem> {
-    known(app, id).await?;
-    app.engine.material(id).await.map_err(|error| Problem::from(&*error))
-}
-
-fn invalid(detail: impl Into<String>) -> Problem {
-    Problem::new(Kind::InvalidRequest, detail)
 }

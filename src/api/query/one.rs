@@ -5,7 +5,7 @@ use super::super::problem::Problem;
 use super::super::schemas::{DigestText, DirectionText, IndexText, WavelengthsText};
 use super::super::state::App;
 use super::answers::{AlbedoAnswer, SpectrumAnswer};
-use super::open;
+use super::opened::open;
 use super::options::{How, Outside, direction, indices, read, wavelengths};
 use crate::evaluate::Place;
 use axum::extract::State;

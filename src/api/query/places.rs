@@ -3,7 +3,6 @@
 use super::super::extract::parse_json;
 use super::super::problem::Problem;
 use super::super::schemas;
-use super::invalid;
 use crate::domain::Direction;
 use bytes::Bytes;
 use serde::Deserialize;
@@ -86,14 +85,16 @@ impl Places {
             (Some(a), Some(b)) if a == b || b == 1 => a,
             (Some(1), Some(b)) => b,
             (Some(a), Some(b)) => {
-                return Err(invalid(format!("{a} directions in wi and {b} in wo, expected as many, or one of them")));
+                return Err(Problem::invalid(format!(
+                    "{a} directions in wi and {b} in wo, expected as many, or one of them"
+                )));
             }
         };
         if count == 0 || count > most {
-            return Err(invalid(format!("{count} directions, expected 1 to {most}")));
+            return Err(Problem::invalid(format!("{count} directions, expected 1 to {most}")));
         }
         if each == 0 || each > most / count {
-            return Err(invalid(format!("count: found {each}, expected 1 to {}", most / count)));
+            return Err(Problem::invalid(format!("count: found {each}, expected 1 to {}", most / count)));
         }
         Ok(Self { wi, wo, count, each })
     }
@@ -110,7 +111,7 @@ impl Places {
             angles.map(|angles| check(what, angles)).transpose()
         };
         let pair = at("wi", self.wi.as_ref()).and_then(|wi| Ok(Pair { wi, wo: at("wo", self.wo.as_ref())? }));
-        pair.map_err(|detail| invalid(self.place(answer) + &detail))
+        pair.map_err(|detail| Problem::invalid(self.place(answer) + &detail))
     }
 
     /// The words before a problem of this answer.
@@ -231,7 +232,7 @@ pub(super) fn check(what: &str, [theta, phi]: Angles) -> Result<Direction, Strin
 fn floats(directions: Directions, record: &[u8]) -> Result<Pair, Problem> {
     let at = |what, byte: usize| {
         let float = |at: usize| f64::from(f32::from_le_bytes([0, 1, 2, 3].map(|i| record[byte + at + i])));
-        check(what, [float(0), float(4)]).map_err(invalid)
+        check(what, [float(0), float(4)]).map_err(Problem::invalid)
     };
     let wi = if directions.wi { Some(at("wi", 0)?) } else { None };
     let wo = if directions.wo { Some(at("wo", if directions.wi { 8 } else { 0 })?) } else { None };
@@ -244,7 +245,8 @@ fn line(text: &[u8]) -> Result<Option<Pair>, Problem> {
         return Ok(None);
     }
     let line: Line = parse_json(text)?;
-    let at = |what, angles: Option<Angles>| angles.map(|angles| check(what, angles)).transpose().map_err(invalid);
+    let at =
+        |what, angles: Option<Angles>| angles.map(|angles| check(what, angles)).transpose().map_err(Problem::invalid);
     Ok(Some(Pair { wi: at("wi", line.wi)?, wo: at("wo", line.wo)? }))
 }
 

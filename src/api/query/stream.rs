@@ -3,11 +3,12 @@
 use super::super::places::{Peer, Place};
 use super::super::problem::Problem;
 use super::super::state::App;
+use super::answering::{Answered, answer};
 use super::answers::Answers;
 use super::blocks::{Block, Source};
 use super::media::Encoding;
 use super::places::{Places, Records};
-use super::question::{Answered, Question, fits};
+use super::question::Question;
 use crate::evaluate::Material;
 use crate::jobs::{Limits, MathsError};
 use axum::body::{Body, Bytes};
@@ -61,6 +62,16 @@ pub(super) fn whole(
     }
     let json = all.map(|all| all.json(question, material));
     json.transpose().map_err(|error| Problem::internal(&error)).map(Option::unwrap_or_default)
+}
+
+/// Refuses answers that are too large to be whole.
+fn fits(answers: usize, width: usize, most: usize) -> Result<(), Problem> {
+    if answers.saturating_mul(width) > most {
+        return Err(Problem::invalid(format!(
+            "{answers} answers of {width} values, expected at most {most} values in one JSON answer; NDJSON and f32 have no end"
+        )));
+    }
+    Ok(())
 }
 
 /// The answer block by block. `bytes` is its length, if that is known.
@@ -188,9 +199,9 @@ fn parts<T: Send>(
             (records, first)
         })
         .collect();
-    let answer = |(records, first): (Records, u64)| {
-        let Answered { answers, problem } = question.answer(material, &records, first);
+    let answered = |(records, first): (Records, u64)| {
+        let Answered { answers, problem } = answer(question, material, &records, first);
         (take(answers), problem)
     };
-    numbered.into_par_iter().map(answer).collect()
+    numbered.into_par_iter().map(answered).collect()
 }

@@ -1,0 +1,46 @@
+//! Small material files kept in memory for a while, under their digest.
+
+use super::problem::Problem;
+use crate::store::{Digest, Store, StoreExt};
+use bytes::Bytes;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// The largest file that is kept in memory.
+const SMALL: u64 = 1 << 20;
+
+/// Minutes that a file is kept in memory; raising it spares reads of the store.
+const KEPT: Duration = Duration::from_mins(1);
+
+/// Bytes of small files under their digest. An answer from here is right only after the catalog was asked whether the
+/// file may still be read.
+#[derive(Clone, Debug)]
+pub(crate) struct Contents {
+    files: moka::future::Cache<Digest, Bytes>,
+}
+
+impl Contents {
+    pub(crate) fn new(bytes: u64) -> Self {
+        let weigh = |_: &Digest, bytes: &Bytes| (bytes.len() + 512).try_into().unwrap_or(u32::MAX);
+        let files = moka::future::Cache::builder().max_capacity(bytes).weigher(weigh).time_to_live(KEPT).build();
+        Self { files }
+    }
+
+    /// Verified bytes of a file that the catalog knows, read once however many ask; `None` if it is too large to keep.
+    pub(crate) async fn get(&self, store: &Arc<dyn Store>, digest: Digest) -> Result<Option<Bytes>, Problem> {
+        if let Some(bytes) = self.files.get(&digest).await {
+            return Ok(Some(bytes));
+        }
+        let size = store.size(digest).await?.ok_or_else(|| Problem::missing(digest))?;
+        if size > SMALL {
+            return Ok(None);
+        }
+        let read = self.files.try_get_with(digest, async { Ok::<_, Problem>(store.get(digest).await?) });
+        read.await.map(Some).map_err(|problem| (*problem).clone())
+    }
+
+    /// Forgets a deleted file.
+    pub(crate) async fn forget(&self, digest: Digest) {
+        self.files.invalidate(&digest).await;
+    }
+}
