@@ -1,6 +1,6 @@
 //! The bundled data that the tables are made on: spectra, colour-matching functions, luminaires, virtual materials.
 
-use super::PaperError;
+use super::error::PaperError;
 use crate::domain::colour::{Curve, Illuminant, Observer};
 use crate::domain::{Axis, UnknownName};
 use crate::formats::{Acquisition, Interpretation, Samples, read};

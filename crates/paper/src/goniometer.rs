@@ -5,8 +5,8 @@
 //! do not, so most triangles held one reading. Here the instrument aims at the middle of every triangle and misses by up
 //! to 1.8°: some triangles hold two readings, some none.
 
-use super::PaperError;
 use super::data;
+use super::error::PaperError;
 use crate::domain::vector::{add, cross, scale, unit};
 use crate::domain::{Axis, Direction, Domain, ErrorReport, TriangleMesh, WavelengthGrid};
 use crate::formats::{Acquisition, Samples};

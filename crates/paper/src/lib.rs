@@ -5,6 +5,7 @@
 //! made on instead.
 
 mod data;
+mod error;
 mod goniometer;
 mod render;
 mod report;
@@ -17,31 +18,15 @@ mod table6;
 mod table7;
 mod tensors;
 
+pub use error::PaperError;
 pub use report::{Cell, Figures, Row, Table};
 
-use wavelume_core::domain::{Cancelled, Progress};
+use wavelume_core::domain::Progress;
 use wavelume_core::{compress, domain, transform};
 use wavelume_formats::{formats, projection};
 
 /// The numbers of the tables that can be made.
 pub const TABLES: [u8; 7] = [1, 2, 3, 4, 5, 6, 7];
-
-/// Why a table could not be made.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum PaperError {
-    /// No such table.
-    #[error("table {found}, expected 1 to 7")]
-    NoSuchTable {
-        /// The number asked for.
-        found: u8,
-    },
-    /// The bundled data do not read as they should.
-    #[error("bundled data: {0}")]
-    Data(String),
-    /// The caller asked to stop.
-    #[error(transparent)]
-    Cancelled(#[from] Cancelled),
-}
 
 /// Makes table `number`.
 pub fn table(number: u8, progress: &dyn Progress) -> Result<Table, PaperError> {

@@ -1,6 +1,6 @@
 //! Tables for people and programs: aligned text, JSON, CSV.
 
-use super::Table;
+use super::report::Table;
 use std::fmt::Write as _;
 
 impl Table {

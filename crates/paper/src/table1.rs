@@ -1,7 +1,7 @@
 //! Table 1: spectra of 80 samples kept with 16, 8 and 4 coefficients in the best of all bases.
 
-use super::PaperError;
 use super::data::{self, SPECTRUM_LENGTH};
+use super::error::PaperError;
 use super::report::{Cell, Row, Table};
 use crate::compress::selection::{Choice, best_basis, line_dictionaries};
 use crate::domain::Progress;

@@ -1,7 +1,7 @@
 //! Table 2: the colour of Light Skin with 3, 7 and 11 coefficients, free and with XYZ kept exactly.
 
-use super::PaperError;
 use super::data::{self, SPECTRUM_LENGTH};
+use super::error::PaperError;
 use super::report::{Cell, Row, Table};
 use crate::compress::selection::{Choice, Constraint, Ranked, best_basis, line_dictionaries};
 use crate::domain::Progress;

@@ -1,7 +1,7 @@
 //! Table 3: spectral BRDFs of 1,228,800 samples at seven ratios.
 
-use super::PaperError;
 use super::data::MATERIALS;
+use super::error::PaperError;
 use super::goniometer::Goniometer;
 use super::report::{Cell, Row, Table};
 use super::tensors::{BIO_HAAR, ORTHONORMAL, cells, data_error, log_k_term, ratio_columns, thresholds, transforms};

@@ -1,10 +1,10 @@
 //! Table 4: what one threshold a space gains over a single one, on wood.
 
-use super::PaperError;
 use super::data::MATERIALS;
+use super::error::PaperError;
 use super::goniometer::Goniometer;
-use super::report::{Cell, Row, Table};
-use super::tensors::{BIO_HAAR, cells, data_error, thresholds, transforms};
+use super::report::{Row, Table};
+use super::tensors::{BIO_HAAR, cells, data_error, gains, thresholds, transforms};
 use crate::compress::selection::{GenericTransform, Rule};
 use crate::domain::{ErrorReport, Progress};
 use crate::transform::LineBasis;
@@ -58,15 +58,6 @@ pub(super) fn make(progress: &dyn Progress) -> Result<Table, PaperError> {
         figures: Vec::new(),
     }
     .summarised())
-}
-
-/// How much larger the first errors are than the second, in per cent; shown beside the printed gains, not scored.
-pub(super) fn gains(first: &[Cell; 2], second: &[Cell; 2]) -> [Cell; 2] {
-    let gain = |a: f64, b: f64| 100.0 * (a / b - 1.0);
-    [0, 1].map(|i| {
-        let printed = first[i].paper.zip(second[i].paper).map(|(a, b)| gain(a, b));
-        Cell { ours: gain(first[i].ours, second[i].ours), paper: printed, ratio: None }
-    })
 }
 
 #[cfg(test)]

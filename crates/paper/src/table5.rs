@@ -1,11 +1,10 @@
 //! Table 5: what thresholds ε√d gain where levels differ much, on plastic.
 
-use super::PaperError;
 use super::data::MATERIALS;
+use super::error::PaperError;
 use super::goniometer::Goniometer;
 use super::report::{Row, Table};
-use super::table4::gains;
-use super::tensors::{BIO_HAAR, cells, data_error, thresholds, transforms};
+use super::tensors::{BIO_HAAR, cells, data_error, gains, thresholds, transforms};
 use crate::compress::selection::{GenericTransform, Rule};
 use crate::domain::{ErrorReport, Progress};
 use crate::transform::LineBasis;

@@ -1,7 +1,7 @@
 //! Table 6: the light of three luminaires, 2048 directions by 91 wavelengths.
 
-use super::PaperError;
 use super::data::{self, LUMINAIRES};
+use super::error::PaperError;
 use super::report::{Row, Table};
 use super::tensors::{BIO_HAAR, cells, data_error, effect_k_term, ratio_columns, thresholds, transforms};
 use crate::compress::selection::{GenericTransform, Rule};

@@ -1,7 +1,7 @@
 //! Table 7: phase functions on 2048 × 2048 pairs of directions.
 
-use super::PaperError;
 use super::data;
+use super::error::PaperError;
 use super::report::{Row, Table};
 use super::tensors::{
     BIO_HAAR, ORTHONORMAL, cells, data_error, effect_k_term, log_k_term, ratio_columns, thresholds, transforms,

@@ -1,6 +1,6 @@
 //! What the tables of tensors share: transforms, K-term approximations in two domains, rows of figures.
 
-use super::PaperError;
+use super::error::PaperError;
 use super::report::Cell;
 use crate::compress::selection::{effects, refit};
 use crate::domain::{Axis, ErrorReport};
@@ -101,6 +101,15 @@ fn largest(coefficients: &[f32], magnitudes: &[f32], count: usize) -> Vec<f32> {
 /// L1 and L2 in per cent beside the printed ones.
 pub(super) fn cells(errors: &ErrorReport, printed: Option<[f64; 2]>) -> [Cell; 2] {
     [Cell::new(100.0 * errors.er_l1, printed.map(|p| p[0])), Cell::new(100.0 * errors.er_l2, printed.map(|p| p[1]))]
+}
+
+/// How much larger the first errors are than the second, in per cent; shown beside the printed gains, not scored.
+pub(super) fn gains(first: &[Cell; 2], second: &[Cell; 2]) -> [Cell; 2] {
+    let gain = |a: f64, b: f64| 100.0 * (a / b - 1.0);
+    [0, 1].map(|i| {
+        let printed = first[i].paper.zip(second[i].paper).map(|(a, b)| gain(a, b));
+        Cell { ours: gain(first[i].ours, second[i].ours), paper: printed, ratio: None }
+    })
 }
 
 /// The heads `2:1 L1`, `2:1 L2`, ….
