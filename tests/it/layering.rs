@@ -1,5 +1,8 @@
-//! Nothing imports upward, and the scientific rooms know no runtime, database, network, clock or global randomness.
+//! Nothing imports upward or in circles, and the scientific rooms know no runtime, database, network, clock or global randomness.
 
+mod imports;
+
+use imports::Files;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -257,6 +260,14 @@ fn nothing_imports_upward() {
         }
     }
     assert!(upward.is_empty(), "{}", upward.join("\n"));
+}
+
+#[test]
+fn no_file_takes_part_in_a_circle_of_imports() {
+    for (name, _) in FOLDERS {
+        let circles = Files::read(&folder(name).join("lib.rs")).circles();
+        assert!(circles.is_empty(), "files that import one another: {circles:#?}");
+    }
 }
 
 #[test]
