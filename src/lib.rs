@@ -1,5 +1,21 @@
 //! wavelume: acquired radiometric measurements, compressed with generic wavelet transforms to a promised error.
 //!
+//! ```
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! use wavelume::{Direction, Request};
+//! # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/data/virtual/plastic.json");
+//! let request = Request { incoming_level: Some(1), outgoing_level: Some(2), ..Request::er_l2(0.01) };
+//! let compressed = wavelume::read(path)?.compress(&request)?;
+//! let material = wavelume::open_bytes(&compressed.bytes)?;
+//! let bsdf = material.bsdf()?;
+//! let wi = Direction::from_degrees(30.0, 0.0);
+//! if let Some(sample) = bsdf.sample(wi, [0.3, 0.6]) {
+//!     println!("f = {:?} 1/sr", bsdf.eval(wi, sample.wo));
+//! }
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! The science is in crates of its own, whose rooms are named here again: `wavelume_core` is what a renderer links,
 //! `wavelume_formats` reads, projects and exports files, `wavelume_paper` makes the tables of the paper again.
 //! The service stands on these: [`store`] (bytes under their digest) → [`catalog`] (what is known of them) → [`jobs`] →
@@ -14,3 +30,15 @@ pub mod store;
 pub use wavelume_core::{algebra, codec, compress, domain, evaluate, transform};
 pub use wavelume_formats::{export, formats, pipeline, preview, projection};
 pub use wavelume_paper as paper;
+
+pub use wavelume_core::domain::Direction;
+pub use wavelume_core::evaluate::{EvaluateError, Material};
+pub use wavelume_core::roles::{Bsdf, BsdfAt, Emitter, EmitterAt, Phase, PhaseAt, RoleError, Sample, Spectrum};
+pub use wavelume_core::{OpenError, open, open_bytes, roles};
+pub use wavelume_formats::pipeline::{Outcome, PipelineError, Report, Request, Source};
+pub use wavelume_formats::{ReadError, read, read_bytes};
+
+/// The README, whose blocks of Rust are compiled and run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

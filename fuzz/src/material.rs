@@ -49,7 +49,7 @@ fn values(material: &Material, place: Place<'_>) {
     let mut spectrum = vec![0.0; material.lambdas()];
     let mut between = [0.0; WAVELENGTHS.len()];
     for how in [Interpolation::Constant, Interpolation::Smooth] {
-        let answered = material.spectrum(place, how, &mut spectrum).is_ok();
+        let answered = material.evaluate(place, how, &mut spectrum).is_ok();
         let again = material.at_wavelengths(place, how, Beyond::Masked, &WAVELENGTHS, &mut between);
         assert!(again.is_err() || answered, "values at wavelengths, but no spectrum");
     }

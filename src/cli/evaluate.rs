@@ -80,7 +80,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let unit = material.unit();
     let Some(List(wavelengths)) = &args.wavelengths else {
         let mut values = vec![0.0; material.lambdas()];
-        material.spectrum(place, how, &mut values).map_err(about)?;
+        material.evaluate(place, how, &mut values).map_err(about)?;
         return print_json(&Answer { wavelengths: material.wavelengths(), values, unit });
     };
     let mut values = vec![0.0; wavelengths.len()];

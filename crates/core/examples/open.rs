@@ -1,4 +1,4 @@
-//! Opens a compressed BRDF, evaluates its spectrum for a pair of directions, and draws a direction from it.
+//! Opens a compressed BRDF, evaluates it for a pair of directions, and draws a direction from it.
 //!
 //! `cargo run --release -p wavelume-core --example open -- PLASTIC.wlm`
 
@@ -6,23 +6,21 @@
 
 use std::error::Error;
 use wavelume_core::domain::Direction;
-use wavelume_core::evaluate::{Interpolation, Material, Place, SampleOptions};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let path = std::env::args().nth(1).ok_or("found no argument, expected the path of a compressed BRDF (.wlm)")?;
-    let material = Material::open(&std::fs::read(path)?)?;
+    let material = wavelume_core::open(path)?;
+    let bsdf = material.bsdf()?.at([450.0, 550.0, 650.0])?;
     let wi = Direction::from_degrees(30.0, 0.0);
-    let place = Place { index: &[], wi: Some(wi), wo: Some(Direction::from_degrees(45.0, 180.0)) };
-    let mut spectrum = vec![0.0; material.lambdas()];
-    material.spectrum(place, Interpolation::Smooth, &mut spectrum)?;
-    println!("f at {} wavelengths: {spectrum:?}", spectrum.len());
+    let f = bsdf.eval(wi, Direction::from_degrees(45.0, 180.0));
+    println!("f at {:?} nm: {f:?} 1/sr", bsdf.wavelengths());
 
-    match material.sample(&[], Some(wi), [0.3, 0.6], SampleOptions::default())? {
+    match bsdf.sample(wi, [0.3, 0.6]) {
         Some(sample) => {
-            let [theta, phi] = [sample.direction.theta(), sample.direction.phi()].map(f64::to_degrees);
-            println!("drawn: theta {theta:.1}°, phi {phi:.1}°, pdf {:.4} 1/sr", sample.pdf);
+            let [theta, phi] = [sample.wo.theta_degrees(), sample.wo.phi_degrees()];
+            println!("drawn: theta {theta:.1}°, phi {phi:.1}°, pdf {:.4} 1/sr, weights {:?}", sample.pdf, sample.weight);
         }
-        None => println!("nothing is drawn: there is no light for this incoming direction"),
+        None => println!("nothing is drawn: no light is reflected for this incoming direction"),
     }
     Ok(())
 }

@@ -1,12 +1,34 @@
 //! The crate that a renderer links: measurements on their domains, wavelet transforms, the codec, and compressed materials
 //! that are evaluated and sampled.
 //!
+//! ```
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! use wavelume_core::domain::Direction;
+//! # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/materials/plastic.wlm");
+//! let material = wavelume_core::open(path)?;
+//! let bsdf = material.bsdf()?.at([450.0, 550.0, 650.0])?;
+//! let wi = Direction::from_degrees(30.0, 0.0);
+//! let f: [f32; 3] = bsdf.eval(wi, Direction::from_degrees(45.0, 180.0));
+//! if let Some(sample) = bsdf.sample(wi, [0.3, 0.6]) {
+//!     println!("f = {f:?} 1/sr, drawn {:?} with density {} 1/sr", sample.wo.xyz(), sample.pdf);
+//! }
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! [`open`] and [`open_bytes`] give a [`Material`](evaluate::Material), which plays one of the [`roles`] of a scene, or answers
+//! any query itself ([`evaluate`]).
+//!
 //! Data flow downward; nothing imports upward:
-//! tensor ([`domain`]) → [`transform`] → [`codec`] → [`compress`] → [`algebra`] and [`evaluate`].
+//! tensor ([`domain`]) → [`transform`] → [`codec`] → [`compress`] → [`algebra`] and [`evaluate`] → [`roles`].
 
 pub mod algebra;
 pub mod codec;
 pub mod compress;
 pub mod domain;
 pub mod evaluate;
+mod open;
+pub mod roles;
 pub mod transform;
+
+pub use open::{OpenError, open, open_bytes};

@@ -151,7 +151,7 @@ fn estimate(
             let mut jittered = |k: usize| (k as f64 + random.random::<f64>()) / STRATA as f64;
             let u = [jittered(stratum / STRATA), jittered(stratum % STRATA)];
             let Some((wo, pdf)) = draw(material, index, wi, u, share)? else { continue };
-            material.spectrum(Place { index, wi: Some(wi), wo: Some(wo) }, how, &mut spectrum)?;
+            material.evaluate(Place { index, wi: Some(wi), wo: Some(wo) }, how, &mut spectrum)?;
             let factor = wo.cos_theta().abs() / pdf / (STRATA * STRATA) as f64;
             for (light, value) in light.iter_mut().zip(&spectrum).filter(|(_, value)| !value.is_nan()) {
                 *light += factor * f64::from(*value);

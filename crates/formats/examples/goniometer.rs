@@ -149,8 +149,8 @@ fn errors(scan: &Scan, surface: &Gloss, material: &Material) -> Result<[[f64; 2]
         let brightest = directions.iter().map(|wo| surface.lobe(wi.xyz(), wo.xyz())).fold(0.0, f64::max);
         for wo in directions {
             let place = Place { index: &[], wi: Some(wi), wo: Some(wo) };
-            material.spectrum(place, Interpolation::Smooth, &mut smooth)?;
-            material.spectrum(place, Interpolation::Constant, &mut constant)?;
+            material.evaluate(place, Interpolation::Smooth, &mut smooth)?;
+            material.evaluate(place, Interpolation::Constant, &mut constant)?;
             let lobe = surface.lobe(wi.xyz(), wo.xyz());
             let rows: &[usize] = match (i % 2, is_blind(wi, wo)) {
                 (1, true) => continue,

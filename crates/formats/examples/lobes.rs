@@ -86,7 +86,7 @@ fn measurement() -> Result<Measurement, Box<dyn Error>> {
 
 fn value(material: &Material, wi: Direction, wo: Direction) -> Result<f64, Box<dyn Error>> {
     let mut out = [0.0];
-    material.spectrum(Place { index: &[], wi: Some(wi), wo: Some(wo) }, Interpolation::Smooth, &mut out)?;
+    material.evaluate(Place { index: &[], wi: Some(wi), wo: Some(wo) }, Interpolation::Smooth, &mut out)?;
     Ok(f64::from(out[0]))
 }
 

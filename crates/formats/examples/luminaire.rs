@@ -76,7 +76,7 @@ fn estimate(material: &Material, index: &[usize]) -> Result<Vec<(f64, f64)>, Box
             let u = [jittered(stratum / STRATA), jittered(stratum % STRATA)];
             let Some(sample) = material.sample(index, None, u, None::<u8>)? else { continue };
             let place = Place { index, wi: None, wo: Some(sample.direction) };
-            material.spectrum(place, Interpolation::Constant, &mut intensity)?;
+            material.evaluate(place, Interpolation::Constant, &mut intensity)?;
             for (flux, value) in flux.iter_mut().zip(&intensity).filter(|(_, value)| !value.is_nan()) {
                 *flux += f64::from(*value) / sample.pdf / (STRATA * STRATA) as f64;
             }

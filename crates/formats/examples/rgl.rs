@@ -59,7 +59,7 @@ fn compressed(bytes: &[u8]) -> Result<Evaluated, Box<dyn Error>> {
     let mut spectrum = vec![0.0; channels];
     let evaluate = move |wi: Direction, wo: Direction, values: &mut [f64]| {
         let place = Place { index: &[], wi: Some(wi), wo: Some(wo) };
-        material.spectrum(place, Interpolation::Smooth, &mut spectrum)?;
+        material.evaluate(place, Interpolation::Smooth, &mut spectrum)?;
         values.iter_mut().zip(&spectrum).for_each(|(value, &sample)| *value = f64::from(sample));
         Ok(())
     };

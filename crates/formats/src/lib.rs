@@ -1,5 +1,15 @@
 //! Files of measurements: read, put on the axes of a tensor, compressed, shown, and written for others.
 //!
+//! ```
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! use wavelume_formats::pipeline::Request;
+//! # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/illuminant_D65.csv");
+//! let compressed = wavelume_formats::read(path)?.compress(&Request::er_l2(0.001))?;
+//! println!("{} bytes, er(L2) {}", compressed.bytes.len(), compressed.report.errors.er_l2);
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! file → [`formats`] → [`projection`] → tensor → `wavelume_core` → [`preview`] and [`export`]. [`pipeline`] is that way as
 //! one call.
 
@@ -9,5 +19,8 @@ pub mod formats;
 pub mod pipeline;
 pub mod preview;
 pub mod projection;
+mod read;
+
+pub use read::{ReadError, read, read_bytes};
 
 use wavelume_core::{compress, domain, evaluate};

@@ -102,7 +102,7 @@ fn spectra(
         let place = Place { index, wi, wo };
         match wavelengths {
             Some(wavelengths) => material.at_wavelengths(place, how, beyond, wavelengths, row),
-            None => material.spectrum(place, how, row),
+            None => material.evaluate(place, how, row),
         }
     }))
 }

@@ -75,7 +75,7 @@ pub(super) async fn get_spectrum(
         let mut values = vec![0.0; wavelengths.as_ref().map_or_else(|| material.lambdas(), Vec::len)];
         match &wavelengths {
             Some(wavelengths) => material.at_wavelengths(place, how, beyond, wavelengths, &mut values)?,
-            None => material.spectrum(place, how, &mut values)?,
+            None => material.evaluate(place, how, &mut values)?,
         }
         let wavelengths = wavelengths.or_else(|| material.wavelengths());
         Ok(SpectrumAnswer { wavelengths, values, unit: material.unit() })

@@ -79,7 +79,7 @@ impl Asked {
         let direction = |theta: f32, phi: f32| Some(Direction::from_degrees(theta.into(), phi.into()));
         let mut out = vec![0.0; self.material.lambdas()];
         let place = Place { index: &[], wi: direction(a, b), wo: direction(c, d) };
-        self.material.spectrum(place, Interpolation::Smooth, &mut out).unwrap();
+        self.material.evaluate(place, Interpolation::Smooth, &mut out).unwrap();
         out
     }
 }

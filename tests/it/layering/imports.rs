@@ -216,9 +216,9 @@ impl Reader {
                 }
                 TokenTree::Ident(word) if word == "use" => {
                     let end = (i..tokens.len()).find(|&j| is_mark(&tokens[j], ';')).unwrap_or(tokens.len());
-                    // Imports of a function's body: `use<'a>` of a return type has none.
+                    // An import inside a body counts as the module's; `use<'a>` of a return type is none.
                     if tokens.get(i + 1).is_some_and(|next| matches!(next, TokenTree::Ident(_))) {
-                        self.import_into_paths(at, &tokens[i + 1..end]);
+                        self.import(at, &tokens[i + 1..end], &[]);
                         i = end;
                     } else {
                         i += 1;
@@ -243,15 +243,6 @@ impl Reader {
                 _ => i += 1,
             }
         }
-    }
-
-    fn import_into_paths(&mut self, at: usize, tokens: &[TokenTree]) {
-        let module = &mut self.modules[at];
-        let (imports, globs) = (mem::take(&mut module.imports), mem::take(&mut module.globs));
-        self.import(at, tokens, &[]);
-        let module = &mut self.modules[at];
-        let (new, new_globs) = (mem::replace(&mut module.imports, imports), mem::replace(&mut module.globs, globs));
-        module.used.extend(new.into_values().chain(new_globs));
     }
 
     /// For each file the files that define what it names.

@@ -20,7 +20,7 @@ fn error(
         for i in 0..4000 {
             let wo = uniform(i, lowest);
             let place = Place { index: &[], wi: direction(wi), wo: direction(wo) };
-            material.spectrum(place, how, &mut out).unwrap_or_else(|e| unreachable!("{e}"));
+            material.evaluate(place, how, &mut out).unwrap_or_else(|e| unreachable!("{e}"));
             for (&value, &lambda) in out.iter().zip(&lambdas) {
                 let truth = f(wi, wo, lambda);
                 let e = ((f64::from(value) - truth) / truth).powi(2);

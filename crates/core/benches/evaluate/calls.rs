@@ -60,7 +60,7 @@ fn calls<'a>(material: &'a Material, chosen: &'a Chosen<'a>, asked: &'a Question
     for how in FORMS {
         let mut out = vec![0.0; lambdas];
         calls.push(each(format!("spectrum of {lambdas}, {how:?}"), move |i| {
-            material.spectrum(place(i), how, &mut out).map_or(0.0, |()| out[7])
+            material.evaluate(place(i), how, &mut out).map_or(0.0, |()| out[7])
         }));
         let mut all = vec![0.0; lambdas * CALLS];
         calls.push((
@@ -122,7 +122,7 @@ fn emission<'a>(lamp: &'a Material, spectrum: &'a Material, asked: &'a Questions
         let mut out = vec![0.0; lambdas];
         calls.push(each(format!("EDF, spectrum of {lambdas}, {how:?}"), move |i| {
             let place = Place { index: &[], wi: None, wo: asked.pairs[i].1 };
-            lamp.spectrum(place, how, &mut out).map_or(0.0, |()| out[7])
+            lamp.evaluate(place, how, &mut out).map_or(0.0, |()| out[7])
         }));
         let mut all = vec![0.0; lambdas * CALLS];
         calls.push((
@@ -135,7 +135,7 @@ fn emission<'a>(lamp: &'a Material, spectrum: &'a Material, asked: &'a Questions
     }
     let mut out = vec![0.0; lambdas];
     calls.push(each(format!("SPD, spectrum of {lambdas}"), move |_| {
-        let found = spectrum.spectrum(black_box(Place::default()), Interpolation::Smooth, &mut out);
+        let found = spectrum.evaluate(black_box(Place::default()), Interpolation::Smooth, &mut out);
         found.map_or(0.0, |()| out[7])
     }));
     calls
@@ -215,7 +215,7 @@ pub(crate) fn from_memory() {
         for _ in 0..5 {
             let start = Instant::now();
             for i in 0..MANY {
-                black_box(material.spectrum(asked.place(i), how, &mut out).is_ok());
+                black_box(material.evaluate(asked.place(i), how, &mut out).is_ok());
             }
             single = single.min(start.elapsed().as_secs_f64() * 1e9 / MANY as f64);
             let start = Instant::now();

@@ -105,7 +105,7 @@ fn batches_of_spectra_are_single_spectra() {
             assert!(all.iter().zip(&parallel).all(|(a, b)| a.to_bits() == b.to_bits()));
             let mut one = vec![0.0; m.lambdas()];
             for (i, all) in all.chunks_exact(m.lambdas()).enumerate() {
-                m.spectrum(asked.pairs().place(i).unwrap(), how, &mut one).unwrap();
+                m.evaluate(asked.pairs().place(i).unwrap(), how, &mut one).unwrap();
                 assert!(one.iter().zip(all).all(|(a, b)| same(*a, *b)), "{} {how:?} {i}", m.quantity());
             }
         }

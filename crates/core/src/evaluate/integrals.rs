@@ -60,7 +60,7 @@ impl Material {
         Ok(())
     }
 
-    /// The same integral of the function as [`Material::spectrum`] gives it, by quadrature: its values at the centroids of
+    /// The same integral of the function as [`Material::evaluate`] gives it, by quadrature: its values at the centroids of
     /// triangles `finer` levels below those of the outgoing axis (at most to level 8), times their (projected) solid
     /// angles. For `Constant` that is the stored albedo to rounding; for `Smooth` the difference to it is what
     /// interpolation adds. Slow: as many evaluations as there are triangles.
@@ -96,7 +96,7 @@ impl Material {
             if (side == Side::Reflected && !is_same) || (side == Side::Transmitted && is_same) {
                 continue;
             }
-            self.spectrum(Place { index, wi, wo: Some(wo) }, how, &mut value)?;
+            self.evaluate(Place { index, wi, wo: Some(wo) }, how, &mut value)?;
             let measure = if has_cosine { mesh.projected_solid_angle(i) } else { mesh.solid_angle(i) };
             for ((sum, is_measured), sample) in sums.iter_mut().zip(&value).filter(|(_, sample)| !sample.is_nan()) {
                 *sum += measure * f64::from(*sample);

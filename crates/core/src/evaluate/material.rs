@@ -132,7 +132,7 @@ impl Material {
     /// The whole spectrum at `place` into `out` (`lambdas()` long), in the measurement's unit, without a cosine;
     /// NaN = masked, 0 where `wo` is outside the outgoing domain.
     #[inline]
-    pub fn spectrum(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
+    pub fn evaluate(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         self.function.spectrum(place, how, out)
     }
 
@@ -171,7 +171,7 @@ impl Material {
         self.function.measurement()
     }
 
-    /// The spectra at `pairs` into `out`, `[pair][lambda]`, on the calling thread, as [`Material::spectrum`] gives them;
+    /// The spectra at `pairs` into `out`, `[pair][lambda]`, on the calling thread, as [`Material::evaluate`] gives them;
     /// no allocation. The first pair that is refused ends it.
     pub fn spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         self.function.spectra(pairs, how, out)

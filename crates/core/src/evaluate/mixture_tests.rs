@@ -79,7 +79,7 @@ fn where_there_is_light_there_is_a_density() {
                 let how =
                     if options.density == Density::Uniform { Interpolation::Constant } else { Interpolation::Smooth };
                 let mut value = vec![0.0; m.lambdas()];
-                m.spectrum(Place { index: &[], wi, wo: Some(wo) }, how, &mut value).unwrap();
+                m.evaluate(Place { index: &[], wi, wo: Some(wo) }, how, &mut value).unwrap();
                 if value.iter().any(|&v| v > 0.0) {
                     let share = if m.quantity().has_cosine() { wo.cos_theta().abs() / PI } else { 0.5 / TAU };
                     let least = 0.9 * options.defensive * if m.quantity().has_cosine() { both * share } else { share };
@@ -113,7 +113,7 @@ fn luminaires_with_dark_cells_have_a_density_wherever_they_shine() {
             let lamp = cut_lamp(outgoing, is_lit, &mut rng);
             let shines = |wo: Direction| {
                 let mut value = [0.0];
-                lamp.spectrum(Place { index: &[], wi: None, wo: Some(wo) }, Interpolation::Smooth, &mut value).unwrap();
+                lamp.evaluate(Place { index: &[], wi: None, wo: Some(wo) }, Interpolation::Smooth, &mut value).unwrap();
                 value[0] > 0.0
             };
             let finer = mesh(domain, level + 4);
@@ -148,7 +148,7 @@ fn beside_holes_values_stay_near_those_around() {
     for _ in 0..40_000 {
         let [wi, wo] = [(); 2].map(|()| Some(uniform(Domain::Sphere, &mut rng)));
         let mut value = [0.0];
-        m.spectrum(Place { index: &[], wi, wo }, Interpolation::Smooth, &mut value).unwrap();
+        m.evaluate(Place { index: &[], wi, wo }, Interpolation::Smooth, &mut value).unwrap();
         assert!(value[0].is_nan() || value[0] < 50.0, "{wi:?} {wo:?}: {}", value[0]);
     }
 }
@@ -181,7 +181,7 @@ fn directions_between_nodes_follow_their_density_and_weights_have_the_integral_a
                     let wo = finer.centroid(i);
                     share += m.pdf(&[], wi, wo, None).unwrap() * finer.solid_angle(i);
                     let mut value = [0.0];
-                    m.spectrum(Place { index: &[], wi, wo: Some(wo) }, Interpolation::Smooth, &mut value).unwrap();
+                    m.evaluate(Place { index: &[], wi, wo: Some(wo) }, Interpolation::Smooth, &mut value).unwrap();
                     integral += f64::from(value[0]) * finer.projected_solid_angle(i);
                 }
                 let expected = share * COUNT as f64;

@@ -76,7 +76,7 @@ fn samples(m: &Material) -> &[f32] {
 
 fn spectrum(m: &Material, place: Place<'_>, how: Interpolation) -> Vec<f32> {
     let mut out = vec![-1.0; m.lambdas()];
-    m.spectrum(place, how, &mut out).unwrap();
+    m.evaluate(place, how, &mut out).unwrap();
     out
 }
 
@@ -247,8 +247,8 @@ fn opaque_axes_need_an_index() {
     let found = spectrum(&m, place(&[1, 2]), Interpolation::Constant)[0];
     assert!((found - 45.0).abs() < 1e-4, "{found}");
     let mut out = [0.0];
-    is_unfit(m.spectrum(place(&[1]), Interpolation::Constant, &mut out), "1 indices, expected 2");
-    is_unfit(m.spectrum(place(&[1, 3]), Interpolation::Constant, &mut out), "index 3 on axis 1 of 3 entries");
+    is_unfit(m.evaluate(place(&[1]), Interpolation::Constant, &mut out), "1 indices, expected 2");
+    is_unfit(m.evaluate(place(&[1, 3]), Interpolation::Constant, &mut out), "index 3 on axis 1 of 3 entries");
     let sampled = m.sample(&[1, 2], None, [0.3, 0.4], CONSTANT).unwrap().unwrap();
     let leaf = mesh(Domain::Sphere, 0).locate(sampled.direction).unwrap();
     assert!((sampled.weight * sampled.pdf - (40 + leaf) as f64).abs() < 1e-4);
@@ -264,18 +264,18 @@ fn refusals_name_their_reason() {
     let (m, mut out) = (brdf(), [0.0; 2]);
     let (wi, wo) = (Some(angles(20.0, 3.0)), Some(angles(40.0, 70.0)));
     let how = Interpolation::Smooth;
-    is_unfit(m.spectrum(at(None, wo), how, &mut out), "no wi was given, but this brdf");
-    is_unfit(m.spectrum(at(wi, None), how, &mut out), "no wo was given, but this brdf");
-    is_unfit(m.spectrum(at(wi, wo), how, &mut out[..1]), "room for 1 samples, expected 2");
+    is_unfit(m.evaluate(at(None, wo), how, &mut out), "no wi was given, but this brdf");
+    is_unfit(m.evaluate(at(wi, None), how, &mut out), "no wo was given, but this brdf");
+    is_unfit(m.evaluate(at(wi, wo), how, &mut out[..1]), "room for 1 samples, expected 2");
     let below = "wi has theta = 95.000 degrees, outside the incoming domain `hemisphere`";
-    is_unfit(m.spectrum(at(Some(angles(95.0, 0.0)), wo), how, &mut out), below);
-    is_unfit(isotropic().spectrum(at(Some(angles(95.0, 0.0)), wo), how, &mut out), below);
+    is_unfit(m.evaluate(at(Some(angles(95.0, 0.0)), wo), how, &mut out), below);
+    is_unfit(isotropic().evaluate(at(Some(angles(95.0, 0.0)), wo), how, &mut out), below);
     is_unfit(m.sample(&[], Some(angles(95.0, 0.0)), [0.5; 2], None), below);
     is_unfit(m.pdf(&[], None, angles(5.0, 0.0), None), "no wi was given, but this brdf");
     is_unfit(m.at_wavelengths(at(wi, wo), how, Beyond::Masked, &[400.0], &mut out), "room for 2 samples, expected 1");
     is_unfit(m.sample(&[], wi, [0.5, 1.5], None), "u = [0.5, 1.5], expected");
     is_unfit(m.sample(&[], wi, [f64::NAN, 0.5], None), "u = [NaN, 0.5], expected");
-    is_unfit(edf().spectrum(at(wi, wo), how, &mut [0.0; 3]), "wi was given, but this edf");
+    is_unfit(edf().evaluate(at(wi, wo), how, &mut [0.0; 3]), "wi was given, but this edf");
     is_unfit(
         btdf().at_wavelengths(at(wi, wo), how, Beyond::Masked, &[400.0], &mut out[..1]),
         "wavelengths were asked for, but this btdf",
@@ -284,7 +284,7 @@ fn refusals_name_their_reason() {
     is_unfit(one.sample(&[], wi, [0.5; 2], None), "this reflectance has no outgoing axis to sample");
     is_unfit(one.pdf(&[], wi, angles(0.0, 0.0), None), "this reflectance has no outgoing axis to sample");
     is_unfit(one.albedo(&[], wi, how, &mut out), "this reflectance has no outgoing axis to integrate");
-    is_unfit(one.spectrum(at(wi, wo), how, &mut out), "wo was given, but this reflectance");
+    is_unfit(one.evaluate(at(wi, wo), how, &mut out), "wo was given, but this reflectance");
     is_unfit(m.albedo(&[], wi, how, &mut out[..1]), "room for 1 samples, expected 2");
     assert_eq!(spectrum(&one, at(wi, None), Interpolation::Constant), m_row(&one, 0));
 }

@@ -50,7 +50,7 @@ fn grid(material: &Material) -> Result<&WavelengthGrid, ExportError> {
 
 fn spectrum(material: &Material, index: &[usize]) -> Result<Vec<f32>, ExportError> {
     let mut samples = vec![0.0; material.lambdas()];
-    material.spectrum(Place { index, wi: None, wo: None }, Interpolation::Constant, &mut samples)?;
+    material.evaluate(Place { index, wi: None, wo: None }, Interpolation::Constant, &mut samples)?;
     Ok(samples)
 }
 

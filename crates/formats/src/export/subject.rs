@@ -71,7 +71,7 @@ impl<'a> Subject<'a> {
     pub(super) fn at(&self, wi: Option<Direction>, wo: Direction, values: &mut [f64]) {
         let mut spectrum = vec![0.0_f32; self.material.lambdas()];
         let place = Place { index: &self.index, wi, wo: Some(wo) };
-        if self.material.spectrum(place, Interpolation::Smooth, &mut spectrum).is_err() {
+        if self.material.evaluate(place, Interpolation::Smooth, &mut spectrum).is_err() {
             values.fill(f64::NAN);
             return;
         }

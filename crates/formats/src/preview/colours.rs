@@ -95,7 +95,7 @@ pub fn colours(material: &Material, asked: &Question<'_>, viewing: &Viewing) -> 
         if integrated {
             material.albedo(index, wi, Interpolation::Smooth, &mut spectrum)?;
         } else {
-            material.spectrum(Place { index, wi, wo: asked.wo }, Interpolation::Smooth, &mut spectrum)?;
+            material.evaluate(Place { index, wi, wo: asked.wo }, Interpolation::Smooth, &mut spectrum)?;
         }
         found.push(view.xyz(&spectrum).map(|xyz| xyz.scaled(factor)));
     }

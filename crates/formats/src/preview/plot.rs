@@ -48,12 +48,12 @@ fn rows(material: &Material, index: Option<&[usize]>) -> Result<Vec<Vec<f32>>, P
         if layout.incoming.is_some() && picked.len() == 1 {
             for theta in INCIDENCES {
                 let wi = Some(Direction::from_degrees(theta, 0.0));
-                material.spectrum(Place { index, wi, wo: None }, Interpolation::Smooth, &mut row)?;
+                material.evaluate(Place { index, wi, wo: None }, Interpolation::Smooth, &mut row)?;
                 rows.push(row.clone());
             }
         } else {
             let wi = layout.incoming.map(|axis| super::colours::normal(&material.axes()[axis]));
-            material.spectrum(Place { index, wi, wo: None }, Interpolation::Smooth, &mut row)?;
+            material.evaluate(Place { index, wi, wo: None }, Interpolation::Smooth, &mut row)?;
             rows.push(row);
         }
     }

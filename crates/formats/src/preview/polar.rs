@@ -47,7 +47,7 @@ pub(super) fn luminaire(
         for angle in -180..=180_i32 {
             let c = 90.0 * plane as f64 + if angle < 0 { 180.0 } else { 0.0 };
             let wo = Direction::from_luminaire_degrees(c, f64::from(angle.abs()));
-            material.spectrum(Place { index, wi: None, wo: Some(wo) }, Interpolation::Smooth, &mut spectrum)?;
+            material.evaluate(Place { index, wi: None, wo: Some(wo) }, Interpolation::Smooth, &mut spectrum)?;
             let value = amount.of_spectrum(&spectrum);
             if value.is_finite() && value > 0.0 {
                 let rgb = channels.linear(&spectrum);
@@ -118,7 +118,7 @@ pub(super) fn phase(
             180.0 - f64::from(if angle > 180 { 360 - angle } else { angle }),
             if angle > 180 { 180.0 } else { 0.0 },
         );
-        material.spectrum(Place { index, wi, wo: Some(wo) }, Interpolation::Smooth, &mut spectrum)?;
+        material.evaluate(Place { index, wi, wo: Some(wo) }, Interpolation::Smooth, &mut spectrum)?;
         let measured: Vec<f64> = spectrum.iter().filter(|v| !v.is_nan()).map(|v| f64::from(*v)).collect();
         values.push(measured.iter().sum::<f64>() / measured.len() as f64);
         inks.push(ink_of(channels.linear(&spectrum).map(f64::from), channels.coloured()));

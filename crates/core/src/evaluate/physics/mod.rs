@@ -2,7 +2,7 @@
 //!
 //! Nothing is repaired unless it is asked for: [`super::Material::energy`] and [`super::Material::reciprocity`] only say, [`Preparation`]
 //! changes samples before a material is used and counts what it changed, [`super::Material::symmetric_spectrum`] is another
-//! function than [`super::Material::spectrum`].
+//! function than [`super::Material::evaluate`].
 
 mod energy;
 mod flux;

@@ -149,8 +149,8 @@ impl Material {
             return None;
         }
         let how = Interpolation::Smooth;
-        self.spectrum(Place { index, wi: Some(wi), wo: Some(wo) }, how, there).ok()?;
-        self.spectrum(Place { index, wi: Some(wo), wo: Some(wi) }, how, back).ok()?;
+        self.evaluate(Place { index, wi: Some(wi), wo: Some(wo) }, how, there).ok()?;
+        self.evaluate(Place { index, wi: Some(wo), wo: Some(wi) }, how, back).ok()?;
         let both = there.iter().zip(&*back).filter(|(a, b)| !a.is_nan() && !b.is_nan());
         let (apart, sum) = both.fold((0.0, 0.0), |(apart, sum), (&a, &b)| {
             let (a, b) = (f64::from(a), f64::from(b));

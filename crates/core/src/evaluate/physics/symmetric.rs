@@ -17,7 +17,7 @@ pub enum Mean {
 }
 
 impl Material {
-    /// The spectrum at `place` as [`Material::spectrum`] gives it, averaged with the one under exchanged directions: exactly
+    /// The spectrum at `place` as [`Material::evaluate`] gives it, averaged with the one under exchanged directions: exactly
     /// the same for (wi, wo) and (wo, wi), bit by bit. Costs two evaluations; `scratch` is as long as `out`, and garbage
     /// afterwards.
     ///
@@ -41,22 +41,22 @@ impl Material {
             return unfit(format!("scratch of {} samples, expected {}: as many as room", scratch.len(), out.len()));
         }
         if self.is_transmitted(wi, wo) {
-            return self.spectrum(place, how, out);
+            return self.evaluate(place, how, out);
         }
         let back = Place { index: place.index, wi: Some(wo), wo: Some(wi) };
         match (self.holds(wi, wo), self.holds(wo, wi)) {
             (true, true) => {
-                self.spectrum(place, how, out)?;
-                self.spectrum(back, how, scratch)?;
+                self.evaluate(place, how, out)?;
+                self.evaluate(back, how, scratch)?;
                 for (a, &b) in out.iter_mut().zip(&*scratch) {
                     *a = average(*a, b, mean);
                 }
                 Ok(())
             }
-            (false, true) => self.spectrum(back, how, out),
+            (false, true) => self.evaluate(back, how, out),
             // Refused there if wi is outside, unless wo is inside: then nothing is sent either way.
-            (false, false) if !self.geometry().takes(wi) && self.geometry().takes(wo) => self.spectrum(back, how, out),
-            _ => self.spectrum(place, how, out),
+            (false, false) if !self.geometry().takes(wi) && self.geometry().takes(wo) => self.evaluate(back, how, out),
+            _ => self.evaluate(place, how, out),
         }
     }
 

@@ -131,7 +131,7 @@ fn rough_measurement(quantity: Quantity, axes: Vec<Axis>, value: impl Fn(usize) 
 
 fn spectrum(m: &Material, at: Place<'_>, how: Interpolation) -> Vec<f32> {
     let mut out = vec![-1.0; m.lambdas()];
-    m.spectrum(at, how, &mut out).unwrap();
+    m.evaluate(at, how, &mut out).unwrap();
     out
 }
 
@@ -616,7 +616,7 @@ fn the_horizon_is_defined() {
                 assert!(m.pdf(&[], Some(up), horizon, None::<u8>).unwrap() >= 0.0);
                 assert!(m.pdf(&[], Some(up), horizon, defensive).unwrap().is_finite());
                 let mut out = [0.0; 4];
-                is_unfit(m.spectrum(place(below, up), how, &mut out), "outside the incoming domain");
+                is_unfit(m.evaluate(place(below, up), how, &mut out), "outside the incoming domain");
                 let [at, beside] = [horizon, above].map(|wo| spectrum(m, place(up, wo), how)[0]);
                 assert!((at / beside - 1.0).abs() < 0.02, "{phi} {how:?}: {at} {beside}");
             }

@@ -76,7 +76,7 @@ fn error(m: &Material, how: Interpolation, incoming: &[Vector], alpha: f64) -> f
         for i in 0..1500 {
             let wo = point(i);
             let place = Place { index: &[], wi: direction(wi), wo: direction(wo) };
-            m.spectrum(place, how, &mut out).unwrap();
+            m.evaluate(place, how, &mut out).unwrap();
             for (&value, lambda) in out.iter().zip(grid().values()) {
                 let truth = gloss(alpha, wi, wo, lambda);
                 sum += ((f64::from(value) - truth) / truth).powi(2);
@@ -110,7 +110,7 @@ fn between_incoming_directions_a_lobe_moves_and_does_not_fade() {
         let m = Material::with_alignment(gap(), alignment).unwrap();
         let (wi, wo) = (Direction::from_degrees(25.0, 0.0), Direction::from_degrees(25.0, 180.0));
         let mut out = [0.0; LAMBDAS];
-        m.spectrum(Place { index: &[], wi: Some(wi), wo: Some(wo) }, Interpolation::Smooth, &mut out).unwrap();
+        m.evaluate(Place { index: &[], wi: Some(wi), wo: Some(wo) }, Interpolation::Smooth, &mut out).unwrap();
         f64::from(out[3]) / gloss(0.15, wi.xyz(), wo.xyz(), 550.0)
     };
     let (moved, faded) = (peak(Alignment::HalfVector), peak(Alignment::None));
@@ -142,7 +142,7 @@ fn carried_densities_integrate_to_one_and_their_samples_have_the_smooth_albedo()
             let wi = Some(Direction::from_degrees(theta, 33.0));
             let mut out = [0.0; LAMBDAS];
             let mut mean = |wo: Direction| {
-                m.spectrum(Place { index: &[], wi, wo: Some(wo) }, Interpolation::Smooth, &mut out).unwrap();
+                m.evaluate(Place { index: &[], wi, wo: Some(wo) }, Interpolation::Smooth, &mut out).unwrap();
                 f64::from(out.iter().sum::<f32>()) / LAMBDAS as f64
             };
             for defensive in [0.0, 0.1] {
@@ -225,7 +225,7 @@ fn phase_functions_have_no_horizon() {
     for [wi, wo] in pairs {
         let mut at = |wi: Vector, wo: Vector| {
             let [wi, wo] = [wi, wo].map(|[x, y, z]| Direction::new(x, y, z));
-            material.spectrum(Place { index: &[], wi, wo }, Interpolation::Smooth, &mut value).unwrap();
+            material.evaluate(Place { index: &[], wi, wo }, Interpolation::Smooth, &mut value).unwrap();
             f64::from(value[0])
         };
         let (wi, wo) = (wi.xyz(), wo.xyz());

@@ -102,7 +102,7 @@ impl<'a> Surface<'a> {
         let wo = Direction::from_unit([wo[0], wo[1], below * wo[2].max(0.0)]);
         let wi = Direction::from_unit([wi[0], wi[1], self.side * wi[2].max(0.0)]);
         let place = Place { index: self.index, wi: Some(wi), wo: self.has_outgoing.then_some(wo) };
-        self.material.spectrum(place, Interpolation::Smooth, spectrum)?;
+        self.material.evaluate(place, Interpolation::Smooth, spectrum)?;
         // A NaN stays one.
         Ok(self.channels.linear(spectrum).map(|c| (self.share * c).clamp(-LARGEST, LARGEST)))
     }

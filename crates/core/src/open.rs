@@ -1,0 +1,71 @@
+//! Compressed materials opened from files and from bytes.
+
+use crate::compress;
+use crate::evaluate::{EvaluateError, Material};
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+/// Why a file is not opened as a material.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum OpenError {
+    /// The file cannot be read.
+    #[error("{}: {error}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system says.
+        error: io::Error,
+    },
+    /// The file holds no material.
+    #[error("{}: {error}", path.display())]
+    Material {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with its bytes.
+        error: EvaluateError,
+    },
+}
+
+/// Opens a compressed material (`.wlm`).
+///
+/// Its first bytes are looked at before the rest is read: a large file of another kind is refused without being read.
+///
+/// ```
+/// # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/materials/plastic.wlm");
+/// let material = wavelume_core::open(path)?;
+/// assert_eq!(material.quantity().name(), "brdf");
+/// # Ok::<(), wavelume_core::OpenError>(())
+/// ```
+pub fn open(path: impl AsRef<Path>) -> Result<Material, OpenError> {
+    let path = path.as_ref();
+    let bytes = read(path).map_err(|error| OpenError::Read { path: path.to_owned(), error })?;
+    open_bytes(&bytes).map_err(|error| OpenError::Material { path: path.to_owned(), error })
+}
+
+/// Opens the bytes of a compressed material: as they were read, or a memory map.
+///
+/// ```
+/// # let bytes = include_bytes!("../examples/materials/hazy.wlm");
+/// let material = wavelume_core::open_bytes(bytes)?;
+/// assert_eq!(material.quantity().name(), "phase");
+/// # Ok::<(), wavelume_core::evaluate::EvaluateError>(())
+/// ```
+pub fn open_bytes(bytes: &[u8]) -> Result<Material, EvaluateError> {
+    Material::open(bytes)
+}
+
+/// The bytes of a file, or the first of them where it is no material.
+fn read(path: &Path) -> io::Result<Vec<u8>> {
+    let mut file = File::open(path)?;
+    let mut bytes = Vec::new();
+    file.by_ref().take(HEAD).read_to_end(&mut bytes)?;
+    if compress::is_material(&bytes) {
+        file.read_to_end(&mut bytes)?;
+    }
+    Ok(bytes)
+}
+
+/// Bytes that tell a material from other files.
+const HEAD: u64 = 64;

@@ -1,0 +1,139 @@
+//! What the views of all roles share: a material, an entry of its index axes, and the queries about them.
+
+use super::error::RoleError;
+use super::sample::Sample;
+use crate::domain::{Direction, Quantity};
+use crate::evaluate::{Beyond, Chosen, Interpolation, Material, Place, SampleOptions};
+
+const HOW: Interpolation = Interpolation::Smooth;
+
+/// A material of the right quantity and directions, and an entry of its index axes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct View<'a> {
+    material: &'a Material,
+    index: &'a [usize],
+}
+
+/// Quantities and directions that a role needs.
+pub(super) struct Needs {
+    pub(super) quantities: &'static [Quantity],
+    pub(super) named: &'static str,
+    pub(super) has_incoming: bool,
+    pub(super) has_outgoing: bool,
+}
+
+impl<'a> View<'a> {
+    pub(super) fn new(material: &'a Material, index: &'a [usize], needs: &Needs) -> Result<Self, RoleError> {
+        let quantity = material.quantity();
+        if !needs.quantities.contains(&quantity) {
+            return Err(RoleError::Quantity { found: quantity, expected: needs.named });
+        }
+        let layout = material.layout();
+        let found = [layout.incoming.is_some(), layout.outgoing.is_some()];
+        let expected = [needs.has_incoming, needs.has_outgoing];
+        if found != expected {
+            let (found, expected) = (directions(found), directions(expected));
+            return Err(RoleError::Directions { quantity, found, expected });
+        }
+        material.entry(index)?;
+        Ok(Self { material, index })
+    }
+
+    pub(super) fn material(&self) -> &'a Material {
+        self.material
+    }
+
+    pub(super) fn lambdas(&self) -> usize {
+        self.material.lambdas()
+    }
+
+    pub(super) fn eval(&self, wi: Option<Direction>, wo: Option<Direction>) -> Vec<f32> {
+        let mut out = vec![0.0; self.lambdas()];
+        self.eval_into(wi, wo, &mut out);
+        out
+    }
+
+    /// # Panics
+    /// If `out` has another length than a spectrum.
+    pub(super) fn eval_into(&self, wi: Option<Direction>, wo: Option<Direction>, out: &mut [f32]) {
+        assert_eq!(out.len(), self.lambdas(), "room for the samples of a spectrum");
+        // What else could be refused was looked at when the view was made: wi is outside its domain.
+        if self.material.evaluate(self.place(wi, wo), HOW, out).is_err() {
+            out.fill(0.0);
+        }
+    }
+
+    pub(super) fn pdf(&self, wi: Option<Direction>, wo: Direction) -> f64 {
+        self.material.pdf(self.index, wi, wo, SampleOptions::default()).unwrap_or(0.0)
+    }
+
+    pub(super) fn sample(&self, wi: Option<Direction>, u: [f64; 2]) -> Option<Sample<f64>> {
+        let drawn = self.material.sample(self.index, wi, in_square(u), SampleOptions::default()).ok().flatten()?;
+        Some(Sample { wo: drawn.direction, weight: drawn.weight, pdf: drawn.pdf })
+    }
+
+    pub(super) fn albedo(&self, wi: Option<Direction>) -> Vec<f32> {
+        let mut out = vec![0.0; self.lambdas()];
+        if self.material.albedo(self.index, wi, HOW, &mut out).is_err() {
+            out.fill(0.0);
+        }
+        out
+    }
+
+    pub(super) fn at<const N: usize>(self, wavelengths: [f64; N], beyond: Beyond) -> Result<ViewAt<'a, N>, RoleError> {
+        const { assert!(N <= Chosen::MOST, "at most eight wavelengths are chosen at once") };
+        Ok(ViewAt { chosen: self.material.choose(&wavelengths, beyond)?, view: self })
+    }
+
+    fn place(&self, wi: Option<Direction>, wo: Option<Direction>) -> Place<'a> {
+        Place { index: self.index, wi, wo }
+    }
+}
+
+/// A view at chosen wavelengths.
+#[derive(Clone, Debug)]
+pub(super) struct ViewAt<'a, const N: usize> {
+    view: View<'a>,
+    chosen: Chosen<'a>,
+}
+
+impl<const N: usize> ViewAt<'_, N> {
+    pub(super) fn wavelengths(&self) -> [f64; N] {
+        std::array::from_fn(|i| self.chosen.wavelengths()[i])
+    }
+
+    #[inline]
+    pub(super) fn eval(&self, wi: Option<Direction>, wo: Option<Direction>) -> [f32; N] {
+        self.chosen.at(self.view.place(wi, wo), HOW).map_or([0.0; N], first)
+    }
+
+    #[inline]
+    pub(super) fn pdf(&self, wi: Option<Direction>, wo: Direction) -> f64 {
+        self.view.pdf(wi, wo)
+    }
+
+    #[inline]
+    pub(super) fn sample(&self, wi: Option<Direction>, u: [f64; 2]) -> Option<Sample<[f32; N]>> {
+        let drawn = self.chosen.sample(self.view.index, wi, in_square(u), SampleOptions::default()).ok().flatten()?;
+        Some(Sample { wo: drawn.direction, weight: first(drawn.weights), pdf: drawn.pdf })
+    }
+}
+
+/// The first of as many values as are chosen at most.
+fn first<const N: usize>(values: [f32; Chosen::MOST]) -> [f32; N] {
+    std::array::from_fn(|i| values[i])
+}
+
+/// A point held inside the unit square.
+fn in_square(u: [f64; 2]) -> [f64; 2] {
+    u.map(|u| if u.is_nan() { 0.0 } else { u.clamp(0.0, 1.0) })
+}
+
+fn directions([incoming, outgoing]: [bool; 2]) -> &'static str {
+    match (incoming, outgoing) {
+        (true, true) => "incoming and outgoing directions",
+        (true, false) => "incoming directions alone",
+        (false, true) => "outgoing directions alone",
+        (false, false) => "no directions",
+    }
+}

@@ -1,0 +1,26 @@
+//! Why a measurement was not read or compressed.
+
+use crate::compress::CompressError;
+use crate::domain::WavelengthError;
+use crate::formats::FormatError;
+use crate::projection::ProjectionError;
+
+/// Why a request was not fulfilled.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PipelineError {
+    /// The file was refused.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    /// The spectrum to join was refused.
+    #[error("spectrum: {0}")]
+    Spectrum(FormatError),
+    /// The wavelengths asked for are none.
+    #[error("wavelengths: {0}")]
+    Wavelengths(#[from] WavelengthError),
+    /// The measurement cannot be put on the axes asked for.
+    #[error(transparent)]
+    Projection(#[from] ProjectionError),
+    /// The measurement was not compressed.
+    #[error(transparent)]
+    Compress(#[from] CompressError),
+}

@@ -1,0 +1,65 @@
+//! A measurement that was read, put on axes and compressed.
+
+use super::error::PipelineError;
+use super::provenance::provenance;
+use super::report::{Report, report};
+use super::request::Request;
+use super::source::Source;
+use crate::compress::{self, Settings};
+use crate::domain::{Progress, Silent};
+use crate::formats::Acquisition;
+use crate::projection::{self, Projected};
+
+/// A material and its report.
+///
+/// ```
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/illuminant_D65.csv");
+/// use wavelume_formats::pipeline::Request;
+/// let compressed = wavelume_formats::read(path)?.compress(&Request::er_l2(0.001))?;
+/// let (bytes, report) = (compressed.bytes, compressed.report);
+/// println!("{} bytes, {:.0} : 1, er(L2) {}", bytes.len(), report.ratio_bytes, report.errors.er_l2);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The file.
+    pub bytes: Vec<u8>,
+    /// What was achieved.
+    pub report: Report,
+}
+
+/// Puts a measurement on the axes that `request` asks for.
+pub fn project(acquisition: &Acquisition, request: &Request) -> Result<Projected, PipelineError> {
+    Ok(projection::project(acquisition, &request.axes()?)?)
+}
+
+/// Projects and compresses a measurement that was read.
+pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> Result<Outcome, PipelineError> {
+    let acquisition = &source.acquisition;
+    let Projected { measurement, coverage, filled } = project(acquisition, request)?;
+    let settings = Settings {
+        target: request.target,
+        policy: request.policy,
+        basis: request.basis.clone(),
+        floor: request.floor,
+        albedo_error: request.albedo_error,
+        metadata: request.metadata.then(|| provenance(source, request, &filled)),
+        random_access: request.random_access,
+    };
+    let compressed = compress::compress(&measurement, &settings, progress)?;
+    // The measurement is not needed any more, and decoding needs the memory.
+    let samples = measurement.tensor.len();
+    drop(measurement);
+    let report = report(acquisition, request.target, samples, coverage, &compressed);
+    Ok(Outcome { bytes: compressed.bytes, report })
+}
+
+impl Source {
+    /// Puts the measurement on the axes that `request` asks for and compresses it to the promise; the errors in the report
+    /// are measured on the decoded file.
+    pub fn compress(&self, request: &Request) -> Result<Outcome, PipelineError> {
+        compress(self, request, &Silent)
+    }
+}

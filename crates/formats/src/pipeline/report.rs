@@ -1,0 +1,107 @@
+//! What a compression achieved, measured on the decoded file.
+
+use super::digest::digest;
+use super::sparse::sparse;
+use crate::compress::{self, LevelInfo, LightReport, Noise, Policy, Ranked, Target};
+use crate::domain::colour::ColourReport;
+use crate::domain::{Axis, ErrorReport, Quantity, Unit};
+use crate::formats::{self, Acquisition, Note, NoteKind};
+use crate::projection::{self, Coverage};
+use serde::Serialize;
+
+/// What was achieved, in the names of `compress --json`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// `b3-` and the BLAKE3 digest of the file.
+    pub digest: String,
+    /// The same without the metadata chunk.
+    pub payload_digest: String,
+    /// The format of the input.
+    pub format: String,
+    /// Its revision and flavour.
+    pub dialect: String,
+    /// The quantity.
+    pub quantity: Quantity,
+    /// The unit of a sample.
+    pub unit: Unit,
+    /// The policy.
+    pub policy: Policy,
+    /// The spectral basis.
+    pub basis: String,
+    /// The bases that competed for the wavelength axis, best first.
+    pub basis_ranking: Vec<Ranked>,
+    /// The axes, for people.
+    pub axes: Vec<String>,
+    /// The size of the file.
+    pub bytes: u64,
+    /// Coefficients that are not zero.
+    pub kept_coefficients: Option<u64>,
+    /// Samples per kept coefficient.
+    pub ratio_coefficients: Option<f64>,
+    /// Bytes of the float32 tensor per byte of the file.
+    pub ratio_bytes: f64,
+    /// Errors of the decoded file against the tensor that was compressed.
+    #[serde(flatten)]
+    pub errors: ErrorReport,
+    /// How much of the light of every direction and wavelength (directional albedo, flux) the decoded file keeps.
+    pub light: Option<LightReport>,
+    /// Colour differences of the decoded file against the tensor, where they were promised.
+    pub delta_e: Option<ColourReport>,
+    /// Errors of the decoded file at the original samples, where projection changed them.
+    pub errors_at_samples: Option<ErrorReport>,
+    /// The noise of the tensor that was compressed; `None` where none can be told.
+    pub noise: Option<Noise>,
+    /// What the cells stand on.
+    pub coverage: Coverage,
+    /// Everything a parser assumed, filled or skipped, and warnings: a ratio that the file falls short of, a target below the
+    /// noise, incoming directions too sparse for the lobe.
+    pub notes: Vec<Note>,
+    /// The levels of the last triangle axis that the first bytes of the file hold, coarse first; at least the finest.
+    pub levels: Vec<LevelInfo>,
+}
+
+/// The report on a file that was just made from as many samples.
+pub(super) fn report(
+    acquisition: &Acquisition,
+    target: Target,
+    samples: usize,
+    coverage: Coverage,
+    compressed: &compress::Compressed,
+) -> Report {
+    let summary = &compressed.summary;
+    // Samples on their final axes are the tensor's own: there is nothing more to measure.
+    let projected = matches!(acquisition.samples, formats::Samples::Grid(_) | formats::Samples::Scattered(_));
+    let warnings = [
+        compress::shortfall(target, samples as u64, compressed),
+        compressed.noise.and_then(|noise| noise.warning(target)),
+        sparse(&compressed.bytes).ok().flatten(),
+    ];
+    let warnings = warnings.into_iter().flatten().map(|message| Note { kind: NoteKind::Warning, message });
+    let samples = samples as f64;
+    let decoded = projected.then(|| compress::decode(&compressed.bytes).ok()).flatten();
+    Report {
+        digest: digest(&compressed.bytes),
+        payload_digest: compress::payload_digest(&compressed.bytes)
+            .map_or_else(|_| String::new(), |hash| format!("b3-{}", hash.to_hex())),
+        format: acquisition.format.to_owned(),
+        dialect: acquisition.dialect.clone(),
+        quantity: summary.quantity,
+        unit: summary.unit,
+        policy: summary.policy,
+        basis: summary.basis.clone(),
+        basis_ranking: compressed.ranking.clone(),
+        axes: summary.axes.iter().map(Axis::describe).collect(),
+        bytes: compressed.bytes.len() as u64,
+        kept_coefficients: summary.kept_coefficients,
+        ratio_coefficients: summary.kept_coefficients.map(|kept| samples / kept.max(1) as f64),
+        ratio_bytes: 4.0 * samples / compressed.bytes.len() as f64,
+        errors: summary.errors,
+        light: compressed.light,
+        delta_e: compressed.colour,
+        errors_at_samples: decoded.and_then(|d| projection::error_at_samples(acquisition, &d.measurement)),
+        noise: compressed.noise,
+        coverage,
+        notes: acquisition.report.notes.iter().cloned().chain(warnings).collect(),
+        levels: compress::levels(&compressed.bytes).unwrap_or_default(),
+    }
+}
