@@ -375,7 +375,7 @@ fn nanoseconds(material: &Material) -> Result<f64, Box<dyn Error>> {
         let start = Instant::now();
         let [wx, wy, wz] = &coordinates;
         let out = Drawings { x: &mut x, y: &mut y, z: &mut z, pdf: &mut pdf, weights: &mut weights };
-        let wi = Directions { x: wx, y: wy, z: wz };
+        let wi = Directions::new(wx, wy, wz);
         chosen.samples(&[], Some(wi), [&u[0], &u[1]], SampleOptions::default(), out)?;
         best = best.min(start.elapsed().as_secs_f64());
     }

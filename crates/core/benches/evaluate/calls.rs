@@ -2,6 +2,7 @@
 
 use super::surfaces::{Vector, brdf, compressed, direction, isotropic_brdf, lamp, large, opened, point, uniform};
 use std::hint::black_box;
+use std::ops::Range;
 use std::time::Instant;
 use wavelume_core::domain::Direction;
 use wavelume_core::evaluate::{
@@ -40,8 +41,12 @@ impl Questions {
     }
 
     fn all(&self) -> Pairs<'_> {
-        let [wx, wy, wz, ox, oy, oz] = &self.coordinates;
-        Pairs { index: &[], wi: Some(Directions { x: wx, y: wy, z: wz }), wo: Some(Directions { x: ox, y: oy, z: oz }) }
+        self.some(0..self.pairs.len())
+    }
+
+    fn some(&self, range: Range<usize>) -> Pairs<'_> {
+        let [wx, wy, wz, ox, oy, oz] = self.coordinates.each_ref().map(|coordinates| &coordinates[range.clone()]);
+        Pairs { index: &[], wi: Some(Directions::new(wx, wy, wz)), wo: Some(Directions::new(ox, oy, oz)) }
     }
 }
 
@@ -90,7 +95,7 @@ fn calls<'a>(material: &'a Material, chosen: &'a Chosen<'a>, asked: &'a Question
         let mut all = vec![0.0; CALLS];
         calls.push((
             format!("pdf, {density:?}, of a batch"),
-            Box::new(move || material.pdfs(asked.all(), options, &mut all).map_or(0.0, |()| all[7])),
+            Box::new(move || material.pdfs(asked.all(), options, &mut all).map_or(0.0, |()| all[7] as f32)),
         ));
         calls.push(each(format!("direction and pdf, {density:?}"), move |i| {
             let drawn = material.draw(&[], asked.pairs[i].0, asked.points[i], options);
@@ -220,16 +225,7 @@ pub(crate) fn from_memory() {
             single = single.min(start.elapsed().as_secs_f64() * 1e9 / MANY as f64);
             let start = Instant::now();
             for from in (0..MANY).step_by(CALLS) {
-                let part =
-                    |d: Directions<'_>| -> [Vec<f32>; 3] { [d.x, d.y, d.z].map(|c| c[from..from + CALLS].to_vec()) };
-                let pairs = asked.all();
-                let (Some([wx, wy, wz]), Some([ox, oy, oz])) = (pairs.wi.map(part), pairs.wo.map(part)) else { return };
-                let block = Pairs {
-                    index: &[],
-                    wi: Some(Directions { x: &wx, y: &wy, z: &wz }),
-                    wo: Some(Directions { x: &ox, y: &oy, z: &oz }),
-                };
-                black_box(material.spectra(block, how, &mut all).is_ok());
+                black_box(material.spectra(asked.some(from..from + CALLS), how, &mut all).is_ok());
             }
             batch = batch.min(start.elapsed().as_secs_f64() * 1e9 / MANY as f64);
         }

@@ -36,6 +36,21 @@ fn material(quantity: Quantity, mut axes: Vec<Axis>, with_holes: bool) -> Materi
     Material::of(Measurement::new(quantity, Unit::Relative, Sampling::Average, tensor).unwrap()).unwrap()
 }
 
+/// With values from −1 to 1.
+fn signed() -> Material {
+    let axes = vec![
+        triangles(Domain::Hemisphere, 1),
+        triangles(Domain::Hemisphere, 2),
+        Axis::Wavelength(WavelengthGrid::even(400.0, 10.0, 17).unwrap()),
+    ];
+    let samples = (0..axes.iter().map(Axis::len).product()).map(|i: usize| {
+        let (cell, lambda) = (i / 17, (i % 17) as f32);
+        (0.7 * (cell % 31) as f32).sin() * (0.1 * lambda).cos()
+    });
+    let tensor = Tensor::new(axes.clone(), samples.collect()).unwrap();
+    Material::of(Measurement::new(Quantity::Brdf, Unit::Relative, Sampling::Average, tensor).unwrap()).unwrap()
+}
+
 fn materials() -> Vec<Material> {
     let upper = |level| triangles(Domain::Hemisphere, level);
     let elevations = Axis::Elevation(vec![0.0, 20.0, 60.0]);
@@ -67,7 +82,7 @@ fn coordinates(random: &mut Pcg32, up: bool) -> [Vec<f32>; 3] {
 }
 
 fn directions(of: &[Vec<f32>; 3]) -> Directions<'_> {
-    Directions { x: &of[0], y: &of[1], z: &of[2] }
+    Directions::new(&of[0], &of[1], &of[2])
 }
 
 /// Incoming and outgoing directions as a material takes them.
@@ -90,6 +105,126 @@ impl Asked {
 
 fn same(a: f32, b: f32) -> bool {
     a == b || (a.is_nan() && b.is_nan()) || (a - b).abs() <= 2e-5 * a.abs().max(b.abs())
+}
+
+/// Incoming and outgoing directions as unit vectors with all digits, and on edges of the mesh.
+struct Units {
+    wi: Option<Vec<Direction>>,
+    wo: Vec<Direction>,
+}
+
+impl Units {
+    fn of(m: &Material, random: &mut Pcg32) -> Self {
+        let below = if m.quantity() == Quantity::Brdf || m.quantity() == Quantity::Btdf { 90.0 } else { 180.0 };
+        let mut directions = |lowest: f64| -> Vec<Direction> {
+            let direction = |i: usize| match i % 16 {
+                0 => Direction::from_degrees(lowest * (i % 5) as f64 / 4.0, 45.0 * i as f64),
+                _ => Direction::from_degrees(lowest * random.random::<f64>(), 360.0 * random.random::<f64>()),
+            };
+            (0..COUNT).map(direction).collect()
+        };
+        Self { wi: (m.quantity() != Quantity::Edf).then(|| directions(below)), wo: directions(180.0) }
+    }
+
+    fn pairs(&self) -> Pairs<'_> {
+        Pairs { index: &[], wi: self.wi.as_deref().map(Directions::of), wo: Some(Directions::of(&self.wo)) }
+    }
+}
+
+/// Asks for all of a batch, and for its parts of several lengths, which give the same bits.
+fn cut<T: Clone + PartialEq + std::fmt::Debug>(
+    nothing: &T,
+    pairs: Pairs<'_>,
+    mut ask: impl FnMut(Pairs<'_>, usize, &mut [T]),
+) -> Vec<T> {
+    let mut by = |most: usize| {
+        let mut all = vec![nothing.clone(); COUNT];
+        for (part, out) in all.chunks_mut(most).enumerate() {
+            let start = part * most;
+            ask(pairs.part(start, start + out.len()), start, out);
+        }
+        all
+    };
+    let whole = by(COUNT);
+    for most in [1, 7, 48, 100] {
+        assert_eq!(by(most), whole, "in parts of {most}");
+    }
+    whole
+}
+
+fn bits(values: &[f32]) -> Vec<u32> {
+    values.iter().map(|value| value.to_bits()).collect()
+}
+
+const EACH_DENSITY: [(Density, f64); 4] =
+    [(Density::Uniform, 0.0), (Density::Uniform, 0.2), (Density::Linear, 0.0), (Density::Linear, 0.3)];
+
+#[test]
+fn blocks_of_unit_vectors_are_single_answers_however_they_are_cut() {
+    let mut random = Pcg32::new(7, 2);
+    let mut worst = [0.0_f64; 4];
+    let signed = signed();
+    for m in materials().iter().chain([&signed]) {
+        let largest = if std::ptr::eq(m, &signed) { 1.0 } else { 0.0_f64 };
+        let far = |a: f64, b: f64| {
+            let is_same = a == b || (a.is_nan() && b.is_nan());
+            if is_same { 0.0 } else { (a - b).abs() / largest.max(a.abs()).max(b.abs()) }
+        };
+        let units = Units::of(m, &mut random);
+        let place = |i: usize| units.pairs().place(i).unwrap();
+        let many: Vec<f64> = (0..19).map(|i| 390.0 + 10.7 * f64::from(i)).chain([f64::NAN]).collect();
+        for how in FORMS {
+            let all = cut(&Vec::new(), units.pairs(), |pairs, _, out| {
+                let mut values = vec![-1.0; out.len() * m.lambdas()];
+                m.spectra(pairs, how, &mut values).unwrap();
+                out.iter_mut().zip(values.chunks_exact(m.lambdas())).for_each(|(out, values)| *out = bits(values));
+            });
+            let mut one = vec![0.0; m.lambdas()];
+            for (i, all) in all.iter().enumerate() {
+                m.evaluate(place(i), how, &mut one).unwrap();
+                for (a, b) in one.iter().zip(all) {
+                    worst[0] = worst[0].max(far(f64::from(*a), f64::from(f32::from_bits(*b))));
+                }
+            }
+            for beyond in [Beyond::Masked, Beyond::Zero, Beyond::Nearest] {
+                let all = cut(&Vec::new(), units.pairs(), |pairs, _, out| {
+                    let mut values = vec![-1.0; out.len() * many.len()];
+                    m.spectra_at(pairs, how, beyond, &many, &mut values).unwrap();
+                    out.iter_mut().zip(values.chunks_exact(many.len())).for_each(|(out, values)| *out = bits(values));
+                });
+                let mut one = vec![0.0; many.len()];
+                for (i, all) in all.iter().enumerate() {
+                    m.at_wavelengths(place(i), how, beyond, &many, &mut one).unwrap();
+                    for (a, b) in one.iter().zip(all) {
+                        worst[1] = worst[1].max(far(f64::from(*a), f64::from(f32::from_bits(*b))));
+                    }
+                }
+            }
+        }
+        let u: Vec<[f64; 2]> = (0..COUNT).map(|_| [random.random(), random.random()]).collect();
+        for (density, defensive) in EACH_DENSITY {
+            for level in [None, Some(1)] {
+                let options = SampleOptions { level, density, defensive };
+                let pdfs = cut(&-1.0, units.pairs(), |pairs, _, out| m.pdfs(pairs, options, out).unwrap());
+                let samples = cut(&None, units.pairs(), |pairs, start, out| {
+                    m.samples(&[], pairs.wi, &u[start..start + out.len()], options, out).unwrap();
+                });
+                for i in 0..COUNT {
+                    let Place { wi, wo, .. } = place(i);
+                    worst[2] = worst[2].max(far(m.pdf(&[], wi, wo.unwrap(), options).unwrap(), pdfs[i]));
+                    let one = m.sample(&[], wi, u[i], options).unwrap();
+                    assert_eq!(one.is_some(), samples[i].is_some());
+                    if let (Some(one), Some(sample)) = (one, samples[i]) {
+                        assert!(one.direction.dot(sample.direction) > 1.0 - 1e-14);
+                        worst[2] = worst[2].max(far(one.pdf, sample.pdf));
+                        worst[3] = worst[3].max(far(one.weight, sample.weight));
+                    }
+                }
+            }
+        }
+    }
+    let most = [2e-5, 2e-5, 1e-9, 2e-5];
+    assert!(worst.iter().zip(most).all(|(worst, most)| *worst <= most), "{worst:?}");
 }
 
 #[test]
@@ -143,9 +278,7 @@ fn batches_of_densities_and_samples_are_single_ones() {
         let asked = Asked::of(&m, &mut random);
         let chosen = m.choose(&WAVELENGTHS[..2], Beyond::Nearest).unwrap();
         let u: [Vec<f32>; 2] = std::array::from_fn(|_| (0..COUNT).map(|_| random.random::<f32>()).collect());
-        for (density, defensive) in
-            [(Density::Uniform, 0.0), (Density::Uniform, 0.2), (Density::Linear, 0.0), (Density::Linear, 0.3)]
-        {
+        for (density, defensive) in EACH_DENSITY {
             let options = SampleOptions { density, defensive, ..SampleOptions::default() };
             let mut pdfs = vec![-1.0; COUNT];
             m.pdfs(asked.pairs(), options, &mut pdfs).unwrap();
@@ -155,8 +288,8 @@ fn batches_of_densities_and_samples_are_single_ones() {
             chosen.samples(&[], asked.pairs().wi, [&u[0], &u[1]], options, out).unwrap();
             for i in 0..COUNT {
                 let place = asked.pairs().place(i).unwrap();
-                let one = m.pdf(&[], place.wi, place.wo.unwrap(), options).unwrap() as f32;
-                assert!(same(one, pdfs[i]), "{} {options:?} {i}: {one} {}", m.quantity(), pdfs[i]);
+                let one = m.pdf(&[], place.wi, place.wo.unwrap(), options).unwrap();
+                assert!(same(one as f32, pdfs[i] as f32), "{} {options:?} {i}: {one} {}", m.quantity(), pdfs[i]);
                 let point = [f64::from(u[0][i]), f64::from(u[1][i])];
                 let drawn = chosen.sample(&[], place.wi, point, options).unwrap();
                 let plain = m.draw(&[], place.wi, point, options).unwrap();
@@ -220,7 +353,7 @@ fn bad_batches_are_refused() {
         let pairs = Pairs { index: &[], wi: Some(directions(&wi)), wo: Some(directions(&wo)) };
         let mut out = vec![0.0; 2 * m.lambdas()];
         let spectra = m.spectra(pairs, Interpolation::Constant, &mut out).unwrap_err();
-        let pdfs = m.pdfs(pairs, SampleOptions::default(), &mut out[..2]).unwrap_err();
+        let pdfs = m.pdfs(pairs, SampleOptions::default(), &mut [0.0; 2]).unwrap_err();
         assert!(matches!((&spectra, &pdfs), (EvaluateError::Unfit(_), EvaluateError::Unfit(_))));
         spectra.to_string()
     };

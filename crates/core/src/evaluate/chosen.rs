@@ -6,12 +6,10 @@ use super::form::Form;
 use super::kernel::BLOCK;
 use super::material::Material;
 use super::mixed::Mixed;
-use super::mixture::sampled_entry;
 use super::place::{Beyond, Interpolation, Place};
 use super::planes::{Columns, FEW};
-use super::staged::Room;
-use super::warp::{Density, SampleOptions};
-use crate::domain::{Direction, wide};
+use super::warp::SampleOptions;
+use crate::domain::{Direction, WavelengthGrid, wide};
 
 /// Up to [`Chosen::MOST`] wavelengths of a material; made by [`Material::choose`].
 #[derive(Clone, Debug)]
@@ -69,6 +67,39 @@ impl Material {
         if wavelengths.len() > Chosen::MOST {
             return unfit(format!("{} wavelengths, expected at most {}", wavelengths.len(), Chosen::MOST));
         }
+        Ok(self.chosen(grid, wavelengths, beyond))
+    }
+
+    /// Writes the values at `wavelengths` in nm, any number of them, at `pairs` into `out`, `[pair][wavelength]`, on the calling
+    /// thread; no allocation. A pair that is refused ends it. As near to [`Material::at_wavelengths`] as the
+    /// [rules](super#rules) say of batches.
+    pub fn spectra_at(
+        &self,
+        pairs: Pairs<'_>,
+        how: Interpolation,
+        beyond: Beyond,
+        wavelengths: &[f64],
+        out: &mut [f32],
+    ) -> Result<(), EvaluateError> {
+        let Some(grid) = self.geometry().grid() else {
+            return unfit(format!("wavelengths were asked for, but this {} has none", self.quantity()));
+        };
+        let width = wavelengths.len();
+        let count = pairs.check(out.len(), width)?;
+        let Form::Planes { planes, smooth } = self.function().form() else {
+            let mut rows = out.chunks_exact_mut(width.max(1)).enumerate();
+            return rows.try_for_each(|(i, out)| self.at_wavelengths(pairs.place(i)?, how, beyond, wavelengths, out));
+        };
+        self.function().rows(planes, smooth, pairs, how, count, |start, rows| {
+            for (few, from) in wavelengths.chunks(FEW).zip((0..).step_by(FEW)) {
+                let out = out[start * width..].chunks_exact_mut(width);
+                self.chosen(grid, few, beyond).write(rows, out.map(|out| &mut out[from..]));
+            }
+        })
+    }
+
+    /// Chooses up to [`Chosen::MOST`] wavelengths of a grid.
+    fn chosen(&self, grid: &WavelengthGrid, wavelengths: &[f64], beyond: Beyond) -> Chosen<'_> {
         let (first, last) = grid.range();
         let mut chosen = Chosen {
             material: self,
@@ -90,7 +121,7 @@ impl Material {
         if let Form::Planes { planes, .. } = self.function().form() {
             chosen.columns = Some(planes.columns(&chosen.wavelengths.map(|lambda| grid.position(lambda))));
         }
-        Ok(chosen)
+        chosen
     }
 }
 
@@ -142,23 +173,30 @@ impl Chosen<'_> {
     /// The values at `pairs` into `out`, `[pair][wavelength]`, as [`Chosen::at`] gives them, on the calling thread.
     pub fn values(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         let count = pairs.check(out.len(), self.count)?;
-        let (Form::Planes { planes, smooth }, Some(columns)) = (self.material.function().form(), &self.columns) else {
-            let mut rows = out.chunks_exact_mut(self.count).enumerate();
+        let Form::Planes { planes, smooth } = self.material.function().form() else {
+            let mut rows = out.chunks_exact_mut(self.count.max(1)).enumerate();
             return rows.try_for_each(|(i, out)| {
                 out.copy_from_slice(&self.at(pairs.place(i)?, how)?[..self.count]);
                 Ok(())
             });
         };
-        let mut values = [[0.0; FEW]; BLOCK];
         self.material.function().rows(planes, smooth, pairs, how, count, |start, rows| {
-            planes.picked_all(rows, columns, &mut values);
-            let out = out[start * self.count..].chunks_exact_mut(self.count);
-            for (out, values) in out.zip(&values[..rows.len()]) {
-                for (out, value) in out.iter_mut().zip(self.held(*values)) {
-                    *out = value;
-                }
-            }
+            self.write(rows, out[start * self.count..].chunks_exact_mut(self.count.max(1)));
         })
+    }
+
+    /// Writes the values of a block of rows of planes, each row's to the beginning of its place in `out`.
+    fn write<'b>(&self, rows: &[Mixed], out: impl Iterator<Item = &'b mut [f32]>) {
+        let (Form::Planes { planes, .. }, Some(columns)) = (self.material.function().form(), &self.columns) else {
+            return;
+        };
+        let mut values = [[0.0; FEW]; BLOCK];
+        planes.picked_all(rows, columns, &mut values);
+        for (out, values) in out.zip(&values[..rows.len()]) {
+            for (out, value) in out.iter_mut().zip(&self.held(*values)[..self.count]) {
+                *out = *value;
+            }
+        }
     }
 
     /// Draws a direction as [`Material::sample`] does, by the mean over all wavelengths, with the weight of each chosen one:
@@ -216,32 +254,18 @@ impl Chosen<'_> {
         }
         let pairs = Pairs { index, wi, wo: None };
         wi.map_or(Ok(()), |wi| wi.check("wi", count))?;
-        let function = self.material.function();
-        let (Form::Planes { planes, smooth }, Some(columns)) = (function.form(), &self.columns) else {
+        let (Form::Planes { planes, .. }, Some(columns)) = (self.material.function().form(), &self.columns) else {
             return self.sample_each(pairs, u, options, &mut out);
         };
         let sampler = self.material.sampler()?;
         if !sampler.is_staged(options) {
             return self.sample_each(pairs, u, options, &mut out);
         }
-        let entry = sampled_entry(function, index, options)?;
         let has_cosine = self.material.quantity().has_cosine();
-        let (mut room, mut rows) = (Room::NEW, [Mixed::NOTHING; BLOCK]);
         let mut values = [[0.0; FEW]; BLOCK];
-        for start in (0..count).step_by(BLOCK) {
-            let end = count.min(start + BLOCK);
-            let rows = &mut rows[..end - start];
-            sampler.arrive_for(entry, wi.map(|wi| wi.part(start, end)), options, rows.len(), &mut room)?;
-            sampler.draw_block(u.map(|u| &u[start..end]), options, &mut room)?;
-            let (places, draws) = room.drawn();
-            match options.density {
-                Density::Uniform => function.rows_of_leaves(planes, entry, places, draws, rows),
-                Density::Linear => function.rows_at_draws(smooth, entry, places, draws, rows),
-            }
-            if sampler.trees().has_masked() {
-                let masked = rows.iter().zip(&mut draws.pdf).filter(|(row, _)| row.presence.is_nan());
-                masked.for_each(|(_, pdf)| *pdf = 0.0);
-            }
+        let point = |i: usize| u.map(|u| f64::from(u[i]));
+        sampler.draw_all(pairs, count, point, options, |start, draws, rows| {
+            let end = start + rows.len();
             planes.picked_all(rows, columns, &mut values);
             let shares = draws.write(has_cosine, out.part(start, end));
             let weights = out.weights[start * self.count..end * self.count].chunks_exact_mut(self.count.max(1));
@@ -249,8 +273,7 @@ impl Chosen<'_> {
                 let weights = if share > 0.0 { self.weights(self.held(values), share) } else { [0.0; FEW] };
                 to.iter_mut().zip(weights).for_each(|(to, weight)| *to = weight);
             }
-        }
-        Ok(())
+        })
     }
 
     fn sample_each(
@@ -261,7 +284,7 @@ impl Chosen<'_> {
         out: &mut Drawings<'_>,
     ) -> Result<(), EvaluateError> {
         for i in 0..u[0].len() {
-            let u = [f64::from(u[0][i]), f64::from(u[1][i])];
+            let u = u.map(|u| f64::from(u[i]));
             let drawn = self.sample(pairs.index, pairs.wi_at(i)?, u, options)?;
             let ([x, y, z], pdf) = drawn.map_or(([0.0; 3], 0.0), |drawn| (drawn.direction.xyz(), drawn.pdf));
             (out.x[i], out.y[i], out.z[i], out.pdf[i]) = (x as f32, y as f32, z as f32, pdf as f32);

@@ -1,4 +1,4 @@
-//! Many directions as arrays of coordinates, and pairs of them.
+//! Many directions, as arrays of coordinates or as unit vectors, and pairs of them.
 
 use super::error::{EvaluateError, unfit};
 use super::kernel::{BLOCK, Vectors, set_vector, vector_of};
@@ -6,27 +6,51 @@ use super::place::Place;
 use crate::domain::vector::{norm, scale};
 use crate::domain::{Direction, wide};
 
-/// Directions as arrays of their Cartesian coordinates; any length is normalised.
+/// Directions side by side: arrays of Cartesian coordinates, or unit vectors.
 #[derive(Clone, Copy, Debug)]
 pub struct Directions<'a> {
-    /// Towards the reference direction.
-    pub x: &'a [f32],
-    /// At a right angle to both.
-    pub y: &'a [f32],
-    /// Along the normal.
-    pub z: &'a [f32],
+    source: Source<'a>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Source<'a> {
+    Coordinates([&'a [f32]; 3]),
+    Units(&'a [Direction]),
 }
 
 impl<'a> Directions<'a> {
+    /// Directions by their coordinates: `x` towards the reference direction, `z` along the normal, `y` at a right angle to
+    /// both. Any length is normalised.
+    pub fn new(x: &'a [f32], y: &'a [f32], z: &'a [f32]) -> Self {
+        Self { source: Source::Coordinates([x, y, z]) }
+    }
+
+    /// Directions that are unit vectors already, which keep all digits.
+    pub fn of(directions: &'a [Direction]) -> Self {
+        Self { source: Source::Units(directions) }
+    }
+
     /// How many.
     #[allow(clippy::len_without_is_empty, reason = "an empty batch is no special case")]
     pub fn len(&self) -> usize {
-        self.x.len()
+        match self.source {
+            Source::Coordinates([x, ..]) => x.len(),
+            Source::Units(directions) => directions.len(),
+        }
+    }
+
+    /// The arrays of coordinates; `None` where there are unit vectors.
+    #[inline]
+    pub(super) fn coordinates(&self) -> Option<[&'a [f32]; 3]> {
+        if let Source::Coordinates(arrays) = self.source { Some(arrays) } else { None }
     }
 
     #[inline]
     pub(super) fn at(&self, i: usize) -> Result<Direction, EvaluateError> {
-        let [x, y, z] = [self.x[i], self.y[i], self.z[i]];
+        let [x, y, z] = match self.source {
+            Source::Coordinates(arrays) => arrays.map(|coordinates| coordinates[i]),
+            Source::Units(directions) => return Ok(directions[i]),
+        };
         Direction::new(f64::from(x), f64::from(y), f64::from(z)).map_or_else(
             || unfit(format!("direction {i} is ({x}, {y}, {z}), expected finite coordinates that are not all 0")),
             Ok,
@@ -34,12 +58,26 @@ impl<'a> Directions<'a> {
     }
 
     pub(super) fn part(&self, from: usize, to: usize) -> Directions<'a> {
-        Directions { x: &self.x[from..to], y: &self.y[from..to], z: &self.z[from..to] }
+        let source = match self.source {
+            Source::Coordinates(arrays) => Source::Coordinates(arrays.map(|coordinates| &coordinates[from..to])),
+            Source::Units(directions) => Source::Units(&directions[from..to]),
+        };
+        Self { source }
     }
 
     /// Writes up to [`BLOCK`] of them as unit vectors, and the last one again in what is left.
     pub(super) fn write_block(&self, to: &mut Vectors) -> Result<(), EvaluateError> {
-        for (to, coordinates) in to.iter_mut().zip([self.x, self.y, self.z]) {
+        let arrays = match self.source {
+            Source::Coordinates(arrays) => arrays,
+            Source::Units(directions) => {
+                let last = directions.last().map_or([0.0, 0.0, 1.0], |last| last.xyz());
+                for i in 0..BLOCK {
+                    set_vector(to, i, directions.get(i).map_or(last, |direction| direction.xyz()));
+                }
+                return Ok(());
+            }
+        };
+        for (to, coordinates) in to.iter_mut().zip(arrays) {
             to.iter_mut().zip(coordinates).for_each(|(to, &coordinate)| *to = f64::from(coordinate));
             to[self.len()..].fill(coordinates.last().map_or(1.0, |&last| f64::from(last)));
         }
@@ -64,15 +102,20 @@ impl<'a> Directions<'a> {
     }
 
     pub(super) fn check(&self, name: &str, count: usize) -> Result<(), EvaluateError> {
-        if [self.x.len(), self.y.len(), self.z.len()] != [count; 3] {
-            return unfit(format!(
-                "{name} has {}, {} and {} coordinates, expected {count} of each",
-                self.x.len(),
-                self.y.len(),
-                self.z.len()
-            ));
+        match self.source {
+            Source::Coordinates(arrays) => {
+                let lengths = arrays.map(<[f32]>::len);
+                if lengths == [count; 3] {
+                    return Ok(());
+                }
+                let [x, y, z] = lengths;
+                unfit(format!("{name} has {x}, {y} and {z} coordinates, expected {count} of each"))
+            }
+            Source::Units(directions) if directions.len() != count => {
+                unfit(format!("{name} has {} directions, expected {count}", directions.len()))
+            }
+            Source::Units(_) => Ok(()),
         }
-        Ok(())
     }
 }
 

@@ -45,14 +45,35 @@ impl MeshLookup {
         );
     }
 
-    /// Writes the triangles that hold directions of any length, or [`OUTSIDE`]; whether all of them are directions, of
-    /// lengths whose squares these numbers hold.
+    /// Writes the triangles that hold directions, or [`OUTSIDE`]. Returns false where some coordinates are no direction, or
+    /// have a length whose square is no f32.
     pub(super) fn locate_all(&self, d: Directions<'_>, to: &mut [u32]) -> bool {
+        match d.coordinates() {
+            Some(coordinates) => self.locate_coordinates(coordinates, to),
+            None => self.locate_units(d, to),
+        }
+    }
+
+    /// Locates unit vectors, block by block.
+    fn locate_units(&self, d: Directions<'_>, to: &mut [u32]) -> bool {
+        let (mut vectors, mut found) = ([[0.0; BLOCK]; 3], [0; BLOCK]);
+        for (start, to) in (0..d.len()).step_by(BLOCK).zip(to.chunks_mut(BLOCK)) {
+            if d.part(start, start + to.len()).write_block(&mut vectors).is_err() {
+                return false;
+            }
+            self.locate_block(&vectors, &mut found);
+            to.copy_from_slice(&found[..to.len()]);
+        }
+        true
+    }
+
+    /// Locates directions by coordinates, four at a time.
+    fn locate_coordinates(&self, coordinates: [&[f32]; 3], to: &mut [u32]) -> bool {
         let last = to.len().wrapping_sub(1);
         for start in (0..to.len()).step_by(4) {
             // The last one again where there are fewer than four.
             let lanes: [usize; 4] = std::array::from_fn(|k| (start + k).min(last));
-            let [x, y, z] = [d.x, d.y, d.z].map(|coordinates| f32x4::new(lanes.map(|lane| coordinates[lane])));
+            let [x, y, z] = coordinates.map(|numbers| f32x4::new(lanes.map(|lane| numbers[lane])));
             let square = x * x + y * y + z * z;
             let is_good = square.simd_gt(f32x4::splat(f32::MIN_POSITIVE)) & square.simd_lt(f32x4::splat(f32::INFINITY));
             if !is_good.all() {
@@ -69,7 +90,7 @@ impl MeshLookup {
                 let place = self.grid().place(columns[k] as u32, heights[k] as u32);
                 let leaf = self.leaf_at(place, folded.map(|c| f64::from(c[k])));
                 let held = self.triangle((left ^ back) + 2 * back, down) + leaf as u32;
-                *to = select_unpredictable(self.holds([0.0, 0.0, f64::from(d.z[lanes[k]])]), held, OUTSIDE);
+                *to = select_unpredictable(self.holds([0.0, 0.0, f64::from(coordinates[2][lanes[k]])]), held, OUTSIDE);
             }
         }
         true

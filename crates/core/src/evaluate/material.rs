@@ -2,7 +2,7 @@
 
 use super::albedo::Albedos;
 use super::carrying::trees_of_mean;
-use super::directions::Pairs;
+use super::directions::{Directions, Pairs};
 use super::error::{EvaluateError, unfit};
 use super::function::Function;
 use super::geometry::Geometry;
@@ -171,8 +171,8 @@ impl Material {
         self.function.measurement()
     }
 
-    /// The spectra at `pairs` into `out`, `[pair][lambda]`, on the calling thread, as [`Material::evaluate`] gives them;
-    /// no allocation. The first pair that is refused ends it.
+    /// The spectra at `pairs` into `out`, `[pair][lambda]`, on the calling thread; no allocation. A pair that is refused ends
+    /// it. As near to [`Material::evaluate`] as the [rules](super#rules) say of batches.
     pub fn spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         self.function.spectra(pairs, how, out)
     }
@@ -219,14 +219,27 @@ impl Material {
         self.sampler()?.draw(index, wi, u, options.into())
     }
 
-    /// [`Material::pdf`] at `pairs` into `out`, on the calling thread; no allocation. The first pair that is refused ends it.
+    /// [`Material::pdf`] at `pairs` into `out`, on the calling thread; no allocation. A pair that is refused ends it.
     pub fn pdfs(
         &self,
         pairs: Pairs<'_>,
         options: impl Into<SampleOptions>,
-        out: &mut [f32],
+        out: &mut [f64],
     ) -> Result<(), EvaluateError> {
         self.sampler()?.pdfs(pairs, options.into(), out)
+    }
+
+    /// [`Material::sample`] for each incoming direction `wi` (as many as there are points; `None` for quantities without) and
+    /// point `u` of the unit square into `out`, on the calling thread; no allocation. What is refused ends it.
+    pub fn samples(
+        &self,
+        index: &[usize],
+        wi: Option<Directions<'_>>,
+        u: &[[f64; 2]],
+        options: impl Into<SampleOptions>,
+        out: &mut [Option<DirectionSample>],
+    ) -> Result<(), EvaluateError> {
+        self.sampler()?.samples(Pairs { index, wi, wo: None }, u, options.into(), out)
     }
 
     /// A point of the unit square that [`Material::sample`] with the same options takes to `wo`; `None` where its density is 0.

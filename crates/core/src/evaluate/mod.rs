@@ -19,6 +19,11 @@
 //!   is extrapolated beyond their centroids. What leaves on the side of `wi` is reflected, on the other transmitted; a
 //!   direction on the horizon is above. Over a whole sphere the smooth form is continuous across the horizon, so that the
 //!   two sides of a BSDF mix within a cell of it; the constant form keeps them apart.
+//! * **Batches** ([`Pairs`]) are answered block by block. Where directions are unit vectors ([`Directions::of`]), an answer has
+//!   the same bits however a batch is cut and whatever stands beside it. From the answer of a single call it differs by
+//!   rounding, as sums stand in another order: by at most 2e-5 of a value or weight (of the largest sample, where data have
+//!   negative values) and 1e-9 of a density. Coordinates are located in f32 for the constant form: within rounding of an
+//!   edge the cell beyond it may be taken.
 //! * **Negative** values are given as they were measured: data with none never give any, in either form. Where data have
 //!   some, sampling takes negative means over wavelengths as 0, and everything else has them unless
 //!   [`physics::Preparation::clamp`] asks for 0.

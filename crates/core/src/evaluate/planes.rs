@@ -330,6 +330,18 @@ impl Planes {
         );
     }
 
+    /// As [`Planes::weighted`] for many rows.
+    pub(super) fn weighted_all(&self, rows: &[Mixed], weights: &[f32], out: &mut [f32]) {
+        wide(
+            #[inline(always)]
+            || {
+                for (mixed, out) in rows.iter().zip(out) {
+                    *out = self.weighted(&mixed.row, mixed.presence, weights);
+                }
+            },
+        );
+    }
+
     /// The inner product of the spectrum of a row with this presence with weights.
     #[inline(always)]
     pub(super) fn weighted(&self, row: &[f32], presence: f32, weights: &[f32]) -> f32 {

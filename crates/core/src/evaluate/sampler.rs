@@ -12,7 +12,7 @@ use super::mixture::Mixture;
 use super::place::{Interpolation, Place};
 use super::trees::Trees;
 use super::warp::{Density, SampleOptions};
-use crate::domain::{Direction, wide};
+use crate::domain::{Direction, Quantity, wide};
 
 /// One importance sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,6 +24,15 @@ pub struct DirectionSample {
     /// f · |cos θo| / pdf for a BRDF, BTDF or BSDF, f / pdf otherwise; f is the mean over wavelengths (of the samples that
     /// are not masked; 0 where that mean is negative): piecewise constant where the density is, otherwise smooth.
     pub weight: f64,
+}
+
+impl DirectionSample {
+    /// A sample where the mean over wavelengths is `value`, NaN where all are masked.
+    #[inline]
+    pub(super) fn weighted(quantity: Quantity, direction: Direction, pdf: f64, value: f32) -> Self {
+        let cosine = if quantity.has_cosine() { direction.cos_theta().abs() } else { 1.0 };
+        Self { direction, pdf, weight: f64::from(value).max(0.0) * cosine / pdf }
+    }
 }
 
 /// A function and the trees that its directions are drawn from.
@@ -75,9 +84,8 @@ impl<'a> Sampler<'a> {
     ) -> Result<Option<DirectionSample>, EvaluateError> {
         let Some(Draw { direction, pdf, .. }) = self.drawn(index, wi, u, options)? else { return Ok(None) };
         let place = Place { index, wi, wo: Some(direction) };
-        let value = f64::from(self.function.weighted_known(place, form_of(options), self.trees.weights())?).max(0.0);
-        let cosine = if self.function.geometry().quantity().has_cosine() { direction.cos_theta().abs() } else { 1.0 };
-        Ok(Some(DirectionSample { direction, pdf, weight: value * cosine / pdf }))
+        let value = self.function.weighted_known(place, form_of(options), self.trees.weights())?;
+        Ok(Some(DirectionSample::weighted(self.function.geometry().quantity(), direction, pdf, value)))
     }
 
     /// A direction, its density, and what `value` makes of where the function is taken: the

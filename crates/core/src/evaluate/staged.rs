@@ -6,20 +6,21 @@
 use super::blocks::Places;
 use super::carried::{CarriedBlock, Carry, Origins, STAYING};
 use super::directions::{Directions, Pairs};
-use super::error::EvaluateError;
+use super::error::{EvaluateError, unfit};
 use super::form::Form;
 use super::incoming::Alignment;
 use super::kernel::{BLOCK, Block, set_vector, vector_of};
 use super::located::OUTSIDE;
+use super::mixed::Mixed;
 use super::mixture::{self, FEW, Shares, sampled_entry, split};
 use super::place::Place;
-use super::sampler::{Sampler, check_point, form_of};
+use super::sampler::{DirectionSample, Sampler, check_point, form_of};
 use super::trees::Trees;
 use super::warp::{BELOW_ONE, Density, Draws, SampleOptions};
 use crate::domain::{Direction, Domain, wide};
 
 /// What the stages of a block write, kept from one block to the next.
-pub(super) struct Room {
+struct Room {
     places: Places,
     draws: Draws,
     mixed: MixedBlock,
@@ -27,7 +28,7 @@ pub(super) struct Room {
 }
 
 impl Room {
-    pub(super) const NEW: Self = Self {
+    const NEW: Self = Self {
         places: Places::NEW,
         draws: Draws::NOTHING,
         mixed: MixedBlock {
@@ -39,11 +40,6 @@ impl Room {
         },
         carried: CarriedBlock::NOWHERE,
     };
-
-    /// The places and what was drawn at them.
-    pub(super) fn drawn(&mut self) -> (&mut Places, &mut Draws) {
-        (&mut self.places, &mut self.draws)
-    }
 
     /// The densities of trees whose directions stay, in the leaves of `draws`.
     fn write_densities_in_leaves(&mut self, trees: &Trees, density: Density, count: usize) {
@@ -96,7 +92,7 @@ impl Sampler<'_> {
     }
 
     /// The incoming side of places for drawing, and their mixtures.
-    pub(super) fn arrive_for(
+    fn arrive_for(
         &self,
         entry: usize,
         wi: Option<Directions<'_>>,
@@ -128,7 +124,7 @@ impl Sampler<'_> {
         wo: Directions<'_>,
         options: SampleOptions,
         room: &mut Room,
-        out: &mut [f32],
+        out: &mut [f64],
     ) -> Result<(), EvaluateError> {
         let geometry = self.function().geometry();
         let Some(lookup) = geometry.mesh() else { return Ok(()) };
@@ -141,13 +137,13 @@ impl Sampler<'_> {
         self.write_densities(options, out.len(), room);
         for (i, out) in out.iter_mut().enumerate() {
             let is_held = lookup.holds(vector_of(&room.draws.directions, i));
-            *out = if is_held { room.draws.pdf[i] as f32 } else { 0.0 };
+            *out = if is_held { room.draws.pdf[i] } else { 0.0 };
         }
         Ok(())
     }
 
     /// The densities at `pairs` into `out`, on the calling thread; no allocation. The first pair that is refused ends it.
-    pub(super) fn pdfs(&self, pairs: Pairs<'_>, options: SampleOptions, out: &mut [f32]) -> Result<(), EvaluateError> {
+    pub(super) fn pdfs(&self, pairs: Pairs<'_>, options: SampleOptions, out: &mut [f64]) -> Result<(), EvaluateError> {
         let count = pairs.check(out.len(), 1)?;
         let (function, trees) = (self.function(), self.trees());
         let entry = sampled_entry(function, pairs.index, options)?;
@@ -155,7 +151,7 @@ impl Sampler<'_> {
             return out.iter_mut().enumerate().try_for_each(|(i, out)| {
                 let Place { index, wi, wo } = pairs.place(i)?;
                 let Some(wo) = wo else { return function.geometry().outgoing(wi, wo).map(|_| ()) };
-                *out = self.pdf(index, wi, wo, options)? as f32;
+                *out = self.pdf(index, wi, wo, options)?;
                 Ok(())
             });
         };
@@ -244,27 +240,82 @@ impl Sampler<'_> {
         }
     }
 
-    /// Draws for up to [`BLOCK`] points of the unit square.
-    pub(super) fn draw_block(
+    /// [`Sampler::sample`] for each point `u` of the unit square, with the incoming direction of its pair, into `out`.
+    pub(super) fn samples(
         &self,
-        u: [&[f32]; 2],
+        pairs: Pairs<'_>,
+        u: &[[f64; 2]],
         options: SampleOptions,
-        room: &mut Room,
+        out: &mut [Option<DirectionSample>],
     ) -> Result<(), EvaluateError> {
+        if u.len() != out.len() {
+            return unfit(format!("{} points, room for {} samples, expected as many", u.len(), out.len()));
+        }
+        pairs.wi.map_or(Ok(()), |wi| wi.check("wi", u.len()))?;
+        let (Form::Planes { planes, .. }, true) = (self.function().form(), self.is_staged(options)) else {
+            return out.iter_mut().zip(u).enumerate().try_for_each(|(i, (out, &u))| {
+                *out = self.sample(pairs.index, pairs.wi_at(i)?, u, options)?;
+                Ok(())
+            });
+        };
+        let (quantity, weights) = (self.function().geometry().quantity(), self.trees().weights());
+        let mut values = [0.0; BLOCK];
+        let point = |i: usize| u[i];
+        self.draw_all(pairs, u.len(), point, options, |start, draws, rows| {
+            planes.weighted_all(rows, weights, &mut values);
+            for (i, out) in out[start..].iter_mut().take(rows.len()).enumerate() {
+                let direction = Direction::from_unit(vector_of(&draws.directions, i));
+                let sample = || DirectionSample::weighted(quantity, direction, draws.pdf[i], values[i]);
+                *out = (draws.pdf[i] > 0.0).then(sample);
+            }
+        })
+    }
+
+    /// Draws directions block by block, where [`Sampler::is_staged`]: for the incoming directions of `pairs`, at `count` points
+    /// of the unit square. `work` takes where each block starts, what was drawn, with density 0 where the function is masked,
+    /// and the rows of planes there.
+    pub(super) fn draw_all(
+        &self,
+        pairs: Pairs<'_>,
+        count: usize,
+        point: impl Fn(usize) -> [f64; 2],
+        options: SampleOptions,
+        mut work: impl FnMut(usize, &Draws, &[Mixed]),
+    ) -> Result<(), EvaluateError> {
+        let (function, trees) = (self.function(), self.trees());
+        let entry = sampled_entry(function, pairs.index, options)?;
+        let Form::Planes { planes, smooth } = function.form() else { return Ok(()) };
+        let (mut room, mut rows, mut points) = (Room::NEW, [Mixed::NOTHING; BLOCK], [[0.0; 2]; BLOCK]);
+        for start in (0..count).step_by(BLOCK) {
+            let end = count.min(start + BLOCK);
+            let (rows, points) = (&mut rows[..end - start], &mut points[..end - start]);
+            points.iter_mut().zip(start..end).for_each(|(to, i)| *to = point(i));
+            self.arrive_for(entry, pairs.wi.map(|wi| wi.part(start, end)), options, rows.len(), &mut room)?;
+            self.draw_block(points, options, &mut room)?;
+            let Room { places, draws, .. } = &mut room;
+            match options.density {
+                Density::Uniform => function.rows_of_leaves(planes, entry, places, draws, rows),
+                Density::Linear => function.rows_at_draws(smooth, entry, places, draws, rows),
+            }
+            if trees.has_masked() {
+                let masked = rows.iter().zip(&mut draws.pdf).filter(|(row, _)| row.presence.is_nan());
+                masked.for_each(|(_, pdf)| *pdf = 0.0);
+            }
+            work(start, draws, rows);
+        }
+        Ok(())
+    }
+
+    /// Draws for up to [`BLOCK`] points of the unit square.
+    fn draw_block(&self, u: &[[f64; 2]], options: SampleOptions, room: &mut Room) -> Result<(), EvaluateError> {
         let (function, trees) = (self.function(), self.trees());
         let Some(lookup) = function.geometry().mesh() else { return Ok(()) };
         let Room { places, draws, mixed, carried } = room;
-        let count = u[0].len();
+        let count = u.len();
+        u.iter().try_for_each(|&u| check_point(u))?;
         let mut points = [[0.0; BLOCK]; 2];
-        let mut is_outside = false;
-        for (points, u) in points.iter_mut().zip(u) {
-            for (point, &u) in points.iter_mut().zip(u) {
-                *point = f64::from(u);
-                is_outside |= !(0.0..=1.0).contains(&u);
-            }
-        }
-        if is_outside {
-            (0..count).try_for_each(|i| check_point([points[0][i], points[1][i]]))?;
+        for (i, &u) in u.iter().enumerate() {
+            [points[0][i], points[1][i]] = u;
         }
         let (warps, first) = (trees.warps(), trees.tree(mixed.entry, 0));
         let mut chosen = [first as u32; BLOCK];

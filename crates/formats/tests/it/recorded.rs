@@ -129,8 +129,8 @@ fn directions(offset: usize, over_sphere: bool) -> [Vec<f32>; 3] {
 fn ask(name: &str, material: &Material, list: &mut List) -> Result<(), EvaluateError> {
     let index = vec![0; material.layout().indices];
     let [wi, wo] = [directions(7, false), directions(1_000, true)];
-    let wi = material.layout().incoming.map(|_| Directions { x: &wi[0], y: &wi[1], z: &wi[2] });
-    let wo = material.layout().outgoing.map(|_| Directions { x: &wo[0], y: &wo[1], z: &wo[2] });
+    let wi = material.layout().incoming.map(|_| Directions::new(&wi[0], &wi[1], &wi[2]));
+    let wo = material.layout().outgoing.map(|_| Directions::new(&wo[0], &wo[1], &wo[2]));
     let pairs = Pairs { index: &index, wi, wo };
     let count = if wi.is_none() && wo.is_none() { 1 } else { PAIRS };
     for how in [Interpolation::Constant, Interpolation::Smooth] {
@@ -147,7 +147,8 @@ fn ask(name: &str, material: &Material, list: &mut List) -> Result<(), EvaluateE
         let options = SampleOptions { density, ..SampleOptions::default() };
         let mut out = vec![0.0; PAIRS];
         material.pdfs(pairs, options, &mut out)?;
-        list.insert(format!("{name}: pdf {density:?}"), bits(&out));
+        let rounded: Vec<f32> = out.iter().map(|&pdf| pdf as f32).collect();
+        list.insert(format!("{name}: pdf {density:?}"), bits(&rounded));
         if let Some(chosen) = &chosen {
             list.insert(format!("{name}: samples {density:?}"), drawn(chosen, &pairs, options)?);
         }
