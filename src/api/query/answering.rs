@@ -5,9 +5,10 @@ use super::answers::Answers;
 use super::places::{Pair, Records};
 use super::question::Question;
 use crate::domain::Direction;
-use crate::evaluate::{Beyond, EvaluateError, Interpolation, Material, Place};
+use crate::evaluate::{Directions, EvaluateError, Material, Pairs};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
+use std::ops::Range;
 
 /// What became of a part of a batch: answers up to the first record that has none.
 #[derive(Debug)]
@@ -17,7 +18,7 @@ pub(super) struct Answered {
 }
 
 /// Reads `records` and answers them up to the first that is wrong or has no answer. `first` is the number of the
-/// first record from 0, in lines for lines.
+/// first record from 0, in lines for lines. Answers have the same bits however a batch is cut into parts.
 pub(super) fn answer(question: &Question, material: &Material, records: &Records, first: u64) -> Answered {
     let read = records.read(first);
     let pairs = &read.pairs;
@@ -25,7 +26,18 @@ pub(super) fn answer(question: &Question, material: &Material, records: &Records
         Question::Evaluate { index, how, beyond, wavelengths } => {
             let width = question.width(material);
             let mut values = vec![0.0; pairs.len() * width];
-            let done = spectra(material, pairs, index, (*how, *beyond, wavelengths.as_deref()), &mut values);
+            let done = Done::of_runs(pairs, |range, wi, wo| {
+                let out = &mut values[range.start * width..range.end * width];
+                // Places without directions are one place to the library.
+                let each = if wi.is_none() && wo.is_none() { width } else { out.len() };
+                out.chunks_exact_mut(each).try_for_each(|out| {
+                    let places = Pairs { index, wi, wo };
+                    match wavelengths {
+                        Some(wavelengths) => material.spectra_at(places, *how, *beyond, wavelengths, out),
+                        None => material.spectra(places, *how, out),
+                    }
+                })
+            });
             values.truncate(done.answers * width);
             (Answers::Rows { values, width }, done.error)
         }
@@ -33,29 +45,32 @@ pub(super) fn answer(question: &Question, material: &Material, records: &Records
             let width = material.lambdas();
             let mut values = vec![0.0; pairs.len() * width];
             let rows = values.chunks_exact_mut(width).zip(pairs);
-            let done =
-                Done::of(rows.map(|(row, pair)| without_wo(pair).and_then(|wi| material.albedo(index, wi, *how, row))));
+            let done = Done::one_by_one(rows.map(|(row, pair)| {
+                without_wo(pair.wo.is_some())?;
+                material.albedo(index, pair.wi, *how, row)
+            }));
             values.truncate(done.answers * width);
             (Answers::Rows { values, width }, done.error)
         }
         Question::Pdf { index, level } => {
-            let mut densities = Vec::with_capacity(pairs.len());
-            let done = Done::of(pairs.iter().map(|pair| {
-                let wo = pair.wo.ok_or_else(|| EvaluateError::Unfit("no wo was given, expected one".to_owned()))?;
-                densities.push(material.pdf(index, pair.wi, wo, *level)?);
-                Ok(())
-            }));
+            let mut densities = vec![0.0; pairs.len()];
+            let done = Done::of_runs(pairs, |range, wi, wo| {
+                if wo.is_none() {
+                    return Err(EvaluateError::Unfit("no wo was given, expected one".to_owned()));
+                }
+                material.pdfs(Pairs { index, wi, wo }, *level, &mut densities[range])
+            });
+            densities.truncate(done.answers);
             (Answers::Densities(densities), done.error)
         }
         Question::Sample { index, level, seed } => {
-            let mut random = Pcg64Mcg::seed_from_u64(*seed);
-            random.advance(2 * u128::from(first));
-            let mut samples = Vec::with_capacity(pairs.len());
-            let done = Done::of(pairs.iter().map(|pair| {
-                let u = [uniform(&mut random), uniform(&mut random)];
-                samples.push(material.sample(index, without_wo(pair)?, u, *level)?);
-                Ok(())
-            }));
+            let points = points(*seed, &read.numbers);
+            let mut samples = vec![None; pairs.len()];
+            let done = Done::of_runs(pairs, |range, wi, wo| {
+                without_wo(wo.is_some())?;
+                material.samples(index, wi, &points[range.clone()], *level, &mut samples[range])
+            });
+            samples.truncate(done.answers);
             (Answers::Samples(samples), done.error)
         }
     };
@@ -74,7 +89,7 @@ struct Done {
 }
 
 impl Done {
-    fn of(results: impl Iterator<Item = Result<(), EvaluateError>>) -> Self {
+    fn one_by_one(results: impl Iterator<Item = Result<(), EvaluateError>>) -> Self {
         let mut answers = 0;
         for result in results {
             if let Err(error) = result {
@@ -84,37 +99,242 @@ impl Done {
         }
         Self { answers, error: None }
     }
-}
 
-/// The spectra of `pairs`, one row each. The one place where batches meet the library.
-fn spectra(
-    material: &Material,
-    pairs: &[Pair],
-    index: &[usize],
-    (how, beyond, wavelengths): (Interpolation, Beyond, Option<&[f64]>),
-    out: &mut [f32],
-) -> Done {
-    if pairs.is_empty() {
-        return Done { answers: 0, error: None };
-    }
-    let width = out.len() / pairs.len();
-    Done::of(out.chunks_exact_mut(width).zip(pairs).map(|(row, &Pair { wi, wo })| {
-        let place = Place { index, wi, wo };
-        match wavelengths {
-            Some(wavelengths) => material.at_wavelengths(place, how, beyond, wavelengths, row),
-            None => material.evaluate(place, how, row),
+    /// Asks for runs of pairs that have the same directions, as the library takes them. `ask` answers the pairs of a range
+    /// with these `wi` and `wo`, or refuses them for one of them.
+    fn of_runs(
+        pairs: &[Pair],
+        mut ask: impl FnMut(Range<usize>, Option<Directions<'_>>, Option<Directions<'_>>) -> Result<(), EvaluateError>,
+    ) -> Self {
+        let mut answers = 0;
+        for run in pairs.chunk_by(|a, b| a.given() == b.given()) {
+            let wi: Option<Vec<Direction>> = run.iter().map(|pair| pair.wi).collect();
+            let wo: Option<Vec<Direction>> = run.iter().map(|pair| pair.wo).collect();
+            let start = answers;
+            let done = Self::up_to_refused(0..run.len(), &mut |range| {
+                let [wi, wo] = [&wi, &wo].map(|all| all.as_deref().map(|all| Directions::of(&all[range.clone()])));
+                ask(start + range.start..start + range.end, wi, wo)
+            });
+            answers += done.answers;
+            if done.error.is_some() {
+                return Self { answers, ..done };
+            }
         }
-    }))
+        Self { answers, error: None }
+    }
+
+    /// Asks for a range, and where it is refused for its first half and then for the second, down to the record at fault.
+    fn up_to_refused(range: Range<usize>, ask: &mut impl FnMut(Range<usize>) -> Result<(), EvaluateError>) -> Self {
+        let error = match ask(range.clone()) {
+            Ok(()) => return Self { answers: range.len(), error: None },
+            Err(error) => error,
+        };
+        if range.len() == 1 {
+            return Self { answers: 0, error: Some(error) };
+        }
+        let middle = range.start + range.len() / 2;
+        let first = Self::up_to_refused(range.start..middle, ask);
+        if first.error.is_some() {
+            return first;
+        }
+        let second = Self::up_to_refused(middle..range.end, ask);
+        Self { answers: first.answers + second.answers, ..second }
+    }
 }
 
-fn without_wo(pair: &Pair) -> Result<Option<Direction>, EvaluateError> {
-    match pair.wo {
-        None => Ok(pair.wi),
-        Some(_) => Err(EvaluateError::Unfit("wo was given, expected wi alone".to_owned())),
-    }
+fn without_wo(has_wo: bool) -> Result<(), EvaluateError> {
+    if has_wo { Err(EvaluateError::Unfit("wo was given, expected wi alone".to_owned())) } else { Ok(()) }
+}
+
+/// The points of the unit square that belong to records of these numbers, which ascend.
+fn points(seed: u64, numbers: &[u64]) -> Vec<[f64; 2]> {
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    let mut next = 0;
+    let point = |&number: &u64| {
+        random.advance(2 * u128::from(number - next));
+        next = number + 1;
+        [uniform(&mut random), uniform(&mut random)]
+    };
+    numbers.iter().map(point).collect()
 }
 
 /// A number from [0, 1) with 53 random bits, as the command line draws them.
 fn uniform(random: &mut Pcg64Mcg) -> f64 {
     (random.next_u64() >> 11) as f64 * (1.0 / (1_u64 << 53) as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::media::Encoding;
+    use super::super::places::Places;
+    use super::*;
+    use crate::domain::{Axis, Domain, Measurement, Quantity, Sampling, Tensor, TriangleMesh, Unit, WavelengthGrid};
+    use crate::evaluate::{Beyond, Interpolation, Place};
+    use bytes::Bytes;
+    use std::sync::Arc;
+
+    const COUNT: usize = 333;
+
+    fn material() -> Material {
+        let triangles = |level| Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, level).unwrap());
+        let lambdas = WavelengthGrid::even(400.0, 25.0, 12).unwrap();
+        let axes = vec![triangles(1), triangles(2), Axis::Wavelength(lambdas)];
+        let samples = (0..axes.iter().map(Axis::len).product()).map(|i: usize| {
+            let x = ((i / 12).wrapping_mul(2_654_435_761) >> 7) % 61;
+            (x as f32 / 60.0 * ((i % 12) as f32 / 5.0).sin()).exp()
+        });
+        let tensor = Tensor::new(axes.clone(), samples.collect()).unwrap();
+        let measurement = Measurement::new(Quantity::Brdf, Unit::PerSteradian, Sampling::Average, tensor);
+        Material::of(measurement.unwrap()).unwrap()
+    }
+
+    fn angles(i: usize) -> [[f64; 2]; 2] {
+        let turn = |step: f64, most: f64| (i as f64 * step) % most;
+        [[turn(1.37, 89.0), turn(7.1, 360.0)], [turn(2.53, 100.0), turn(11.3, 360.0)]]
+    }
+
+    fn questions() -> Vec<Question> {
+        let index = Vec::new;
+        let evaluate = |how, wavelengths| Question::Evaluate { index: index(), how, beyond: Beyond::Zero, wavelengths };
+        let some = (0..20).map(|i| 390.0 + 17.3 * f64::from(i)).collect();
+        vec![
+            evaluate(Interpolation::Smooth, None),
+            evaluate(Interpolation::Constant, None),
+            evaluate(Interpolation::Smooth, Some(some)),
+            Question::Pdf { index: index(), level: None },
+            Question::Sample { index: index(), level: None, seed: 7 },
+            Question::Sample { index: index(), level: Some(1), seed: 7 },
+        ]
+    }
+
+    fn is_drawn(question: &Question) -> bool {
+        matches!(question, Question::Sample { .. })
+    }
+
+    fn listed(question: &Question, count: usize) -> Records {
+        let side = |k: usize| Some((0..count).map(|i| angles(i)[k]).collect());
+        let wo = if is_drawn(question) { None } else { side(1) };
+        Records::Listed(Arc::new(Places::of(side(0), wo, 1, count).unwrap()), 0..count)
+    }
+
+    fn cut(question: &Question, material: &Material, records: &Records, most: usize) -> (Answers, Option<Problem>) {
+        let mut whole: Option<Answers> = None;
+        let mut first = 0;
+        for part in records.parts(most) {
+            let Answered { answers, problem } = answer(question, material, &part, first);
+            first += part.count() as u64;
+            match &mut whole {
+                Some(whole) => whole.append(answers),
+                None => whole = Some(answers),
+            }
+            if problem.is_some() {
+                return (whole.unwrap(), problem);
+            }
+        }
+        (whole.unwrap(), None)
+    }
+
+    #[test]
+    fn answers_do_not_depend_on_how_a_batch_is_cut() {
+        let material = material();
+        for question in questions() {
+            let records = listed(&question, COUNT);
+            let (whole, problem) = cut(&question, &material, &records, COUNT);
+            assert!(problem.is_none() && whole.len() == COUNT);
+            for most in [1, 7, 48, 100] {
+                assert_eq!(cut(&question, &material, &records, most).0, whole, "{question:?} {most}");
+            }
+        }
+    }
+
+    fn lines(question: &Question, wi_of: impl Fn(usize) -> [f64; 2]) -> Vec<String> {
+        let line = |i: usize| {
+            let (wi, [_, wo]) = (wi_of(i), angles(i));
+            let wo = if is_drawn(question) { String::new() } else { format!(",\"wo\":{wo:?}") };
+            format!("{{\"wi\":{wi:?}{wo}}}\n")
+        };
+        (0..COUNT).map(line).collect()
+    }
+
+    fn text(answers: &Answers) -> Vec<String> {
+        let bytes = answers.bytes(Encoding::Lines).unwrap();
+        String::from_utf8(bytes).unwrap().lines().map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn all_records_before_one_that_is_refused_have_the_answers_of_a_whole_batch() {
+        let material = material();
+        for question in questions() {
+            let whole = text(&cut(&question, &material, &listed(&question, COUNT), COUNT).0);
+            for bad in [0, 1, 47, 48, 200, COUNT - 1] {
+                let mut records = lines(&question, |i| if i == bad { [120.0, 0.0] } else { angles(i)[0] });
+                for (refused, reason) in
+                    [(None, "wi has theta = 120"), (Some("{\"wo\":[1,2]}\n"), "w"), (Some("{}\n"), "no w")]
+                {
+                    records[bad] = refused.map_or_else(|| records[bad].clone(), str::to_owned);
+                    let records = Records::Lines(Bytes::from(records.concat()));
+                    for most in [COUNT, 100] {
+                        let (answers, problem) = cut(&question, &material, &records, most);
+                        let detail = problem.unwrap().body().detail;
+                        assert!(
+                            detail.starts_with(&format!("line {}: ", bad + 1)) && detail.contains(reason),
+                            "{detail}"
+                        );
+                        assert_eq!(text(&answers), whole[..bad], "{question:?} {bad} {most}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn blank_lines_between_records_do_not_change_with_the_cut() {
+        let material = material();
+        for question in questions() {
+            let with_blanks: String =
+                lines(&question, |i| angles(i)[0]).iter().map(|line| format!("{line}\n")).collect();
+            let records = Records::Lines(Bytes::from(with_blanks));
+            let (whole, _) = cut(&question, &material, &records, 2 * COUNT);
+            assert_eq!(whole.len(), COUNT);
+            for most in [3, 100] {
+                assert_eq!(cut(&question, &material, &records, most).0, whole, "{question:?} {most}");
+            }
+        }
+    }
+
+    #[test]
+    fn batches_are_as_near_to_single_answers_as_promised() {
+        let material = material();
+        for question in questions() {
+            let Question::Evaluate { how, beyond, wavelengths, .. } = &question else { continue };
+            let (answers, _) = cut(&question, &material, &listed(&question, COUNT), COUNT);
+            let Answers::Rows { values, width } = answers else { unreachable!("spectra are rows") };
+            let mut one = vec![0.0; width];
+            for (i, row) in values.chunks_exact(width).enumerate() {
+                let [wi, wo] = angles(i).map(|[theta, phi]| Some(Direction::from_degrees(theta, phi)));
+                let place = Place { index: &[], wi, wo };
+                match wavelengths {
+                    Some(wavelengths) => material.at_wavelengths(place, *how, *beyond, wavelengths, &mut one).unwrap(),
+                    None => material.spectrum(place, *how, &mut one).unwrap(),
+                }
+                assert!(
+                    one.iter().zip(row).all(|(a, b)| (a - b).abs() <= 2e-5 * a.abs()),
+                    "{how:?} {i}: {one:?} {row:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn places_without_directions_are_answered_each() {
+        let axes = vec![Axis::Wavelength(WavelengthGrid::even(400.0, 100.0, 3).unwrap())];
+        let tensor = Tensor::new(axes, vec![1.0, 2.0, 3.0]).unwrap();
+        let measurement = Measurement::new(Quantity::Spectrum, Unit::Relative, Sampling::Average, tensor).unwrap();
+        let material = Material::of(measurement).unwrap();
+        let question = questions().swap_remove(0);
+        let records = Records::Lines(Bytes::from_static(b"{}\n{}\n{\"wi\":[1,2]}\n"));
+        let (answers, problem) = cut(&question, &material, &records, 9);
+        assert_eq!(text(&answers), ["{\"values\":[1.0,2.0,3.0]}"; 2]);
+        assert!(problem.unwrap().body().detail.starts_with("line 3: wi was given"));
+    }
 }

@@ -20,6 +20,13 @@ pub(super) struct Pair {
     pub(super) wo: Option<Direction>,
 }
 
+impl Pair {
+    /// Which directions there are: `wi`, `wo`.
+    pub(super) fn given(&self) -> (bool, bool) {
+        (self.wi.is_some(), self.wo.is_some())
+    }
+}
+
 /// Which directions a record of floats has; two floats each, `wi` first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Directions {
@@ -123,6 +130,8 @@ impl Places {
 /// The pairs of some records up to the first that is wrong, and what is wrong with it.
 pub(super) struct Read {
     pub(super) pairs: Vec<Pair>,
+    /// The number of each pair's record from 0, in lines for lines.
+    pub(super) numbers: Vec<u64>,
     pub(super) problem: Option<Problem>,
 }
 
@@ -169,10 +178,11 @@ impl Records {
 
     /// The pairs up to the first that is wrong. `first` is the number of the first record from 0.
     pub(super) fn read(&self, first: u64) -> Read {
-        let mut pairs = Vec::new();
+        let (mut pairs, mut numbers) = (Vec::new(), Vec::new());
         let mut problem = None;
-        let mut take = |pair: Result<Option<Pair>, Problem>| match pair {
+        let mut take = |number: u64, pair: Result<Option<Pair>, Problem>| match pair {
             Ok(pair) => {
+                numbers.extend(pair.map(|_| number));
                 pairs.extend(pair);
                 true
             }
@@ -183,26 +193,23 @@ impl Records {
         };
         match self {
             Self::Listed(places, range) => {
-                let _ = range.clone().all(|answer| take(places.pair(answer).map(Some)));
+                let _ = range.clone().zip(first..).all(|(answer, number)| take(number, places.pair(answer).map(Some)));
             }
             Self::Floats(directions, bytes) => {
                 let records = bytes.chunks_exact(directions.bytes());
                 let _ = records.zip(first..).all(|(record, number)| {
-                    take(
-                        floats(*directions, record)
-                            .map(Some)
-                            .map_err(|problem| problem.at(&format!("record {}", number + 1))),
-                    )
+                    let pair = floats(*directions, record).map(Some);
+                    take(number, pair.map_err(|problem| problem.at(&format!("record {}", number + 1))))
                 });
             }
             Self::Lines(bytes) => {
                 let lines = bytes.split(|byte| *byte == b'\n');
                 let _ = lines.zip(first..).all(|(text, number)| {
-                    take(line(text).map_err(|problem| problem.at(&format!("line {}", number + 1))))
+                    take(number, line(text).map_err(|problem| problem.at(&format!("line {}", number + 1))))
                 });
             }
         }
-        Read { pairs, problem }
+        Read { pairs, numbers, problem }
     }
 
     /// What the record of answer `at` of these is called; `first` as in [`Records::read`].
@@ -289,6 +296,7 @@ mod tests {
         let lines = Records::Lines(Bytes::from_static(text));
         assert_eq!(pairs(&listed, 0), pairs(&floats, 0));
         assert_eq!(pairs(&listed, 0), pairs(&lines, 7));
+        assert_eq!([&listed, &floats, &lines].map(|records| records.read(7).numbers), [[7, 8], [7, 8], [7, 9]]);
         assert_eq!(
             (listed.name(0, 1), floats.name(5, 1), lines.name(7, 1)),
             ("pair 2".into(), "record 7".into(), "line 10".into())

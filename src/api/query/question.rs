@@ -12,7 +12,7 @@ pub(super) enum Question {
     Evaluate { index: Vec<usize>, how: Interpolation, beyond: Beyond, wavelengths: Option<Vec<f64>> },
     /// The density with which `Sample` draws `wo`.
     Pdf { index: Vec<usize>, level: Option<u8> },
-    /// A direction drawn for `wi`. Answer k of a batch takes the random numbers 2k and 2k + 1 of the seed.
+    /// A direction drawn for `wi`. Record k of a batch takes the random numbers 2k and 2k + 1 of the seed.
     Sample { index: Vec<usize>, level: Option<u8>, seed: u64 },
     /// The directional albedo for `wi`.
     Albedo { index: Vec<usize>, how: Interpolation },
