@@ -84,9 +84,7 @@ impl Direction {
     /// This direction turned by `phi` radians counter-clockwise about `+z`.
     #[must_use]
     pub fn rotated_about_z(self, phi: f64) -> Self {
-        let (sin, cos) = libm::sincos(phi);
-        let [x, y, z] = self.0;
-        Self([cos * x - sin * y, sin * x + cos * y, z])
+        Self(vector::about_z(self.0, phi))
     }
 }
 

@@ -46,8 +46,37 @@ pub fn turned(a: Vector, [cos, sin]: [f64; 2]) -> Vector {
     [cos * a[0] - sin * a[1], sin * a[0] + cos * a[1], a[2]]
 }
 
+/// `a` turned about +z by `angle` radians, counter-clockwise seen from its tip.
+#[inline]
+pub fn about_z(a: Vector, angle: f64) -> Vector {
+    let (sin, cos) = libm::sincos(angle);
+    turned(a, [cos, sin])
+}
+
+/// `a` turned about +y by `angle` radians: from +z towards +x.
+#[inline]
+pub fn about_y([x, y, z]: Vector, angle: f64) -> Vector {
+    let (sin, cos) = libm::sincos(angle);
+    [cos * x + sin * z, y, cos * z - sin * x]
+}
+
 /// `a` at unit length; `a` must not be zero.
 #[inline]
 pub fn unit(a: Vector) -> Vector {
     scale(a, 1.0 / norm(a))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::FRAC_PI_2;
+
+    #[test]
+    fn quarter_turns_exchange_axes() {
+        let close = |found: Vector, expected: Vector| norm(sub(found, expected)) < 1e-15;
+        assert!(close(about_z([1.0, 0.0, 2.0], FRAC_PI_2), [0.0, 1.0, 2.0]));
+        assert!(close(about_y([0.0, 3.0, 1.0], FRAC_PI_2), [1.0, 3.0, 0.0]));
+        let turned_back = about_y(about_y([0.3, 0.4, 0.5], 0.7), -0.7);
+        assert!(close(turned_back, [0.3, 0.4, 0.5]));
+    }
 }

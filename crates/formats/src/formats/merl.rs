@@ -11,7 +11,7 @@ use super::acquisition::{
 use super::error::{FormatError, FormatErrorKind};
 use super::interpretation::Interpretation;
 use super::reader::{Format, Reader, Sample};
-use crate::domain::vector::{Vector, add, dot, norm, scale, sub};
+use crate::domain::vector::{Vector, about_y, about_z, add, dot, norm, scale, sub};
 use crate::domain::{Axis, Direction, Quantity, Unit};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -205,18 +205,6 @@ impl DirectionalFunction for Table {
             *value = f64::from(stored);
         }
     }
-}
-
-/// A vector turned about `z`, counter-clockwise seen from its tip.
-pub(super) fn about_z([x, y, z]: Vector, angle: f64) -> Vector {
-    let (sin, cos) = libm::sincos(angle);
-    [cos * x - sin * y, sin * x + cos * y, z]
-}
-
-/// A vector turned about `y`: from `z` towards `x`.
-pub(super) fn about_y([x, y, z]: Vector, angle: f64) -> Vector {
-    let (sin, cos) = libm::sincos(angle);
-    [cos * x + sin * z, y, cos * z - sin * x]
 }
 
 /// Writes an isotropic function of three channels, linear sRGB: 90 × 90 × 180 cells with the values at their centres.

@@ -1,8 +1,7 @@
 //! Coordinates of ALTA that fix a pair of directions, and these directions (`params::to_cartesian` of ALTA).
 
 use crate::domain::Direction;
-use crate::domain::vector::{Vector, dot, norm, scale, sub};
-use crate::formats::merl::{about_y, about_z};
+use crate::domain::vector::{Vector, about_y, about_z, dot, norm, scale, sub};
 use std::f64::consts::TAU;
 
 /// Coordinates of a row at most.
