@@ -3,7 +3,7 @@
 use super::angles::{self, check, check_area, sampled_cells};
 use super::averages::{Averages, divisions};
 use super::error::ProjectionError;
-use super::levels::{self, Choice, MAX_CHOSEN_SAMPLES, rounded};
+use super::levels::{self, Choice, Entries, lower_to_fit, rounded};
 use super::projected::{Coverage, Projected};
 use super::request::AxesRequest;
 use super::resampling::{Directions, Resampling};
@@ -33,7 +33,7 @@ pub(super) fn project(
     let spectral =
         spectral::plan(grid.spectral.as_ref(), acquisition.spectral_factor.as_ref(), request.wavelengths.as_ref())?;
     let outer: usize = grid.index.iter().map(Axis::len).product();
-    lower_to_fit(&mut incoming, &mut outgoing, outer.saturating_mul(spectral.channels.to()));
+    lower_to_fit(incoming.entries(), outgoing.entries(), outer.saturating_mul(spectral.channels.to()));
     let mut axes = grid.index.clone();
     axes.extend([incoming.axis(), outgoing.axis(), spectral.axis].into_iter().flatten());
     Layout::of(acquisition.quantity, &axes)?;
@@ -134,23 +134,11 @@ fn outgoing_side(quantity: Quantity, angles: Option<&Angles>, level: Option<u8>)
     Ok(Side::Triangles(angles, levels::choose("outgoing", domain, angles, level)?))
 }
 
-/// Lowers chosen levels, the finer one first, until the tensor is within its limit; what the user named stays.
-fn lower_to_fit<'a>(incoming: &mut Side<'a>, outgoing: &mut Side<'a>, others: usize) {
-    while incoming.len().saturating_mul(outgoing.len()).saturating_mul(others) > MAX_CHOSEN_SAMPLES {
-        let incoming_first = incoming.len() > outgoing.len();
-        let (first, second) =
-            if incoming_first { (&mut *incoming, &mut *outgoing) } else { (&mut *outgoing, &mut *incoming) };
-        if !first.lower() && !second.lower() {
-            return;
-        }
-    }
-}
-
 impl Side<'_> {
-    fn lower(&mut self) -> bool {
+    fn entries(&mut self) -> Entries<'_> {
         match self {
-            Self::Triangles(_, choice) => choice.lower(),
-            _ => false,
+            Self::Triangles(_, choice) => Entries::Chosen(choice),
+            _ => Entries::Fixed(self.len()),
         }
     }
 
@@ -291,18 +279,18 @@ mod tests {
             other => panic!("{other:?}"),
         };
         let (mut a, mut b) = (side(None), side(None));
-        lower_to_fit(&mut a, &mut b, 1);
+        lower_to_fit(a.entries(), b.entries(), 1);
         assert_eq!((level(&a), level(&b)), (5, 5));
-        lower_to_fit(&mut a, &mut b, 3);
+        lower_to_fit(a.entries(), b.entries(), 3);
         assert_eq!((level(&a), level(&b)), (5, 4));
         let (mut a, mut b) = (side(None), side(Some(7)));
-        lower_to_fit(&mut a, &mut b, 16);
+        lower_to_fit(a.entries(), b.entries(), 16);
         assert_eq!((level(&a), level(&b)), (1, 7));
         let (mut a, mut b) = (side(Some(7)), side(Some(7)));
-        lower_to_fit(&mut a, &mut b, 1);
+        lower_to_fit(a.entries(), b.entries(), 1);
         assert_eq!((level(&a), level(&b)), (7, 7));
         let mut elevations = Side::Elevations(&angles);
-        lower_to_fit(&mut elevations, &mut a, usize::MAX);
+        lower_to_fit(elevations.entries(), a.entries(), usize::MAX);
         assert_eq!((level(&a), elevations.len()), (7, 91));
     }
 }

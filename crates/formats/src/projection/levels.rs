@@ -107,6 +107,43 @@ impl Choice {
     }
 }
 
+/// How many entries one side of a tensor has.
+pub(super) enum Entries<'a> {
+    /// Those of the file.
+    Fixed(usize),
+    /// Triangles of a chosen level.
+    Chosen(&'a mut Choice),
+}
+
+impl Entries<'_> {
+    fn count(&self) -> usize {
+        match self {
+            Self::Fixed(count) => *count,
+            Self::Chosen(choice) => choice.mesh.len(),
+        }
+    }
+
+    fn lower(&mut self) -> bool {
+        match self {
+            Self::Fixed(_) => false,
+            Self::Chosen(choice) => choice.lower(),
+        }
+    }
+}
+
+/// Lowers chosen levels, the finer one first, until the tensor is within its limit; what the user named stays. `others` is
+/// the number of samples of a pair of directions.
+pub(super) fn lower_to_fit<'a>(mut incoming: Entries<'a>, mut outgoing: Entries<'a>, others: usize) {
+    while incoming.count().saturating_mul(outgoing.count()).saturating_mul(others) > MAX_CHOSEN_SAMPLES {
+        let incoming_first = incoming.count() > outgoing.count();
+        let (first, second) =
+            if incoming_first { (&mut incoming, &mut outgoing) } else { (&mut outgoing, &mut incoming) };
+        if !first.lower() && !second.lower() {
+            return;
+        }
+    }
+}
+
 fn natural_level(theta: f64, phi: Option<f64>) -> u8 {
     let spacing = phi.map_or(theta, |phi| theta.min(phi));
     libm::round(libm::log2(OCTANT_DEGREES / spacing)).clamp(0.0, f64::from(MAX_CHOSEN_LEVEL)) as u8
@@ -142,6 +179,29 @@ mod tests {
         ] {
             assert_eq!(natural_level(theta, phi), expected, "{theta} {phi:?}");
         }
+    }
+
+    #[test]
+    fn the_finer_level_is_lowered_first_and_requests_stay() {
+        let choice = |level, requested| Choice {
+            mesh: TriangleMesh::new(Domain::Hemisphere, level).unwrap(),
+            requested,
+            wanted: level,
+            spacing: String::new(),
+        };
+        let fitted = |mut incoming: Choice, mut outgoing: Choice, others| {
+            lower_to_fit(Entries::Chosen(&mut incoming), Entries::Chosen(&mut outgoing), others);
+            [incoming.mesh.level(), outgoing.mesh.level()]
+        };
+        assert_eq!(fitted(choice(3, false), choice(6, false), 1), [3, 6]);
+        assert_eq!(fitted(choice(4, false), choice(6, false), 1 << 7), [4, 3]);
+        assert_eq!(fitted(choice(6, false), choice(4, false), 1 << 7), [4, 3]);
+        assert_eq!(fitted(choice(5, false), choice(5, false), 1 << 7), [4, 3]);
+        assert_eq!(fitted(choice(5, false), choice(6, true), 1 << 7), [1, 6]);
+        assert_eq!(fitted(choice(5, true), choice(6, true), 1 << 7), [5, 6]);
+        let mut outgoing = choice(6, false);
+        lower_to_fit(Entries::Fixed(1 << 20), Entries::Chosen(&mut outgoing), 1);
+        assert_eq!(outgoing.mesh.level(), 1);
     }
 
     #[test]

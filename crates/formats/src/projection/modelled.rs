@@ -3,7 +3,7 @@
 use super::angles::{check, mean_spacing};
 use super::averages::OCTANT_DEGREES;
 use super::error::ProjectionError;
-use super::levels::{self, Choice, MAX_CHOSEN_SAMPLES};
+use super::levels::{self, Choice, Entries, lower_to_fit};
 use super::projected::{Coverage, Projected};
 use super::request::AxesRequest;
 use super::spectral;
@@ -53,7 +53,7 @@ pub(super) fn project(
     let spectral =
         spectral::plan(modelled.spectral.as_ref(), acquisition.spectral_factor.as_ref(), request.wavelengths.as_ref())?;
     let channels = spectral.channels;
-    lower_to_fit(&mut incoming, &mut outgoing, channels.to());
+    lower_to_fit(incoming.entries(), Entries::Chosen(&mut outgoing), channels.to());
     let mut axes = vec![incoming.axis(), Axis::Triangles(outgoing.mesh)];
     axes.extend(spectral.axis);
     Layout::of(acquisition.quantity, &axes)?;
@@ -109,26 +109,11 @@ fn incoming(modelled: &Modelled, domain: Domain, level: Option<u8>) -> Result<In
     }
 }
 
-/// Lowers chosen levels, the finer one first, until the tensor is within its limit; what the user named stays.
-#[allow(clippy::if_same_then_else, reason = "the order in which they are lowered differs")]
-fn lower_to_fit(incoming: &mut Incoming<'_>, outgoing: &mut Choice, channels: usize) {
-    while incoming.len().saturating_mul(outgoing.mesh.len()).saturating_mul(channels) > MAX_CHOSEN_SAMPLES {
-        let lowered = if incoming.len() > outgoing.mesh.len() {
-            incoming.lower() || outgoing.lower()
-        } else {
-            outgoing.lower() || incoming.lower()
-        };
-        if !lowered {
-            return;
-        }
-    }
-}
-
 impl Incoming<'_> {
-    fn lower(&mut self) -> bool {
+    fn entries(&mut self) -> Entries<'_> {
         match self {
-            Self::Elevations(_) => false,
-            Self::Triangles(choice) => choice.lower(),
+            Self::Elevations(theta) => Entries::Fixed(theta.len()),
+            Self::Triangles(choice) => Entries::Chosen(choice),
         }
     }
 
@@ -354,10 +339,10 @@ mod tests {
 
         let choice = |level| levels::choose_by_distance("outgoing", Domain::Hemisphere, 1.0, level).unwrap();
         let (mut incoming, mut outgoing) = (Incoming::Triangles(choice(None)), choice(None));
-        lower_to_fit(&mut incoming, &mut outgoing, 8);
+        lower_to_fit(incoming.entries(), Entries::Chosen(&mut outgoing), 8);
         assert_eq!((incoming.len(), outgoing.mesh.len()), (4096, 1024));
         let (mut incoming, mut outgoing) = (Incoming::Elevations(&[0.0; 64]), choice(Some(8)));
-        lower_to_fit(&mut incoming, &mut outgoing, 1 << 20);
+        lower_to_fit(incoming.entries(), Entries::Chosen(&mut outgoing), 1 << 20);
         assert_eq!(outgoing.mesh.level(), 8);
     }
 

@@ -10,7 +10,7 @@ use crate::domain::{Axis, Direction, Domain, Quantity};
 use crate::formats::Scattered;
 use crate::projection::averages::OCTANT_DEGREES;
 use crate::projection::error::ProjectionError;
-use crate::projection::levels::{self, Choice, MAX_CHOSEN_SAMPLES, rounded};
+use crate::projection::levels::{self, Choice, Entries, MAX_CHOSEN_SAMPLES, rounded};
 use crate::projection::request::AxesRequest;
 use rayon::prelude::*;
 
@@ -283,18 +283,10 @@ impl Plan {
         entries.saturating_mul(self.outgoing.mesh.len()).saturating_mul(channels)
     }
 
-    /// Lowers chosen levels, the finer one first, until the tensor is within its limit; what the user named stays.
-    #[allow(clippy::if_same_then_else, reason = "the order in which they are lowered differs")]
     fn lower_to_fit(&mut self, channels: usize) {
-        while self.size(channels) > MAX_CHOSEN_SAMPLES {
-            let finer = self.incoming.as_ref().is_some_and(|choice| choice.mesh.len() > self.outgoing.mesh.len());
-            let incoming = |plan: &mut Self| plan.incoming.as_mut().is_some_and(Choice::lower);
-            let lowered =
-                if finer { incoming(self) || self.outgoing.lower() } else { self.outgoing.lower() || incoming(self) };
-            if !lowered {
-                return;
-            }
-        }
+        let fixed = Entries::Fixed(self.elevations.len().max(1));
+        let incoming = self.incoming.as_mut().map_or(fixed, Entries::Chosen);
+        levels::lower_to_fit(incoming, Entries::Chosen(&mut self.outgoing), channels);
     }
 
     /// Takes finer outgoing triangles until they represent what the samples say to half of the target, and says why not.
