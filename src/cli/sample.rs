@@ -5,8 +5,9 @@ use super::output::print_json;
 use super::query::{self, List};
 use crate::domain::Direction;
 use crate::domain::limits::MAX_LEVEL;
+use crate::numeric::random::half_open;
 use rand_pcg::Pcg64Mcg;
-use rand_pcg::rand_core::{Rng, SeedableRng};
+use rand_pcg::rand_core::SeedableRng;
 use std::path::PathBuf;
 
 /// Directions in one answer.
@@ -51,7 +52,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut random = Pcg64Mcg::seed_from_u64(args.seed);
     let mut answer = Answer::default();
     for _ in 0..args.count {
-        let u = [uniform(&mut random), uniform(&mut random)];
+        let u = [half_open(&mut random), half_open(&mut random)];
         let drawn = material.sample(index, args.wi, u, args.level);
         let drawn = drawn.map_err(|error| Failure::from(error).about(&args.material))?;
         answer.directions.push(drawn.map(|s| [s.direction.theta_degrees(), s.direction.phi_degrees()]));
@@ -59,9 +60,4 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         answer.weight.push(drawn.map_or(0.0, |s| s.weight));
     }
     print_json(&answer)
-}
-
-/// A number from [0, 1) with 53 random bits.
-fn uniform(random: &mut Pcg64Mcg) -> f64 {
-    (random.next_u64() >> 11) as f64 * (1.0 / (1_u64 << 53) as f64)
 }

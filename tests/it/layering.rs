@@ -10,30 +10,32 @@ use std::process::Command;
 
 /// Each room, and the rooms it may name. A new room needs a line here.
 const ROOMS: &[(&str, &[&str])] = &[
-    ("domain", &[]),
-    ("formats", &["domain"]),
-    ("projection", &["formats", "domain"]),
-    ("transform", &["domain"]),
-    ("codec", &["transform", "domain"]),
-    ("compress", &["codec", "transform", "domain"]),
-    ("algebra", &["compress", "codec", "transform", "domain"]),
-    ("evaluate", &["compress", "codec", "transform", "domain"]),
+    ("numeric", &[]),
+    ("domain", &["numeric"]),
+    ("formats", &["domain", "numeric"]),
+    ("projection", &["formats", "domain", "numeric"]),
+    ("transform", &["domain", "numeric"]),
+    ("codec", &["transform", "domain", "numeric"]),
+    ("compress", &["codec", "transform", "domain", "numeric"]),
+    ("algebra", &["compress", "codec", "transform", "domain", "numeric"]),
+    ("evaluate", &["compress", "codec", "transform", "domain", "numeric"]),
     ("roles", &["evaluate", "domain"]),
     ("open", &["evaluate", "compress"]),
-    ("appearance", &["evaluate", "domain"]),
-    ("preview", &["appearance", "evaluate", "domain"]),
-    ("export", &["appearance", "preview", "evaluate", "formats", "domain"]),
-    ("paper", &["projection", "formats", "compress", "codec", "transform", "domain"]),
+    ("appearance", &["evaluate", "domain", "numeric"]),
+    ("preview", &["appearance", "evaluate", "domain", "numeric"]),
+    ("export", &["appearance", "preview", "evaluate", "formats", "domain", "numeric"]),
+    ("paper", &["projection", "formats", "compress", "codec", "transform", "domain", "numeric"]),
     ("pipeline", SCIENCE),
     ("read", &["pipeline", "formats"]),
     ("store", &[]),
-    ("catalog", &["store", "domain"]),
+    ("catalog", &["store", "domain", "numeric"]),
     ("jobs", BELOW_JOBS),
     ("api", BELOW_API),
     ("cli", BELOW_CLI),
 ];
 
 const SCIENCE: &[&str] = &[
+    "numeric",
     "domain",
     "formats",
     "projection",
@@ -47,6 +49,7 @@ const SCIENCE: &[&str] = &[
     "export",
 ];
 const BELOW_JOBS: &[&str] = &[
+    "numeric",
     "domain",
     "formats",
     "projection",
@@ -63,6 +66,7 @@ const BELOW_JOBS: &[&str] = &[
     "catalog",
 ];
 const BELOW_API: &[&str] = &[
+    "numeric",
     "domain",
     "formats",
     "projection",
@@ -80,6 +84,7 @@ const BELOW_API: &[&str] = &[
     "jobs",
 ];
 const BELOW_CLI: &[&str] = &[
+    "numeric",
     "domain",
     "formats",
     "projection",

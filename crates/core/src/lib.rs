@@ -27,6 +27,8 @@ pub mod codec;
 pub mod compress;
 pub mod domain;
 pub mod evaluate;
+#[doc(hidden)]
+pub mod numeric;
 mod open;
 pub mod roles;
 pub mod transform;

@@ -23,4 +23,4 @@ mod read;
 
 pub use read::{ReadError, read, read_bytes};
 
-use wavelume_core::{compress, domain, evaluate};
+use wavelume_core::{compress, domain, evaluate, numeric};

@@ -6,8 +6,9 @@ use super::places::{Pair, Records};
 use super::question::Question;
 use crate::domain::Direction;
 use crate::evaluate::{Directions, EvaluateError, Material, Pairs};
+use crate::numeric::random::half_open;
 use rand_pcg::Pcg64Mcg;
-use rand_pcg::rand_core::{Rng, SeedableRng};
+use rand_pcg::rand_core::SeedableRng;
 use std::ops::Range;
 
 /// What became of a part of a batch: answers up to the first record that has none.
@@ -153,14 +154,9 @@ fn points(seed: u64, numbers: &[u64]) -> Vec<[f64; 2]> {
     let point = |&number: &u64| {
         random.advance(2 * u128::from(number - next));
         next = number + 1;
-        [uniform(&mut random), uniform(&mut random)]
+        [half_open(&mut random), half_open(&mut random)]
     };
     numbers.iter().map(point).collect()
-}
-
-/// A number from [0, 1) with 53 random bits, as the command line draws them.
-fn uniform(random: &mut Pcg64Mcg) -> f64 {
-    (random.next_u64() >> 11) as f64 * (1.0 / (1_u64 << 53) as f64)
 }
 
 #[cfg(test)]
@@ -315,7 +311,7 @@ mod tests {
                 let place = Place { index: &[], wi, wo };
                 match wavelengths {
                     Some(wavelengths) => material.at_wavelengths(place, *how, *beyond, wavelengths, &mut one).unwrap(),
-                    None => material.spectrum(place, *how, &mut one).unwrap(),
+                    None => material.evaluate(place, *how, &mut one).unwrap(),
                 }
                 assert!(
                     one.iter().zip(row).all(|(a, b)| (a - b).abs() <= 2e-5 * a.abs()),

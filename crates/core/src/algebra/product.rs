@@ -16,7 +16,7 @@ use super::error::AlgebraError;
 use super::limits::{MAX_COUPLED, MAX_COUPLINGS, MAX_GRAM};
 use super::space::LineSpace;
 use super::sparse::SparseSpectrum;
-use super::windows::axpy;
+use crate::numeric::dense::add;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -153,7 +153,7 @@ impl Couplings {
             if let [value] = values {
                 sums[first] += factor * value;
             } else {
-                axpy(factor, values, &mut sums[first..first + values.len()]);
+                add(&mut sums[first..first + values.len()], factor, values);
             }
         }
     }
@@ -245,7 +245,7 @@ impl Multiplier {
         let size = self.space.coefficients();
         for &Entry { index, value } in spectrum.entries() {
             let column = &self.columns[index as usize * size..][..size];
-            axpy(factor * value, column, sum.coefficients_mut());
+            add(sum.coefficients_mut(), factor * value, column);
         }
         Ok(())
     }

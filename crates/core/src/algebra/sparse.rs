@@ -3,7 +3,7 @@
 use super::entry::{Entry, Union};
 use super::error::AlgebraError;
 use super::space::LineSpace;
-use super::windows::dot;
+use crate::numeric::dense::dot_by_four;
 use std::sync::Arc;
 
 /// `Σ value·ψ_index`: a function on a line in one basis, as its coefficients that are not 0, by rising index.
@@ -129,7 +129,7 @@ impl SparseSpectrum {
         } else if let Some(gram) = self.space.gram() {
             gram.sum(&self.entries, &other.entries)
         } else {
-            dot(&self.samples(), &other.samples())
+            dot_by_four(&self.samples(), &other.samples())
         })
     }
 
@@ -145,7 +145,7 @@ impl SparseSpectrum {
     /// The L2 norm over samples.
     pub fn norm(&self) -> f64 {
         let samples = self.samples();
-        libm::sqrt(dot(&samples, &samples))
+        libm::sqrt(dot_by_four(&samples, &samples))
     }
 
     /// The k coefficients that matter most (by |c|·‖ψ‖, the earlier of equal ones), and the error of leaving out the others.

@@ -1,5 +1,7 @@
 //! Rows that are zero outside one run of columns: synthesis functions and analysis rows, flat in memory.
 
+use crate::numeric::dense::{add, dot_by_four};
+
 /// Rows of numbers, each stored from its first to its last that is not 0.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Windows {
@@ -42,13 +44,13 @@ impl Windows {
     /// The sum of a row's numbers times those of `columns`.
     pub(super) fn times(&self, row: usize, columns: &[f64]) -> f64 {
         let (first, values) = self.row(row);
-        dot(values, &columns[first..first + values.len()])
+        dot_by_four(values, &columns[first..first + values.len()])
     }
 
     /// Adds `factor` times a row to `columns`.
     pub(super) fn add(&self, row: usize, factor: f64, columns: &mut [f64]) {
         let (first, values) = self.row(row);
-        axpy(factor, values, &mut columns[first..first + values.len()]);
+        add(&mut columns[first..first + values.len()], factor, values);
     }
 
     /// The largest difference between the numbers of two sets of as many rows.
@@ -72,26 +74,6 @@ impl Windows {
     }
 }
 
-/// Σ a·b in four sums of a fixed order, which a processor adds side by side.
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let (left, right) = (a.chunks_exact(4), b.chunks_exact(4));
-    let rest: f64 = left.remainder().iter().zip(right.remainder()).map(|(a, b)| a * b).sum();
-    let mut sums = [0.0; 4];
-    for (a, b) in left.zip(right) {
-        for k in 0..4 {
-            sums[k] += a[k] * b[k];
-        }
-    }
-    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
-}
-
-/// `y += factor · x`.
-pub(super) fn axpy(factor: f64, x: &[f64], y: &mut [f64]) {
-    for (y, x) in y.iter_mut().zip(x) {
-        *y += factor * x;
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -108,14 +90,5 @@ mod tests {
         assert_eq!(sum, [0.0, 0.0, 2.0, 0.0, 4.0]);
         assert_eq!(windows.distance(&windows), 0.0);
         assert_eq!(windows.distance(&Windows::new([vec![(1, 5.0)], vec![], vec![(0, 3.0)]].into_iter())), 5.0);
-    }
-
-    #[test]
-    fn sums_are_those_of_every_length() {
-        for n in 0..11 {
-            let a: Vec<f64> = (0..n).map(f64::from).collect();
-            let expected: f64 = a.iter().map(|x| x * x).sum();
-            assert_eq!(dot(&a, &a), expected);
-        }
     }
 }

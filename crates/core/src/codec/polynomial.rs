@@ -1,5 +1,7 @@
 //! A polynomial through a list of numbers: what a spectrometer's wavelengths are, but for rounding.
 
+use crate::numeric::dense::solve_in_order;
+
 /// The highest degree.
 pub(super) const MAX_DEGREE: usize = 12;
 
@@ -32,19 +34,8 @@ impl Polynomial {
                 row[n] += terms[p] * value;
             }
         }
-        // Gauss's elimination; the matrix is far from singular.
-        for p in 0..n {
-            for q in p + 1..n {
-                let (above, below) = matrix.split_at_mut(q);
-                let factor = below[0][p] / above[p][p];
-                below[0].iter_mut().zip(&above[p]).for_each(|(x, a)| *x -= factor * a);
-            }
-        }
-        let mut coefficients = vec![0.0; n];
-        for p in (0..n).rev() {
-            let known: f64 = (p + 1..n).map(|q| matrix[p][q] * coefficients[q]).sum();
-            coefficients[p] = (matrix[p][n] - known) / matrix[p][p];
-        }
+        // The matrix is far from singular.
+        let coefficients = solve_in_order(&mut matrix);
         Self { coefficients }
     }
 

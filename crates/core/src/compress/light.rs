@@ -3,7 +3,8 @@
 //! It is Σ sample · weight over the last triangle axis; the weight is the cell's solid angle, projected for quantities that go
 //! with a cosine. A block is one entry of all axes before the triangles. Masked samples do not count.
 
-use crate::domain::{Axis, Quantity, TriangleMesh, wide};
+use crate::domain::{Axis, Quantity, TriangleMesh};
+use crate::numeric::wide;
 use serde::Serialize;
 
 /// How far the light of the decoded file is from that of the measurement.

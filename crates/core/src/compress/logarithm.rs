@@ -3,7 +3,7 @@
 //! The method is that of FreeBSD's `e_log.c` for positive normal numbers: x = 2ᵏ · (1 + f), √½ < 1 + f < √2, and
 //! ln(1 + f) from a polynomial in s = f / (2 + f). Whatever else a number may be is left to `libm` itself.
 
-use crate::domain::wide;
+use crate::numeric::wide;
 
 /// Numbers looked at together.
 const LANES: usize = 16;

@@ -26,6 +26,7 @@ use super::figures::two_digits_up;
 use super::logarithm::logarithms;
 use super::target::Target;
 use crate::domain::{Axis, Measurement};
+use crate::numeric::dense::dot;
 use basis::{Basis, Place};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -357,7 +358,7 @@ fn block_coefficients(samples: &[f32], base: usize, floor: f32, row: &Line<'_>, 
     let dots = |lines: &[f64], vectors: &[Vec<f64>]| {
         let mut products = Vec::with_capacity(lines.len() / width * vectors.len());
         for line in lines.chunks_exact(width) {
-            products.extend(vectors.iter().map(|v| basis::dot(line, v)));
+            products.extend(vectors.iter().map(|v| dot(line, v)));
         }
         products
     };

@@ -6,7 +6,7 @@ use super::exponential::exponentiate;
 use super::logarithm::logarithms;
 use super::target::Target;
 use crate::codec::Class;
-use crate::domain::wide;
+use crate::numeric::wide;
 use rayon::prelude::*;
 
 /// A positive sample below the floor keeps at least this fraction of it, so that its error stays below the floor.

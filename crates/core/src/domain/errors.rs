@@ -1,6 +1,6 @@
 //! The errors between two tensors, as the paper defines them and everything they leave out (\[CPB06\] section 5).
 
-use super::wide;
+use crate::numeric::wide;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 

@@ -25,7 +25,6 @@ mod triangles;
 pub mod vector;
 mod views;
 mod wavelengths;
-mod wide;
 
 pub use axis::check_axes;
 pub use axis::{Axis, AxisError, Layout};
@@ -42,4 +41,3 @@ pub use triangles::{Domain, TriangleMesh};
 pub use triangles::{Vertices, centroid, child, solid_angle};
 pub use views::{Brdf, Reflectance, Spectrum};
 pub use wavelengths::{WavelengthError, WavelengthGrid};
-pub use wide::wide;

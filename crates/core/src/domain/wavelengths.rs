@@ -1,6 +1,7 @@
 //! The wavelength axis: nanometres, strictly increasing, even or uneven.
 
 use super::limits::MAX_WAVELENGTHS;
+use crate::numeric::bracket::Bracket;
 
 /// Strictly increasing, finite, positive wavelengths in nm; even grids are kept as start and step.
 #[derive(Clone, Debug, PartialEq)]
@@ -155,13 +156,9 @@ impl WavelengthGrid {
         match self {
             Self::Even { start, step, .. } => ((lambda - start) / step).max(0.0).min(last as f64),
             Self::Uneven(values) => {
-                let above = values.partition_point(|&v| v <= lambda);
-                if above == 0 || above > last {
-                    return above.min(last) as f64;
-                }
-                let (a, b) = (values[above - 1], values[above]);
+                let Bracket { below, t, .. } = Bracket::held(values, lambda);
                 // Rounding must not carry it to the next sample.
-                (above - 1) as f64 + ((lambda - a) / (b - a)).min(1.0 - f64::EPSILON)
+                below as f64 + t.min(1.0 - f64::EPSILON)
             }
         }
     }

@@ -3,7 +3,8 @@
 use super::incoming::{Alignment, NEARLY_BACK, NO_HALF_VECTOR, azimuth};
 use super::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
 use crate::domain::vector::{Vector, add, cross, dot, scale, sub, turned, unit};
-use crate::domain::{Direction, Domain, wide};
+use crate::domain::{Direction, Domain};
+use crate::numeric::wide;
 
 /// The alignment by which directions are carried from a node to the incoming direction asked for, and the outgoing domain.
 pub(super) type Carry = (Alignment, Domain);

@@ -6,7 +6,7 @@ use super::function::Function;
 use super::incoming::Alignment;
 use super::samples::known_sum;
 use crate::domain::vector::Vector;
-use crate::domain::wide;
+use crate::numeric::wide;
 
 impl Function {
     /// The inner product of a cell's spectrum with weights; masked samples are left out and the others weigh more; NaN where

@@ -9,7 +9,8 @@ use super::mixed::Mixed;
 use super::place::{Beyond, Interpolation, Place};
 use super::planes::{Columns, FEW};
 use super::warp::SampleOptions;
-use crate::domain::{Direction, WavelengthGrid, wide};
+use crate::domain::{Direction, WavelengthGrid};
+use crate::numeric::wide;
 
 /// Up to [`Chosen::MOST`] wavelengths of a material; made by [`Material::choose`].
 #[derive(Clone, Debug)]

@@ -3,8 +3,9 @@
 use super::error::{EvaluateError, unfit};
 use super::kernel::{BLOCK, Vectors, set_vector, vector_of};
 use super::place::Place;
+use crate::domain::Direction;
 use crate::domain::vector::{norm, scale};
-use crate::domain::{Direction, wide};
+use crate::numeric::wide;
 
 /// Directions side by side: arrays of Cartesian coordinates, or unit vectors.
 #[derive(Clone, Copy, Debug)]

@@ -8,7 +8,8 @@ use super::place::{Interpolation, Place};
 use super::planes::Planes;
 use super::smooth::{Seen, Smooth};
 use crate::domain::vector::Vector;
-use crate::domain::{Direction, Measurement, wide};
+use crate::domain::{Direction, Measurement};
+use crate::numeric::wide;
 
 /// Where directions lie, and what the function is there.
 #[derive(Debug)]

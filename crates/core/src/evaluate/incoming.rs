@@ -1,10 +1,11 @@
 //! The incoming directions as nodes: which three lie around a direction, and where a lobe seen from one is seen from another.
 
-use super::lookup::{MeshLookup, elevation};
+use super::lookup::MeshLookup;
 use super::number::Number;
 use super::reconstruct::Cells;
 use crate::domain::Domain;
 use crate::domain::vector::{Vector, add, cross, dot, scale, unit};
+use crate::numeric::bracket::Bracket;
 use std::sync::Arc;
 use wide::f32x4;
 
@@ -200,7 +201,8 @@ impl Nodes {
         match self {
             Self::One | Self::Same(_) => Some(Around::one(0)),
             Self::Elevations(values, _) => {
-                let (below, t) = elevation(values, libm::acos(wi[2].clamp(-1.0, 1.0)).to_degrees());
+                let theta = libm::acos(wi[2].clamp(-1.0, 1.0)).to_degrees();
+                let Bracket { below, t, .. } = Bracket::held(values, theta);
                 let t = t as f32;
                 let one = Around::one(below as u32);
                 if t > 0.0 {

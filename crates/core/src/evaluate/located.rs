@@ -4,7 +4,7 @@ use super::directions::Directions;
 use super::kernel::{BLOCK, Vectors, set_vector, vector_of};
 use super::lookup::MeshLookup;
 use crate::domain::vector::Vector;
-use crate::domain::wide;
+use crate::numeric::wide;
 use std::hint::select_unpredictable;
 use wide::f32x4;
 

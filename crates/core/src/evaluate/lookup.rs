@@ -3,6 +3,7 @@
 use super::grid::{Grid, Place};
 use crate::domain::vector::{Vector, cross, dot};
 use crate::domain::{Direction, Domain, TriangleMesh};
+use crate::numeric::bracket::Bracket;
 use std::hint::select_unpredictable;
 
 /// A vertex has at most 6 triangles around it; three vertices have at most this many.
@@ -231,27 +232,19 @@ impl MeshLookup {
 
 /// The entry nearest to `theta` (degrees) on a strictly increasing axis of elevations; of two, the lower.
 pub(super) fn nearest_elevation(values: &[f64], theta: f64) -> usize {
-    let (below, t) = elevation(values, theta);
+    let Bracket { below, t, .. } = Bracket::held(values, theta);
     if t > 0.5 { below + 1 } else { below }
 }
 
 /// Where `theta` (degrees) lies between the elevations of an axis, held at its ends.
 pub(super) fn elevation_stencil(values: &[f64], theta: f64) -> Stencil {
-    let (below, t) = elevation(values, theta);
+    let Bracket { below, t, .. } = Bracket::held(values, theta);
     let mut stencil = Stencil::one(below);
     if t > 0.0 {
         stencil.entries[0].1 = (1.0 - t) as f32;
         stencil.add(below as u32 + 1, t as f32);
     }
     stencil
-}
-
-pub(super) fn elevation(values: &[f64], theta: f64) -> (usize, f64) {
-    let above = values.partition_point(|&v| v <= theta);
-    if above == 0 || above == values.len() {
-        return (above.saturating_sub(1), 0.0);
-    }
-    (above - 1, (theta - values[above - 1]) / (values[above] - values[above - 1]))
 }
 
 /// The triangles of the first octant; those below the horizon are their mirror images.

@@ -3,9 +3,11 @@
 //! Positive data stand as logarithms, so that what is interpolated and expanded stays positive; data with negative values
 //! stand as they are. The basis of logarithms begins with a constant: brightness is a plane of its own.
 
-use super::kernel::{LANES, exp, exp_all};
+use super::kernel::{LANES, exp_all};
 use super::mixed::{MOST_PLANES, Mixed, Row};
-use crate::domain::wide;
+use crate::numeric::exponential::exp_estrin;
+use crate::numeric::orthogonal::orthonormalise;
+use crate::numeric::wide;
 use crate::transform::Klt;
 use ::wide::f32x4;
 use rayon::prelude::*;
@@ -261,7 +263,7 @@ impl Planes {
     #[inline]
     pub(super) fn sample(&self, row: &[f32], lambda: usize) -> f32 {
         let value = self.value(row, lambda);
-        if self.logarithms { exp(value) } else { value }
+        if self.logarithms { exp_estrin(value) } else { value }
     }
 
     /// The whole spectrum of `row`, times `scale`.
@@ -501,31 +503,7 @@ fn basis(values: &[f32], length: usize, dark: &[bool], logarithms: bool) -> Opti
         vectors.push(dark.iter().map(|&dark| f64::from(u8::from(!dark))).collect());
     }
     vectors.extend(klt.vectors.into_iter().zip(klt.variances).filter(|(_, v)| *v > NOTHING * most).map(|(v, _)| v));
-    orthonormalise(&mut vectors);
+    orthonormalise(&mut vectors, |squares| squares.after > 1e-12 * squares.before);
     vectors.truncate(MOST_PLANES);
     Some((klt.mean, vectors))
-}
-
-/// Gram and Schmidt, in order; vectors that depend on those before are left out.
-fn orthonormalise(vectors: &mut Vec<Vec<f64>>) {
-    let mut done: Vec<Vec<f64>> = Vec::new();
-    for mut vector in vectors.drain(..) {
-        let before: f64 = vector.iter().map(|x| x * x).sum();
-        // Twice is enough (Kahan; Parlett 1980).
-        for _ in 0..2 {
-            for other in &done {
-                let along: f64 = vector.iter().zip(other).map(|(a, b)| a * b).sum();
-                vector.iter_mut().zip(other).for_each(|(a, b)| *a -= along * b);
-            }
-        }
-        let left: f64 = vector.iter().map(|x| x * x).sum();
-        if left > 1e-12 * before && left > 0.0 {
-            let length = left.sqrt();
-            for x in &mut vector {
-                *x /= length;
-            }
-            done.push(vector);
-        }
-    }
-    *vectors = done;
 }

@@ -7,6 +7,7 @@ use super::elements::Elements;
 use super::lookup::MeshLookup;
 use crate::domain::vector::{Vector, add, cross, dot, scale, unit};
 use crate::domain::{Neighbours, TriangleMesh};
+use crate::numeric::cholesky::Definite;
 use rayon::prelude::*;
 
 /// Cells that a fit sees at most.
@@ -131,7 +132,9 @@ impl Cells {
         for (i, row) in normal.iter_mut().enumerate().skip(1) {
             row[i] += CALM * total * if i < 3 { 1e-3 } else { 0.1 };
         }
-        let Some(z) = solve(normal) else { return Vec::new() };
+        let Some(factor) = Definite::new(&normal, TERMS) else { return Vec::new() };
+        // The first column of the inverse: the value at `d` is the quadratic's constant.
+        let z = factor.solve([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         rows.iter()
             .map(|(cell, weight, moments)| {
                 (*cell, (weight * z.iter().zip(moments).map(|(a, b)| a * b).sum::<f64>()) as f32)
@@ -173,33 +176,4 @@ pub(super) fn node_weights(
             if size > f64::from(STEEPEST) && is_live.is_some_and(misses) { mean(&near, reach) } else { weights }
         })
         .collect()
-}
-
-/// The first column of the inverse of a symmetric positive definite matrix, by Cholesky's factor.
-fn solve(mut a: [[f64; TERMS]; TERMS]) -> Option<[f64; TERMS]> {
-    for i in 0..TERMS {
-        for j in 0..=i {
-            let product: f64 = (0..j).map(|k| a[i][k] * a[j][k]).sum();
-            let left = a[i][j] - product;
-            if i == j {
-                if left <= 0.0 {
-                    return None;
-                }
-                a[i][i] = left.sqrt();
-            } else {
-                a[i][j] = left / a[j][j];
-            }
-        }
-    }
-    let mut x = [0.0; TERMS];
-    x[0] = 1.0;
-    for i in 0..TERMS {
-        let product: f64 = (0..i).map(|k| a[i][k] * x[k]).sum();
-        x[i] = (x[i] - product) / a[i][i];
-    }
-    for i in (0..TERMS).rev() {
-        let product: f64 = (i + 1..TERMS).map(|k| a[k][i] * x[k]).sum();
-        x[i] = (x[i] - product) / a[i][i];
-    }
-    Some(x)
 }

@@ -12,7 +12,8 @@ use super::mixture::Mixture;
 use super::place::{Interpolation, Place};
 use super::trees::Trees;
 use super::warp::{Density, SampleOptions};
-use crate::domain::{Direction, Quantity, wide};
+use crate::domain::{Direction, Quantity};
+use crate::numeric::wide;
 
 /// One importance sample.
 #[derive(Clone, Copy, Debug, PartialEq)]

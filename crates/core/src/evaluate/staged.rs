@@ -17,7 +17,8 @@ use super::place::Place;
 use super::sampler::{DirectionSample, Sampler, check_point, form_of};
 use super::trees::Trees;
 use super::warp::{BELOW_ONE, Density, Draws, SampleOptions};
-use crate::domain::{Direction, Domain, wide};
+use crate::domain::{Direction, Domain};
+use crate::numeric::wide;
 
 /// What the stages of a block write, kept from one block to the next.
 struct Room {

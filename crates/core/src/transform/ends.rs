@@ -13,6 +13,8 @@
 use super::banded::Window;
 use super::boundary::{Boundary, folded};
 use super::filters::{Bank, Taps};
+use crate::numeric::dense::{dot, norm, reduce, scale};
+use crate::numeric::orthogonal::{take_away, take_one_away};
 use std::ops::Range;
 
 /// The rows of one level that are not inner filters.
@@ -151,8 +153,8 @@ impl Side<'_> {
             let given = &polynomial[self.columns.clone()];
             let mut part = projected(given, &free);
             let whole = norm(given);
-            reject(&mut part, &low);
-            reject(&mut part, &low);
+            take_away(&mut part, &low);
+            take_away(&mut part, &low);
             let rest = norm(&part);
             if rest > 1e-10 * whole && low.len() < self.slots[0].len() {
                 scale(&mut part, 1.0 / rest);
@@ -240,7 +242,9 @@ impl Side<'_> {
         let mut basis = Vec::new();
         while let Some((pick, mut row)) = largest(&mut rest, 1e-2) {
             finish(&mut row, &basis);
-            reject_one(&mut rest, &row);
+            for other in &mut rest {
+                take_one_away(other, &row);
+            }
             basis.push(row.clone());
             placed.push((near[pick].0 as usize, row));
         }
@@ -268,16 +272,18 @@ impl Side<'_> {
 fn complete(rows: &mut Vec<Vec<f64>>, against: &[Vec<f64>], cut: &[(i64, Vec<f64>)], free: &[Vec<f64>], count: usize) {
     let remainder = |rows: &[Vec<f64>], vector: &[f64]| {
         let mut rest = vector.to_vec();
-        reject(&mut rest, against);
-        reject(&mut rest, rows);
+        take_away(&mut rest, against);
+        take_away(&mut rest, rows);
         rest
     };
     let mut rest: Vec<Vec<f64>> = cut.iter().map(|(_, filter)| remainder(rows, &projected(filter, free))).collect();
     while rows.len() < count {
         let Some((_, mut row)) = largest(&mut rest, 1e-3) else { break };
-        reject(&mut row, against);
+        take_away(&mut row, against);
         finish(&mut row, rows);
-        reject_one(&mut rest, &row);
+        for other in &mut rest {
+            take_one_away(other, &row);
+        }
         rows.push(row);
     }
     let missing = count - rows.len();
@@ -289,14 +295,16 @@ fn complete(rows: &mut Vec<Vec<f64>>, against: &[Vec<f64>], cut: &[(i64, Vec<f64
 fn greedy(candidates: Vec<Vec<f64>>, against: &[Vec<f64>], count: usize) -> Vec<Vec<f64>> {
     let mut rest = candidates;
     for row in &mut rest {
-        reject(row, against);
+        take_away(row, against);
     }
     let mut chosen: Vec<Vec<f64>> = Vec::with_capacity(count);
     while chosen.len() < count {
         let Some((_, mut row)) = largest(&mut rest, 0.0) else { break };
-        reject(&mut row, against);
+        take_away(&mut row, against);
         finish(&mut row, &chosen);
-        reject_one(&mut rest, &row);
+        for other in &mut rest {
+            take_one_away(other, &row);
+        }
         chosen.push(row);
     }
     chosen
@@ -318,11 +326,11 @@ fn largest(rest: &mut [Vec<f64>], least: f64) -> Option<(usize, Vec<f64>)> {
 /// Orthogonal to `basis` to the last digit, and of norm 1.
 fn finish(row: &mut [f64], basis: &[Vec<f64>]) {
     scale(row, 1.0 / norm(row));
-    reject(row, basis);
+    take_away(row, basis);
     scale(row, 1.0 / norm(row));
 }
 
-/// The functions in the span of `functions` that are dual to `rows`: `F·(R·F)⁻¹`, by elimination with row pivots.
+/// The functions in the span of `functions` that are dual to `rows`: `F·(R·F)⁻¹`.
 fn dual(rows: &[(usize, Vec<f64>)], functions: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let n = rows.len();
     // Augmented [R·F | 1]; its inverse's column j mixes the functions into the dual of row j.
@@ -334,24 +342,7 @@ fn dual(rows: &[(usize, Vec<f64>)], functions: &[Vec<f64>]) -> Vec<Vec<f64>> {
             products.chain((0..n).map(|c| if c == r { 1.0 } else { 0.0 })).collect()
         })
         .collect();
-    for column in 0..n {
-        let mut pivot = column;
-        for r in column + 1..n {
-            if matrix[r][column].abs() > matrix[pivot][column].abs() {
-                pivot = r;
-            }
-        }
-        matrix.swap(column, pivot);
-        let by = 1.0 / matrix[column][column];
-        matrix[column].iter_mut().for_each(|x| *x *= by);
-        let source = matrix[column].clone();
-        for (r, row) in matrix.iter_mut().enumerate() {
-            let factor = row[column];
-            if r != column && factor != 0.0 {
-                row.iter_mut().zip(&source).for_each(|(x, s)| *x -= factor * s);
-            }
-        }
-    }
+    reduce(&mut matrix);
     let width = functions.first().map_or(0, Vec::len);
     (0..n)
         .map(|j| {
@@ -371,33 +362,4 @@ fn projected(vector: &[f64], basis: &[Vec<f64>]) -> Vec<f64> {
         sum.iter_mut().zip(b).for_each(|(s, b)| *s += c * b);
     }
     sum
-}
-
-/// Takes out of `row` its parts along the orthonormal `basis`, one after another.
-fn reject(row: &mut [f64], basis: &[Vec<f64>]) {
-    for b in basis {
-        let c = dot(row, b);
-        row.iter_mut().zip(b).for_each(|(x, b)| *x -= c * b);
-    }
-}
-
-fn reject_one(rows: &mut [Vec<f64>], unit: &[f64]) {
-    for row in rows {
-        let c = dot(row, unit);
-        row.iter_mut().zip(unit).for_each(|(x, u)| *x -= c * u);
-    }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-fn norm(a: &[f64]) -> f64 {
-    dot(a, a).sqrt()
-}
-
-fn scale(row: &mut [f64], by: f64) {
-    for x in row {
-        *x *= by;
-    }
 }

@@ -3,7 +3,8 @@
 //! Eigenvectors by Jacobi's method in fixed cyclic order (Golub & Van Loan, *Matrix Computations*, 4th ed., section 8.5),
 //! with square roots and divisions only, and sums in a fixed order: the same vectors on any machine and thread count.
 
-use crate::domain::wide;
+use crate::numeric::orthogonal::{Squares, orthonormalise};
+use crate::numeric::wide;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -104,7 +105,7 @@ impl Klt {
                 row.iter().zip(&mean).map(|(&x, m)| f64::from(x) - m).collect()
             })
             .collect();
-        orthonormalise(&mut vectors);
+        orthonormalise(&mut vectors, is_independent);
         let few: Vec<f32> = if count > ITERATED {
             rows.chunks_exact(length).step_by(count.div_ceil(ITERATED)).flatten().copied().collect()
         } else {
@@ -116,7 +117,7 @@ impl Klt {
                 break;
             }
             vectors = covariance_times(if few.is_empty() { rows } else { &few }, &mean, &vectors);
-            orthonormalise(&mut vectors);
+            orthonormalise(&mut vectors, is_independent);
         }
         // Within the subspace found, the principal components are those of the projected rows.
         let found = vectors.len();
@@ -340,32 +341,9 @@ fn mean_of(rows: &[f32], length: usize) -> Result<Vec<f64>, KltError> {
     Ok(mean)
 }
 
-/// Gram–Schmidt, twice, in order; what depends on the vectors before it is left out.
-fn orthonormalise(vectors: &mut Vec<Vec<f64>>) {
-    let mut kept: Vec<Vec<f64>> = Vec::with_capacity(vectors.len());
-    for mut vector in vectors.drain(..) {
-        let size = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-        let before = size(&vector);
-        for _ in 0..2 {
-            take_away(&mut vector, &kept);
-        }
-        let after = size(&vector);
-        if after > 1e-9 * before && after > 0.0 {
-            for x in &mut vector {
-                *x /= after;
-            }
-            kept.push(vector);
-        }
-    }
-    *vectors = kept;
-}
-
-/// Takes from `vector` what lies along each of `others`, which have length 1, one after another (Gram–Schmidt).
-pub fn take_away(vector: &mut [f64], others: &[Vec<f64>]) {
-    for other in others {
-        let product: f64 = vector.iter().zip(other).map(|(a, b)| a * b).sum();
-        vector.iter_mut().zip(other).for_each(|(x, o)| *x -= product * o);
-    }
+/// Whether a vector of these squared lengths is more than rounding beside the vectors before it.
+fn is_independent(squares: Squares) -> bool {
+    squares.after.sqrt() > 1e-9 * squares.before.sqrt()
 }
 
 /// The covariance of `rows` times each vector, but for a factor.

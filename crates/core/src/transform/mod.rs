@@ -34,7 +34,7 @@ mod tree;
 pub use basis::{AxisTransform, SphereBasis, Weights, bases};
 pub use basis_info::{BasisInfo, Space};
 pub use boundary::Boundary;
-pub use klt::{Klt, KltError, MAX_KLT_LENGTH, take_away};
+pub use klt::{Klt, KltError, MAX_KLT_LENGTH};
 pub use lines::LineBasis;
 pub use partial::Part;
 pub use plan::{Plan, PlanError};

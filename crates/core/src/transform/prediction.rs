@@ -7,6 +7,7 @@
 
 use crate::domain::vector::{Vector, cross, dot, norm, scale, sub, unit};
 use crate::domain::{MOST_NEIGHBOURS, Neighbours, TriangleMesh};
+use crate::numeric::cholesky::Definite;
 use std::cmp::Ordering;
 
 /// Unknowns of the quadratic beside its constant: u, v, u², uv, v².
@@ -147,46 +148,15 @@ fn weights(i: usize, around: &[u32], nodes: &[Moments], children: &[Moments]) ->
     for (p, row) in normal_matrix.iter_mut().enumerate().take(terms) {
         row[p] += RIDGE * total;
     }
-    let Some(factor) = cholesky(normal_matrix, terms) else { return result };
+    let Some(factor) = Definite::new(&normal_matrix, terms) else { return result };
     for (corner, target) in result.iter_mut().enumerate() {
         // Child mean = ⟨child's terms, A⁻¹ Σ trust · row · difference⟩.
-        let solved = solve(&factor, terms, relative(&children[4 * i + corner]));
+        let solved = factor.solve(relative(&children[4 * i + corner]));
         for ((weight, row), trust) in target.iter_mut().zip(&rows).zip(&trusts) {
             *weight = (trust * (0..terms).map(|p| solved[p] * row[p]).sum::<f64>()) as f32;
         }
     }
     result
-}
-
-fn cholesky(matrix: [[f64; TERMS]; TERMS], n: usize) -> Option<[[f64; TERMS]; TERMS]> {
-    let mut factor = [[0.0; TERMS]; TERMS];
-    for i in 0..n {
-        for j in 0..=i {
-            let product: f64 = factor[i].iter().zip(&factor[j]).take(j).map(|(a, b)| a * b).sum();
-            let sum = matrix[i][j] - product;
-            if i == j {
-                if sum <= 0.0 {
-                    return None;
-                }
-                factor[i][i] = sum.sqrt();
-            } else {
-                factor[i][j] = sum / factor[j][j];
-            }
-        }
-    }
-    Some(factor)
-}
-
-fn solve(factor: &[[f64; TERMS]; TERMS], n: usize, mut x: [f64; TERMS]) -> [f64; TERMS] {
-    for i in 0..n {
-        let known: f64 = factor[i].iter().zip(&x).take(i).map(|(a, x)| a * x).sum();
-        x[i] = (x[i] - known) / factor[i][i];
-    }
-    for i in (0..n).rev() {
-        let known: f64 = (i + 1..n).map(|k| factor[k][i] * x[k]).sum();
-        x[i] = (x[i] - known) / factor[i][i];
-    }
-    x
 }
 
 /// The orthonormal basis of the deviations of two, three or four siblings from their mean: the reflection that takes

@@ -1,7 +1,8 @@
 //! How far a file, read back, is from the material: at pairs of directions drawn from a fixed seed.
 
 use crate::domain::{Direction, ErrorAccumulator, ErrorReport};
-use rand::{Rng, SeedableRng};
+use crate::numeric::random::open;
+use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -93,7 +94,7 @@ impl AddedError {
 impl Draws {
     /// Every draw takes five numbers, whatever is made of them.
     fn draw(self, random: &mut Pcg64) -> (Option<Direction>, Direction) {
-        let [a, b, c, d, side] = [(); 5].map(|()| uniform(random));
+        let [a, b, c, d, side] = [(); 5].map(|()| open(random));
         match self {
             Self::Surface { above, below } => {
                 let down = below && (!above || side < 0.5);
@@ -107,11 +108,6 @@ impl Draws {
             Self::Sphere => (Some(direction(2.0 * a - 1.0, b)), direction(2.0 * c - 1.0, d)),
         }
     }
-}
-
-/// In (0, 1), never an end.
-fn uniform(random: &mut Pcg64) -> f64 {
-    ((random.next_u64() >> 12) as f64 + 0.5) / (1_u64 << 52) as f64
 }
 
 fn direction(z: f64, turn: f64) -> Direction {

@@ -2,6 +2,7 @@
 
 use crate::domain::Direction;
 use crate::formats::{AngleGrid, Angles, AzimuthExtent, Outside};
+use crate::numeric::bracket::Bracket;
 
 /// Entries and their weights; unused ones have none.
 type Ends = [(usize, f64); 2];
@@ -13,7 +14,7 @@ pub(super) fn evaluate(grid: &AngleGrid, wi: Option<Direction>, wo: Direction, v
     let outside = if grid.outside == Outside::Zero { 0.0 } else { f64::NAN };
     let (incoming, turn) = match (&grid.incoming, wi) {
         // Isotropic: the azimuth of `wo` is relative to that of `wi`.
-        (Some(angles), Some(wi)) => (between(&angles.theta, wi.theta_degrees()), wi.phi_degrees()),
+        (Some(angles), Some(wi)) => (around(&angles.theta, wi.theta_degrees()), wi.phi_degrees()),
         _ => (ALL, 0.0),
     };
     let Some(angles) = &grid.outgoing else { return values.fill(f64::NAN) };
@@ -21,7 +22,7 @@ pub(super) fn evaluate(grid: &AngleGrid, wi: Option<Direction>, wo: Direction, v
     if !(angles.covers.0..=angles.covers.1).contains(&theta) {
         return values.fill(outside);
     }
-    let rows = between(&angles.theta, theta);
+    let rows = around(&angles.theta, theta);
     let (columns, count) = azimuths(angles, wo.phi_degrees() - turn);
     values.fill(0.0);
     for (i, incoming_weight) in incoming {
@@ -38,15 +39,9 @@ pub(super) fn evaluate(grid: &AngleGrid, wi: Option<Direction>, wo: Direction, v
     }
 }
 
-fn between(angles: &[f64], angle: f64) -> Ends {
-    match angles.partition_point(|&known| known <= angle) {
-        0 => ALL,
-        above if above == angles.len() => [(above - 1, 1.0), (0, 0.0)],
-        above => {
-            let t = (angle - angles[above - 1]) / (angles[above] - angles[above - 1]);
-            [(above - 1, 1.0 - t), (above, t)]
-        }
-    }
+/// The entries around an angle, the ends held, and their weights.
+fn around(angles: &[f64], angle: f64) -> Ends {
+    Bracket::held(angles, angle).weights()
 }
 
 /// The columns around an azimuth, and how many there are.
@@ -55,13 +50,13 @@ fn azimuths(angles: &Angles, phi: f64) -> (Ends, usize) {
     let listed = &azimuths.phi;
     let phi = phi - 360.0 * libm::floor(phi / 360.0);
     let ends = match azimuths.extent {
-        AzimuthExtent::Mirrored => between(listed, if phi > 180.0 { 360.0 - phi } else { phi }),
-        AzimuthExtent::Sector => between(listed, phi),
+        AzimuthExtent::Mirrored => around(listed, if phi > 180.0 { 360.0 - phi } else { phi }),
+        AzimuthExtent::Sector => around(listed, phi),
         AzimuthExtent::Circle => {
             let (first, last) = (listed[0], listed[listed.len() - 1]);
             let phi = if phi < first { phi + 360.0 } else { phi };
             if phi <= last {
-                between(listed, phi)
+                around(listed, phi)
             } else {
                 let t = (phi - last) / (first + 360.0 - last);
                 [(listed.len() - 1, 1.0 - t), (0, t)]

@@ -5,6 +5,7 @@ use super::error::{FormatError, FormatErrorKind};
 use super::text::Brief;
 use crate::domain::colour::Observer;
 use crate::domain::{Axis, Quantity, Unit, WavelengthGrid};
+use crate::numeric::bracket::polyline;
 
 /// Luminous efficacy of monochromatic radiation at the maximum of V(λ), lm/W (CIE 018:2019, 683 lm/W at 540 THz).
 const LUMENS_PER_WATT: f64 = 683.002;
@@ -155,21 +156,6 @@ fn luminous_integral(lambda: &[f64], values: &[f64]) -> f64 {
     union.dedup();
     let product: Vec<f64> = union.iter().map(|&l| polyline(lambda, values, l) * polyline(v_lambda, v, l)).collect();
     integral(&union, &product)
-}
-
-/// The polyline through the values at `x`, 0 outside.
-fn polyline(xs: &[f64], ys: &[f64], x: f64) -> f64 {
-    match xs.partition_point(|&known| known <= x) {
-        0 => 0.0,
-        n if n == xs.len() => {
-            if xs[n - 1] == x {
-                ys[n - 1]
-            } else {
-                0.0
-            }
-        }
-        n => ys[n - 1] + (ys[n] - ys[n - 1]) * (x - xs[n - 1]) / (xs[n] - xs[n - 1]),
-    }
 }
 
 /// V(λ): the second colour-matching function of the CIE 1931 observer, wavelengths in nm and values.

@@ -3,6 +3,7 @@
 use super::error::ProjectionError;
 use crate::domain::{Direction, TriangleMesh};
 use crate::formats::{Angles, AzimuthExtent, Azimuths};
+use crate::numeric::bracket::Bracket;
 
 /// How far (in degrees) samples on the rim of what a grid covers are pulled inside, so that they fall into a cell of its
 /// own side of the rim.
@@ -152,40 +153,28 @@ impl<'a> Interpolant<'a> {
             None => [(0, 1.0), (0, 0.0)],
             Some(azimuths) => azimuth_columns(azimuths, direction.phi_degrees())?,
         };
-        Some(Stencil { rows: between(&self.angles.theta, theta), columns })
+        Some(Stencil { rows: Bracket::held(&self.angles.theta, theta).weights(), columns })
     }
-}
-
-/// Linear weights on increasing `values`, held beyond the ends.
-fn between(values: &[f64], x: f64) -> [(usize, f64); 2] {
-    let above = values.partition_point(|&v| v <= x);
-    if above == 0 {
-        return [(0, 1.0), (0, 0.0)];
-    }
-    if above == values.len() {
-        return [(above - 1, 1.0), (above - 1, 0.0)];
-    }
-    let t = (x - values[above - 1]) / (values[above] - values[above - 1]);
-    [(above - 1, 1.0 - t), (above, t)]
 }
 
 fn azimuth_columns(azimuths: &Azimuths, phi: f64) -> Option<[(usize, f64); 2]> {
     let values = azimuths.phi.as_slice();
     let (first, last) = (values[0], values[values.len() - 1]);
+    let around = |phi: f64| Bracket::held(values, phi).weights();
     match azimuths.extent {
         // Beyond the ends a mirrored sample and its image are neighbours with the same value: held is linear.
-        AzimuthExtent::Mirrored => Some(between(values, if phi > 180.0 { 360.0 - phi } else { phi })),
+        AzimuthExtent::Mirrored => Some(around(if phi > 180.0 { 360.0 - phi } else { phi })),
         AzimuthExtent::Circle => {
             let phi = first + (phi - first).rem_euclid(360.0);
             if phi < last {
-                return Some(between(values, phi));
+                return Some(around(phi));
             }
             let t = (phi - last) / (first + 360.0 - last);
             Some([(values.len() - 1, 1.0 - t), (0, t)])
         }
         AzimuthExtent::Sector => {
             let phi = first + (phi - first).rem_euclid(360.0);
-            (phi <= last).then(|| between(values, phi))
+            (phi <= last).then(|| around(phi))
         }
     }
 }

@@ -1,6 +1,8 @@
 //! Orthonormal bases of a few samples on an axis that start with the polynomials at the samples' positions.
 
 use crate::domain::TriangleMesh;
+use crate::numeric::dense::dot;
+use crate::numeric::orthogonal::remainder;
 
 /// Where the entries of an axis are.
 pub(super) enum Place {
@@ -113,29 +115,9 @@ fn centred(values: &[f64]) -> Vec<f64> {
     values.iter().map(|v| (v - f64::midpoint(low, high)) / half).collect()
 }
 
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
 /// What is left of `vector` outside the span of `vectors`, of length 1; `None` if that is nothing.
-fn orthonormal(mut vector: Vec<f64>, vectors: &[Vec<f64>]) -> Option<Vec<f64>> {
-    let before = dot(&vector, &vector).sqrt();
-    // Twice is enough (Parlett 1980, section 6-9).
-    for _ in 0..2 {
-        for other in vectors {
-            let along = dot(&vector, other);
-            for (v, o) in vector.iter_mut().zip(other) {
-                *v -= along * o;
-            }
-        }
-    }
-    let length = dot(&vector, &vector).sqrt();
-    (length > DEPENDENT * before).then(|| {
-        for v in &mut vector {
-            *v /= length;
-        }
-        vector
-    })
+fn orthonormal(vector: Vec<f64>, vectors: &[Vec<f64>]) -> Option<Vec<f64>> {
+    remainder(vector, vectors, |squares| squares.after.sqrt() > DEPENDENT * squares.before.sqrt())
 }
 
 #[cfg(test)]

@@ -10,7 +10,6 @@
 //! pyramid's step serves their coefficients too. Square roots and divisions only: the same columns on any machine.
 
 mod columns;
-mod factor;
 mod kind;
 
 pub(crate) use kind::ChartKind;
@@ -19,9 +18,10 @@ use super::shape::Shape;
 use super::symmetry::Representatives;
 use crate::codec::{BitCoder, DetailCoder, Surroundings};
 use crate::domain::vector::Vector;
-use crate::domain::{Axis, Direction, Domain, wide};
+use crate::domain::{Axis, Direction, Domain};
+use crate::numeric::cholesky::GramFactor;
+use crate::numeric::wide;
 use columns::{Columns, Entries, LANES, RUN, add_up};
-use factor::Factor;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -41,9 +41,9 @@ pub(crate) struct Chart {
     columns: Columns,
     incoming: Vec<Vector>,
     outgoing: Vec<Vector>,
-    factor: Factor,
+    factor: GramFactor,
     /// Of the rows the model is fitted to; an encoder's.
-    fitted: Option<Factor>,
+    fitted: Option<GramFactor>,
 }
 
 impl Chart {
@@ -56,15 +56,15 @@ impl Chart {
         let outgoing: Vec<Vector> = (0..mesh.len()).map(|i| mesh.centroid(i).xyz()).collect();
         let constants = if kind == ChartKind::Zonal || incoming.len() > MOST_CONSTANTS { 0 } else { incoming.len() };
         let columns = Columns { kind, constants };
-        let mut chart = Self { columns, incoming, outgoing, factor: Factor::default(), fitted: None };
-        chart.factor = Factor::new(chart.columns.count(), &chart.gram(GRAM_ROWS), |_| true);
+        let mut chart = Self { columns, incoming, outgoing, factor: GramFactor::default(), fitted: None };
+        chart.factor = GramFactor::new(chart.columns.count(), &chart.gram(GRAM_ROWS), |_| true);
         Some(chart)
     }
 
     /// Ready to be fitted.
     pub(crate) fn prepared(mut self) -> Self {
         let gram = self.gram(FITTED_ROWS);
-        self.fitted = Some(Factor::new(self.columns.count(), &gram, |column| self.factor.keeps(column)));
+        self.fitted = Some(GramFactor::new(self.columns.count(), &gram, |column| self.factor.keeps(column)));
         self
     }
 
@@ -118,7 +118,7 @@ impl Chart {
     }
 
     /// The best coefficients of planes `[blocks, vectors, leaves]` on the orthonormal columns, by vector.
-    fn fit(&self, fitted: &Factor, planes: &[f32], vectors: usize) -> Vec<f64> {
+    fn fit(&self, fitted: &GramFactor, planes: &[f32], vectors: usize) -> Vec<f64> {
         let (n, leaves) = (self.columns.count(), self.outgoing.len());
         let stride = self.stride(FITTED_ROWS);
         let parts: Vec<Vec<f64>> = planes

@@ -23,7 +23,8 @@ use super::super::light::weights;
 use super::super::parts::Parts;
 use super::predictive;
 use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Reader, Writer, code_steps};
-use crate::domain::{Axis, ErrorReport, Measurement, Quantity, TriangleMesh, wide};
+use crate::domain::{Axis, ErrorReport, Measurement, Quantity, TriangleMesh};
+use crate::numeric::wide;
 use rayon::prelude::*;
 
 /// A step of the brightness, in natural logarithms.

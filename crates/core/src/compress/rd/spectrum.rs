@@ -12,8 +12,10 @@ use super::super::rows::coding_order;
 use super::super::scales::Scales;
 use super::steps::Fineness;
 use crate::codec::{CodecError, Decoder, Encoder, Payload, Reader, Rows, Writer, code_coefficients};
-use crate::domain::{Axis, wide};
-use crate::transform::{AxisTransform, Klt, LineBasis, Plan, take_away};
+use crate::domain::Axis;
+use crate::numeric::orthogonal::orthonormalise_decoded;
+use crate::numeric::wide;
+use crate::transform::{AxisTransform, Klt, LineBasis, Plan};
 use rayon::prelude::*;
 
 /// Vectors at most; spectra of one material are far fewer.
@@ -218,21 +220,7 @@ impl BasisCoder {
         });
         let mean = rows.next().unwrap_or_default();
         let mut vectors: Vec<Vec<f64>> = rows.collect();
-        orthonormalise(&mut vectors);
+        orthonormalise_decoded(&mut vectors);
         Basis { mean, vectors }
-    }
-}
-
-/// Gram–Schmidt in order; a vector that depends on those before it becomes 0.
-fn orthonormalise(vectors: &mut [Vec<f64>]) {
-    for i in 0..vectors.len() {
-        let (before, rest) = vectors.split_at_mut(i);
-        let Some(vector) = rest.first_mut() else { return };
-        take_away(vector, before);
-        let size = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
-        let scale = if size > 1e-6 { 1.0 / size } else { 0.0 };
-        for x in vector.iter_mut() {
-            *x *= scale;
-        }
     }
 }

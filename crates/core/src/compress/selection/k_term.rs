@@ -3,7 +3,9 @@
 //! All weigh a sample by the inverse of itself where the relative error is meant: er(L2)² = mean ((s' − s)/s)².
 
 use super::Dictionary;
-use super::least_squares::{constrained, dot, subtract};
+use crate::numeric::dense::{dot, scale};
+use crate::numeric::least_squares::constrained;
+use crate::numeric::orthogonal::{take_away, take_away_twice};
 
 /// Some of a dictionary's functions, their coefficients, and the samples that they make.
 #[derive(Clone, Debug, PartialEq)]
@@ -161,28 +163,14 @@ impl Problem {
         let mut basis: Vec<Vec<f64>> = Vec::with_capacity(kept.len());
         for &k in kept {
             let mut v = self.columns[k].clone();
-            let before = dot(&v, &v);
-            // Twice is enough (Kahan): the second pass removes what rounding left of the first.
-            for _ in 0..2 {
-                for q in &basis {
-                    let along = dot(q, &v);
-                    subtract(&mut v, along, q);
-                }
-            }
-            let length = dot(&v, &v);
-            if length > 1e-20 * before {
-                let scale = 1.0 / length.sqrt();
-                for x in &mut v {
-                    *x *= scale;
-                }
+            let squares = take_away_twice(&mut v, &basis);
+            if squares.after > 1e-20 * squares.before {
+                scale(&mut v, 1.0 / squares.after.sqrt());
                 basis.push(v);
             }
         }
         let mut residual = self.target.clone();
-        for q in &basis {
-            let along = dot(q, &residual);
-            subtract(&mut residual, along, q);
-        }
+        take_away(&mut residual, &basis);
         let mut best: Option<(f64, usize)> = None;
         for (k, column) in self.columns.iter().enumerate() {
             if kept.contains(&k) {

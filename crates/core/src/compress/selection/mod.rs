@@ -9,7 +9,6 @@ mod dictionary;
 mod effects;
 mod generic;
 mod k_term;
-mod least_squares;
 mod refit;
 
 pub use best_basis::{Choice, Ranked, best_basis, line_dictionaries};

@@ -2,6 +2,7 @@
 
 use super::coverage::{ColourError, check};
 use crate::domain::{Axis, Tensor, named};
+use crate::numeric::bracket::Bracket;
 use std::sync::OnceLock;
 
 /// The standard illuminants known.
@@ -102,13 +103,11 @@ impl Curve {
     /// The value at `lambda` nm.
     pub fn at(&self, lambda: f64) -> f64 {
         let (lambdas, values) = (&self.lambdas, &self.values);
-        match lambdas.partition_point(|&known| known <= lambda) {
-            0 => values.first().copied().unwrap_or(f64::NAN),
-            n if n == lambdas.len() => values[n - 1],
-            n => {
-                let t = (lambda - lambdas[n - 1]) / (lambdas[n] - lambdas[n - 1]);
-                if t > 0.0 { (1.0 - t) * values[n - 1] + t * values[n] } else { values[n - 1] }
-            }
+        let Bracket { below, above, t } = Bracket::held(lambdas, lambda);
+        if t > 0.0 {
+            (1.0 - t) * values[below] + t * values[above]
+        } else {
+            values.get(below).copied().unwrap_or(f64::NAN)
         }
     }
 

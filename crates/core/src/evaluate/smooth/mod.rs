@@ -18,8 +18,9 @@ use super::elements::{Elements, NODES, Patches};
 use super::incoming::{Alignment, Around, Nodes, Origin, carried, carried_to, carried_to_four};
 use super::kernel::{BLOCK, Vectors, vector_of};
 use super::mixed::{MOST_PLANES, Mixed, Row};
+use crate::domain::Domain;
 use crate::domain::vector::Vector;
-use crate::domain::{Domain, wide};
+use crate::numeric::wide;
 use ::wide::f32x4;
 
 /// The tables.

@@ -7,8 +7,8 @@ use super::fraction::{BELOW_ONE, Fraction, UNREDUCED, choose, flipped, inward};
 use super::options::Density;
 use super::square::{Constant, Linear};
 use super::warps::Warps;
-use crate::domain::wide;
 use crate::evaluate::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
+use crate::numeric::wide;
 
 /// Directions that were drawn.
 #[derive(Clone, Debug)]

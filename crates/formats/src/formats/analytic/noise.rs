@@ -1,7 +1,7 @@
 //! Seeded measurement noise, the same bits everywhere: PCG and Box–Muller on portable elementary functions.
 
 use super::document::Noise;
-use rand::Rng;
+use crate::numeric::random::open;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
@@ -16,17 +16,12 @@ impl Normal {
         Self { uniform: Pcg64::seed_from_u64(seed), spare: None }
     }
 
-    /// In (0, 1), never an end.
-    fn uniform(&mut self) -> f64 {
-        ((self.uniform.next_u64() >> 12) as f64 + 0.5) / (1_u64 << 52) as f64
-    }
-
     fn next(&mut self) -> f64 {
         if let Some(spare) = self.spare.take() {
             return spare;
         }
-        let radius = (-2.0 * libm::log(self.uniform())).sqrt();
-        let (sin, cos) = libm::sincos(std::f64::consts::TAU * self.uniform());
+        let radius = (-2.0 * libm::log(open(&mut self.uniform))).sqrt();
+        let (sin, cos) = libm::sincos(std::f64::consts::TAU * open(&mut self.uniform));
         self.spare = Some(radius * sin);
         radius * cos
     }

@@ -6,6 +6,7 @@ use crate::formats::azimuth::circle;
 use crate::formats::error::FormatError;
 use crate::formats::text::{Source, listed};
 use crate::formats::type_c::{Ordered, Stated, luminaire, ordered};
+use crate::numeric::bracket::Bracket;
 
 /// Which coordinates the angles are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,30 +107,23 @@ fn step(table: &Ordered) -> f64 {
 impl Ordered {
     /// Bilinear in the stated angles; 0 outside them. A single plane holds for its own angle only.
     fn at(&self, vertical: f64, horizontal: f64) -> f32 {
-        let (Some((v, s)), Some((h, t))) = (locate(&self.vertical, vertical), locate(&self.horizontal, horizontal))
-        else {
+        let (Some(v), Some(h)) = (locate(&self.vertical, vertical), locate(&self.horizontal, horizontal)) else {
             return 0.0;
         };
         let n = self.vertical.len();
-        let next = |i: usize, length: usize| (i + 1).min(length - 1);
         let value = |h: usize, v: usize| f64::from(self.values[h * n + v]);
-        let along = |h: usize| (1.0 - s) * value(h, v) + s * value(h, next(v, n));
-        ((1.0 - t) * along(h) + t * along(next(h, self.horizontal.len()))) as f32
+        let along = |h: usize| (1.0 - v.t) * value(h, v.below) + v.t * value(h, v.above);
+        ((1.0 - h.t) * along(h.below) + h.t * along(h.above)) as f32
     }
 }
 
-/// The entry at or before `angle` and the fraction of the way to the next.
-fn locate(angles: &[f64], angle: f64) -> Option<(usize, f64)> {
+/// The entries around `angle`; `None` outside the stated angles.
+fn locate(angles: &[f64], angle: f64) -> Option<Bracket> {
     let (first, last) = (angles[0], angles[angles.len() - 1]);
     if angle < first - ROUNDING || angle > last + ROUNDING {
         return None;
     }
-    let angle = angle.clamp(first, last);
-    let i = angles.partition_point(|&a| a <= angle) - 1;
-    match angles.get(i + 1) {
-        None => Some((i, 0.0)),
-        Some(next) => Some((i, (angle - angles[i]) / (next - angles[i]))),
-    }
+    Some(Bracket::held(angles, angle))
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use super::angles::{azimuths, polar_angles};
 use super::blocks::Block;
 use crate::domain::Axis;
 use crate::domain::limits::MAX_SAMPLES;
+use crate::numeric::bracket::Bracket;
 
 /// The horizon of the transmitted side, told apart from that of the reflected side, both listed in a joined table.
 pub(super) const BELOW_HORIZON: f64 = 90.000_001;
@@ -40,7 +41,8 @@ pub(super) fn joined(above: &Block, below: &Block) -> Result<AngleGrid, FormatEr
     let rows: Vec<(&Block, usize)> = rows_above.chain(rows_below).collect();
     let around = |block: &Block| {
         let (theta, azimuth) = (polar_angles(block.theta).collect::<Vec<f64>>(), azimuths(block.phi));
-        let places = |known: &[f64], wanted: &[f64]| wanted.iter().map(|&x| between(known, x)).collect::<Vec<_>>();
+        let places =
+            |known: &[f64], wanted: &[f64]| wanted.iter().map(|&x| Bracket::held(known, x)).collect::<Vec<_>>();
         (places(&theta, &incoming), places(&azimuth, &phi))
     };
     let (of_above, of_below) = (around(above), around(below));
@@ -72,26 +74,14 @@ fn union(mut a: Vec<f64>, mut b: Vec<f64>) -> Vec<f64> {
     a
 }
 
-/// Two entries of a list, and the weight of the second.
-type Place = (usize, usize, f64);
-
-/// The entries of increasing `angles` around `angle` and the weight of the second; the ends hold beyond them.
-fn between(angles: &[f64], angle: f64) -> Place {
-    let above = angles.partition_point(|&known| known <= angle);
-    match above.checked_sub(1) {
-        None => (0, 0, 0.0),
-        Some(below) if above == angles.len() => (below, below, 0.0),
-        Some(below) => (below, above, (angle - angles[below]) / (angles[above] - angles[below])),
-    }
-}
-
 impl Block {
     /// Linear in the incoming angle and the azimuth.
-    fn at(&self, (i0, i1, s): Place, row: usize, (j0, j1, t): Place, channel: usize) -> f32 {
+    fn at(&self, theta: Bracket, row: usize, phi: Bracket, channel: usize) -> f32 {
         let (channels, channel) = if self.rgb { (3, channel) } else { (1, 0) };
         let value =
             |i: usize, j: usize| f64::from(self.values[((i * self.theta + row) * self.phi + j) * channels + channel]);
         let mixed = |a: f64, b: f64, weight: f64| if weight == 0.0 { a } else { (1.0 - weight) * a + weight * b };
-        mixed(mixed(value(i0, j0), value(i0, j1), t), mixed(value(i1, j0), value(i1, j1), t), s) as f32
+        let along = |i: usize| mixed(value(i, phi.below), value(i, phi.above), phi.t);
+        mixed(along(theta.below), along(theta.above), theta.t) as f32
     }
 }

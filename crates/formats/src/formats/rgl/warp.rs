@@ -3,6 +3,7 @@
 //! Dupuy & Jakob 2018, *An Adaptive Parameterization for Efficient Material Acquisition and Rendering*, section 4. A point
 //! of the unit square is `[column, row]`, each 0..=1; a map holds its values at nodes, those on the rim included.
 
+use crate::numeric::bracket::Bracket;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Entries of a list of slices and their weights; those of weight 0 are left out.
@@ -33,17 +34,7 @@ pub(super) fn unit_to_azimuth(u: f64) -> f64 {
 
 /// The nodes around `x` and their linear weights; held beyond the ends.
 pub(super) fn between(nodes: &[f64], x: f64) -> [(usize, f64); 2] {
-    let low = nodes.partition_point(|&node| node <= x).saturating_sub(1).min(nodes.len().saturating_sub(2));
-    let Some([a, b]) = nodes.get(low..low + 2) else { return [(0, 1.0), (0, 0.0)] };
-    let t = ((x - a) / (b - a)).clamp(0.0, 1.0);
-    let t = if t < SNAP {
-        0.0
-    } else if t > 1.0 - SNAP {
-        1.0
-    } else {
-        t
-    };
-    [(low, 1.0 - t), (low + 1, t)]
+    Bracket::held(nodes, x).snapped(SNAP).weights()
 }
 
 /// The cell of `u` (0..=1) between `nodes` nodes, and where it lies within.
@@ -233,11 +224,11 @@ mod tests {
     #[test]
     fn nodes_are_held_beyond_their_ends() {
         let nodes = [0.5, 1.0, 3.0];
-        assert_eq!(between(&nodes, 0.0), [(0, 1.0), (1, 0.0)]);
+        assert_eq!(between(&nodes, 0.0), [(0, 1.0), (0, 0.0)]);
         assert_eq!(between(&nodes, 0.5), [(0, 1.0), (1, 0.0)]);
         assert_eq!(between(&nodes, 1.0 + 1e-12), [(1, 1.0), (2, 0.0)]);
         assert_eq!(between(&nodes, 2.5), [(1, 0.25), (2, 0.75)]);
-        assert_eq!(between(&nodes, 9.0), [(1, 0.0), (2, 1.0)]);
+        assert_eq!(between(&nodes, 9.0), [(2, 1.0), (2, 0.0)]);
         assert_eq!(between(&[7.0], 9.0), [(0, 1.0), (0, 0.0)]);
         assert_eq!((cell(0.0, 5), cell(1.0, 5), cell(0.5, 2)), ((0, 0.0), (3, 1.0), (0, 0.5)));
     }

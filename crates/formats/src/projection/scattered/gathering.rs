@@ -6,7 +6,7 @@ use super::rows::Rows;
 use super::system::{Columns, TERMS};
 use super::tree::Found;
 use crate::domain::vector::{Vector, dot, sub};
-use crate::domain::wide;
+use crate::numeric::wide;
 
 /// Parts of the square of the reach within which fits compete.
 pub(super) const REACHES: [f64; 2] = [0.33, 1.0];

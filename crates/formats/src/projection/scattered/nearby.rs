@@ -2,8 +2,9 @@
 
 use super::cloud::Cloud;
 use super::tree::{Found, distance, nearness};
+use crate::domain::Vertices;
 use crate::domain::vector::Vector;
-use crate::domain::{Vertices, wide};
+use crate::numeric::wide;
 
 /// How often a place tries another reach for as many samples as are wanted.
 const TRIES: usize = 4;

@@ -1,6 +1,7 @@
 //! The values of scattered samples as rows: their logarithms, their light, and weighted means of them.
 
-use crate::domain::wide;
+use crate::numeric::exponential::exp_horner;
+use crate::numeric::wide;
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -89,10 +90,10 @@ impl<'a> Rows<'a> {
                 || {
                     let [a, b, c, d] = &sums;
                     for (k, (out, &first)) in out.iter_mut().zip(first).enumerate() {
-                        let mean = shares[0] * exp(a[k])
-                            + shares[1] * exp(b[k])
-                            + shares[2] * exp(c[k])
-                            + shares[3] * exp(d[k]);
+                        let mean = shares[0] * exp_horner(a[k])
+                            + shares[1] * exp_horner(b[k])
+                            + shares[2] * exp_horner(c[k])
+                            + shares[3] * exp_horner(d[k]);
                         *out = first * (mean / total);
                     }
                 },
@@ -115,7 +116,7 @@ impl<'a> Rows<'a> {
     /// The only value of `row` times the mean by `shares` of what these differences from its logarithm make.
     pub(super) fn mean_of(&self, row: u32, logs: [f64; PARTS], shares: [f32; PARTS]) -> f32 {
         let total: f32 = shares.iter().sum();
-        let mean: f32 = shares.iter().zip(logs).map(|(share, log)| share * exp(log as f32)).sum();
+        let mean: f32 = shares.iter().zip(logs).map(|(share, log)| share * exp_horner(log as f32)).sum();
         self.values[row as usize] * (mean / total)
     }
 
@@ -142,7 +143,7 @@ impl<'a> Rows<'a> {
             let sums = sums(&self.values);
             first + (0..PARTS).map(|p| shares[p] * sums[p]).sum::<f32>() / total
         } else {
-            first * ((0..PARTS).map(|p| shares[p] * exp(logs[p])).sum::<f32>() / total)
+            first * ((0..PARTS).map(|p| shares[p] * exp_horner(logs[p])).sum::<f32>() / total)
         }
     }
 
@@ -202,43 +203,9 @@ fn certainty(row: &[f32], sigma: &[f32]) -> [f64; 2] {
     if variance > 0.0 { [count / variance, square / variance] } else { [0.0; 2] }
 }
 
-/// `e^x` to some 2 units in the last place, without a branch; 1 at 0. NaN stays.
-#[inline(always)]
-#[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
-fn exp(x: f32) -> f32 {
-    const ROUND: f32 = 12_582_912.0;
-    let x = if x > 88.0 { 88.0 } else { x };
-    let x = if x < -87.0 { -87.0 } else { x };
-    // The whole part stands in the lowest bits of the rounded sum.
-    let shifted = x * std::f32::consts::LOG2_E + ROUND;
-    let n = shifted - ROUND;
-    let r = x - n * 0.693_359_4;
-    let r = r + n * 2.121_944_4e-4;
-    let p = 1.0 / 5040.0;
-    let p = p * r + 1.0 / 720.0;
-    let p = p * r + 1.0 / 120.0;
-    let p = p * r + 1.0 / 24.0;
-    let p = p * r + 1.0 / 6.0;
-    let p = p * r + 0.5;
-    let p = p * r + 1.0;
-    let p = p * r + 1.0;
-    p * f32::from_bits((shifted.to_bits() << 23).wrapping_add(127 << 23))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn exponentials_are_close_and_exact_at_zero() {
-        assert_eq!(exp(0.0), 1.0);
-        assert!(exp(f32::NAN).is_nan());
-        for i in -8600..8700 {
-            let x = i as f32 * 0.01 + 0.003;
-            let expected = libm::exp(f64::from(x));
-            assert!((f64::from(exp(x)) / expected - 1.0).abs() < 4e-7, "{x}");
-        }
-    }
 
     #[test]
     fn rows_are_told_by_what_they_hold() {

@@ -1,7 +1,8 @@
 //! Samples as columns, and the weighted systems of a local fit to them: summed side by side, factored, solved.
 
 use super::rows::PARTS;
-use crate::domain::wide;
+use crate::numeric::cholesky::{backward, factor_clamped, forward};
+use crate::numeric::wide;
 
 /// Terms of the largest basis: 1, u, v, a, b, u², uv, v².
 pub(super) const TERMS: usize = 8;
@@ -241,11 +242,11 @@ impl Factored {
     /// Cholesky's factor of the first `terms` rows of the lower triangle of `matrix`.
     fn new(mut matrix: [[f64; TERMS]; TERMS], terms: usize) -> Self {
         match terms {
-            6 => factor::<6>(&mut matrix),
-            8 => factor::<8>(&mut matrix),
-            5 => factor::<5>(&mut matrix),
-            3 => factor::<3>(&mut matrix),
-            _ => factor::<1>(&mut matrix),
+            6 => factor_clamped::<6, TERMS>(&mut matrix),
+            8 => factor_clamped::<8, TERMS>(&mut matrix),
+            5 => factor_clamped::<5, TERMS>(&mut matrix),
+            3 => factor_clamped::<3, TERMS>(&mut matrix),
+            _ => factor_clamped::<1, TERMS>(&mut matrix),
         }
         Self { factor: matrix, terms, solution: [0.0; TERMS], scatter: 0.0 }
     }
@@ -253,11 +254,11 @@ impl Factored {
     /// The solution for a right side, 0 beyond the terms.
     pub(super) fn solve(&self, right: [f64; TERMS]) -> [f64; TERMS] {
         match self.terms {
-            6 => back::<6>(&self.factor, ahead::<6>(&self.factor, right)),
-            8 => back::<8>(&self.factor, ahead::<8>(&self.factor, right)),
-            5 => back::<5>(&self.factor, ahead::<5>(&self.factor, right)),
-            3 => back::<3>(&self.factor, ahead::<3>(&self.factor, right)),
-            _ => back::<1>(&self.factor, ahead::<1>(&self.factor, right)),
+            6 => backward::<6, TERMS>(&self.factor, forward::<6, TERMS>(&self.factor, right)),
+            8 => backward::<8, TERMS>(&self.factor, forward::<8, TERMS>(&self.factor, right)),
+            5 => backward::<5, TERMS>(&self.factor, forward::<5, TERMS>(&self.factor, right)),
+            3 => backward::<3, TERMS>(&self.factor, forward::<3, TERMS>(&self.factor, right)),
+            _ => backward::<1, TERMS>(&self.factor, forward::<1, TERMS>(&self.factor, right)),
         }
     }
 
@@ -265,11 +266,11 @@ impl Factored {
     /// weights.
     pub(super) fn variance(&self, of: [f64; TERMS]) -> f64 {
         let half = match self.terms {
-            6 => ahead::<6>(&self.factor, of),
-            8 => ahead::<8>(&self.factor, of),
-            5 => ahead::<5>(&self.factor, of),
-            3 => ahead::<3>(&self.factor, of),
-            _ => ahead::<1>(&self.factor, of),
+            6 => forward::<6, TERMS>(&self.factor, of),
+            8 => forward::<8, TERMS>(&self.factor, of),
+            5 => forward::<5, TERMS>(&self.factor, of),
+            3 => forward::<3, TERMS>(&self.factor, of),
+            _ => forward::<1, TERMS>(&self.factor, of),
         };
         half.iter().map(|x| x * x).sum()
     }
@@ -278,48 +279,4 @@ impl Factored {
     pub(super) fn light(&self, at: &[f64; TERMS]) -> f64 {
         self.solution.iter().zip(at).map(|(a, b)| a * b).sum()
     }
-}
-
-fn factor<const N: usize>(matrix: &mut [[f64; TERMS]; TERMS]) {
-    let least = (1e-14 * matrix[0][0]).max(1e-300);
-    for j in 0..N {
-        let row = matrix[j];
-        let mut pivot = row[j];
-        for factor in &row[..j] {
-            pivot -= factor * factor;
-        }
-        // What rounding leaves of nothing.
-        let root = pivot.max(least).sqrt();
-        let inverse = 1.0 / root;
-        for below in &mut matrix[j + 1..N] {
-            let mut left = below[j];
-            for k in 0..j {
-                left -= below[k] * row[k];
-            }
-            below[j] = left * inverse;
-        }
-        // The inverse is what is asked for.
-        matrix[j][j] = inverse;
-    }
-}
-
-fn ahead<const N: usize>(factor: &[[f64; TERMS]; TERMS], mut right: [f64; TERMS]) -> [f64; TERMS] {
-    right[N..].fill(0.0);
-    for i in 0..N {
-        for k in 0..i {
-            right[i] -= factor[i][k] * right[k];
-        }
-        right[i] *= factor[i][i];
-    }
-    right
-}
-
-fn back<const N: usize>(factor: &[[f64; TERMS]; TERMS], mut right: [f64; TERMS]) -> [f64; TERMS] {
-    for i in (0..N).rev() {
-        for k in i + 1..N {
-            right[i] -= factor[k][i] * right[k];
-        }
-        right[i] *= factor[i][i];
-    }
-    right
 }

@@ -1,6 +1,6 @@
 //! Points by nearness: a k-d tree whose leaves are contiguous (Bentley 1975, "Multidimensional binary search trees").
 
-use crate::domain::wide;
+use crate::numeric::wide;
 
 /// Points of one leaf at most.
 const LEAF: usize = 16;

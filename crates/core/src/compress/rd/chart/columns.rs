@@ -4,7 +4,7 @@
 
 use super::kind::ChartKind;
 use crate::domain::vector::Vector;
-use crate::domain::wide;
+use crate::numeric::wide;
 
 /// Cubic splines that are not zero at a place.
 pub(super) const RUN: usize = 4;

@@ -1,42 +1,10 @@
-//! Small dense least squares: projections, and minima under linear constraints.
+//! Small dense least squares under linear constraints.
 
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
-}
+use super::dense::{dot, solve};
 
-/// `a − factor·b`.
-pub(super) fn subtract(a: &mut [f64], factor: f64, b: &[f64]) {
-    a.iter_mut().zip(b).for_each(|(x, y)| *x -= factor * y);
-}
-
-/// The solution of a square system (row-major, right-hand side last in each row), by Gaussian elimination with partial
-/// pivoting; `None` if it is singular to working precision.
-pub(super) fn solve(rows: &mut [Vec<f64>]) -> Option<Vec<f64>> {
-    let n = rows.len();
-    let scale = rows.iter().flat_map(|row| &row[..n]).fold(0.0_f64, |m, x| m.max(x.abs()));
-    for column in 0..n {
-        let pivot = (column..n).max_by(|&a, &b| rows[a][column].abs().total_cmp(&rows[b][column].abs()))?;
-        if rows[pivot][column].abs() <= 1e-14 * scale {
-            return None;
-        }
-        rows.swap(column, pivot);
-        let (above, below) = rows.split_at_mut(column + 1);
-        let leader = &above[column];
-        for row in below {
-            let factor = row[column] / leader[column];
-            subtract(&mut row[column..], factor, &leader[column..]);
-        }
-    }
-    let mut x = vec![0.0; n];
-    for i in (0..n).rev() {
-        x[i] = (rows[i][n] - dot(&rows[i][i + 1..n], &x[i + 1..])) / rows[i][i];
-    }
-    Some(x)
-}
-
-/// The `c` that minimises |Σ cₖ·columnₖ − target|² while Σ cₖ·constraint[j][k] = value[j]; columns may be of any scale.
-/// `None` if the columns or the constraints depend on each other.
-pub(super) fn constrained(columns: &[Vec<f64>], target: &[f64], constraints: &[(Vec<f64>, f64)]) -> Option<Vec<f64>> {
+/// Returns the `c` that minimises |Σ cₖ·columnₖ − target|² while Σ cₖ·constraint[j][k] = value[j]; columns may be of any
+/// scale. `None` if the columns or the constraints depend on each other.
+pub(crate) fn constrained(columns: &[Vec<f64>], target: &[f64], constraints: &[(Vec<f64>, f64)]) -> Option<Vec<f64>> {
     let (k, m) = (columns.len(), constraints.len());
     if m > k {
         return None;
@@ -73,6 +41,7 @@ pub(super) fn constrained(columns: &[Vec<f64>], target: &[f64], constraints: &[(
 
 #[cfg(test)]
 mod tests {
+    use super::super::dense::subtract;
     use super::*;
 
     #[test]

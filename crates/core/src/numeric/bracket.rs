@@ -1,0 +1,104 @@
+//! Linear interpolation in increasing lists: the two entries around a value, and their weights.
+
+/// Entries around a value, and the weight of the upper one; that of the lower is `1 − t`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bracket {
+    /// The entry at or below the value.
+    pub below: usize,
+    /// The entry above the value; equal to `below` beyond the ends of the list.
+    pub above: usize,
+    /// Weight of the upper entry, 0..=1; 0 beyond the ends.
+    pub t: f64,
+}
+
+impl Bracket {
+    /// Finds `x` in strictly increasing `values`, the first and the last of which hold beyond them; the first for a NaN.
+    #[inline]
+    pub fn held(values: &[f64], x: f64) -> Self {
+        let above = values.partition_point(|&v| v <= x);
+        if above == 0 || above == values.len() {
+            let end = above.saturating_sub(1);
+            return Self { below: end, above: end, t: 0.0 };
+        }
+        let below = above - 1;
+        Self { below, above, t: (x - values[below]) / (values[above] - values[below]) }
+    }
+
+    /// Returns both entries with their weights.
+    #[inline]
+    pub fn weights(self) -> [(usize, f64); 2] {
+        [(self.below, 1.0 - self.t), (self.above, self.t)]
+    }
+
+    /// Replaces weights nearer to 0 or 1 than `rounding` by these.
+    #[must_use]
+    pub fn snapped(self, rounding: f64) -> Self {
+        let t = if self.t < rounding {
+            0.0
+        } else if self.t > 1.0 - rounding {
+            1.0
+        } else {
+            self.t
+        };
+        Self { t, ..self }
+    }
+}
+
+/// Returns the polyline through `(xs, ys)` at `x`, 0 outside of strictly increasing `xs`.
+///
+/// Not by [`Bracket`]: it divides last, and recorded luminous fluxes are sums of such products.
+pub fn polyline(xs: &[f64], ys: &[f64], x: f64) -> f64 {
+    match xs.partition_point(|&known| known <= x) {
+        0 => 0.0,
+        n if n == xs.len() => {
+            if xs[n - 1] == x {
+                ys[n - 1]
+            } else {
+                0.0
+            }
+        }
+        n => ys[n - 1] + (ys[n] - ys[n - 1]) * (x - xs[n - 1]) / (xs[n] - xs[n - 1]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NODES: [f64; 3] = [0.5, 1.0, 3.0];
+
+    #[test]
+    fn ends_hold_beyond_the_list() {
+        let at = |below, above, t| Bracket { below, above, t };
+        assert_eq!(Bracket::held(&NODES, 0.0), at(0, 0, 0.0));
+        assert_eq!(Bracket::held(&NODES, 0.5), at(0, 1, 0.0));
+        assert_eq!(Bracket::held(&NODES, 2.5), at(1, 2, 0.75));
+        assert_eq!(Bracket::held(&NODES, 3.0), at(2, 2, 0.0));
+        assert_eq!(Bracket::held(&NODES, 9.0), at(2, 2, 0.0));
+        assert_eq!(Bracket::held(&NODES, f64::NAN), at(0, 0, 0.0));
+        assert_eq!(Bracket::held(&[7.0], 9.0), at(0, 0, 0.0));
+        assert_eq!(Bracket::held(&[], 9.0), at(0, 0, 0.0));
+    }
+
+    #[test]
+    fn rounding_is_snapped_to_entries() {
+        let snapped = |x| Bracket::held(&NODES, x).snapped(1e-9).weights();
+        assert_eq!(snapped(1.0 + 1e-12), [(1, 1.0), (2, 0.0)]);
+        assert_eq!(snapped(3.0 - 1e-12), [(1, 0.0), (2, 1.0)]);
+        assert_eq!(snapped(2.5), [(1, 0.25), (2, 0.75)]);
+    }
+
+    #[test]
+    fn both_formulas_are_the_line_through_two_points() {
+        let ys = [2.0, -1.0, 4.0];
+        for i in 0..=250 {
+            let x = 0.5 + 0.01 * f64::from(i);
+            let plain = if x < 1.0 { 2.0 - 6.0 * (x - 0.5) } else { -1.0 + 2.5 * (x - 1.0) };
+            let mixed: f64 = Bracket::held(&NODES, x).weights().map(|(k, weight)| weight * ys[k]).iter().sum();
+            assert!((mixed - plain).abs() < 1e-12, "{x}: {mixed} {plain}");
+            assert!((polyline(&NODES, &ys, x) - plain).abs() < 1e-12, "{x}");
+        }
+        assert_eq!([0.4, 3.1].map(|x| polyline(&NODES, &ys, x)), [0.0, 0.0]);
+        assert_eq!(polyline(&NODES, &ys, 3.0), 4.0);
+    }
+}

@@ -1,0 +1,276 @@
+//! Cholesky's factors of symmetric matrices, in f64, in a fixed order.
+//!
+//! A pivot vanishes where a matrix is singular but for rounding, and each use has its own answer. `Definite` refuses the
+//! matrix, because its caller has another way. `factor_clamped` goes on with the least pivot, because a fit must have some
+//! solution. `GramFactor` skips the column, because a decoder has to know which columns there are.
+
+use super::dense::dot;
+use super::wide;
+
+/// Factor of a positive definite matrix.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Definite<const N: usize> {
+    /// The lower triangle.
+    factor: [[f64; N]; N],
+    n: usize,
+}
+
+impl<const N: usize> Definite<N> {
+    /// Factors the first `n` rows and columns of a matrix, of which the lower triangle is read; `None` at a pivot that is
+    /// not positive.
+    #[inline]
+    pub(crate) fn new(matrix: &[[f64; N]; N], n: usize) -> Option<Self> {
+        let mut factor = [[0.0; N]; N];
+        for i in 0..n {
+            for j in 0..=i {
+                let left = matrix[i][j] - dot(&factor[i][..j], &factor[j][..j]);
+                if i == j {
+                    if left <= 0.0 {
+                        return None;
+                    }
+                    factor[i][i] = left.sqrt();
+                } else {
+                    factor[i][j] = left / factor[j][j];
+                }
+            }
+        }
+        Some(Self { factor, n })
+    }
+
+    /// Solves for a right-hand side, whose entries beyond the factored ones stay.
+    #[inline]
+    pub(crate) fn solve(&self, mut x: [f64; N]) -> [f64; N] {
+        let Self { factor, n } = self;
+        for i in 0..*n {
+            x[i] = (x[i] - dot(&factor[i][..i], &x[..i])) / factor[i][i];
+        }
+        for i in (0..*n).rev() {
+            let known: f64 = (i + 1..*n).map(|k| factor[k][i] * x[k]).sum();
+            x[i] = (x[i] - known) / factor[i][i];
+        }
+        x
+    }
+}
+
+/// Least pivot of [`factor_clamped`], in parts of the first diagonal entry.
+const LEAST_PIVOT: f64 = 1e-14;
+
+/// Replaces the lower triangle of the first `N` rows of a positive semidefinite matrix by its factor, with the diagonal
+/// inverted: solutions multiply by it. Pivots are clamped to 1e-14 of the first diagonal entry.
+///
+/// Not by `Definite`: products are subtracted one after another, and recorded projections have this rounding.
+#[inline]
+pub fn factor_clamped<const N: usize, const M: usize>(matrix: &mut [[f64; M]; M]) {
+    let least = (LEAST_PIVOT * matrix[0][0]).max(1e-300);
+    for j in 0..N {
+        let row = matrix[j];
+        let mut pivot = row[j];
+        for factor in &row[..j] {
+            pivot -= factor * factor;
+        }
+        let inverse = 1.0 / pivot.max(least).sqrt();
+        for below in &mut matrix[j + 1..N] {
+            let mut left = below[j];
+            for k in 0..j {
+                left -= below[k] * row[k];
+            }
+            below[j] = left * inverse;
+        }
+        matrix[j][j] = inverse;
+    }
+}
+
+/// Returns L⁻¹·x for the factor L of [`factor_clamped`], 0 beyond its rows.
+#[inline]
+pub fn forward<const N: usize, const M: usize>(factor: &[[f64; M]; M], mut x: [f64; M]) -> [f64; M] {
+    x[N..].fill(0.0);
+    for i in 0..N {
+        for k in 0..i {
+            x[i] -= factor[i][k] * x[k];
+        }
+        x[i] *= factor[i][i];
+    }
+    x
+}
+
+/// Returns L⁻ᵀ·x for the factor L of [`factor_clamped`]; entries beyond its rows stay.
+#[inline]
+pub fn backward<const N: usize, const M: usize>(factor: &[[f64; M]; M], mut x: [f64; M]) -> [f64; M] {
+    for i in (0..N).rev() {
+        for k in i + 1..N {
+            x[i] -= factor[k][i] * x[k];
+        }
+        x[i] *= factor[i][i];
+    }
+    x
+}
+
+/// A column with less than this part of its square left by those before it is skipped.
+const INDEPENDENT: f64 = 1e-4;
+
+/// Factor of the Gram matrix of columns, by which they become orthonormal: row-major lower triangle, with rows of zeros for
+/// columns that are skipped.
+///
+/// Not by [`Definite`]: the size is known at run time, products of all rows are added up at once, and container files have
+/// this rounding.
+#[derive(Default)]
+pub(crate) struct GramFactor {
+    n: usize,
+    lower: Vec<f64>,
+}
+
+impl GramFactor {
+    /// Factors a Gram matrix of `n` columns; skips those that depend on columns before them, and those that `keep` refuses.
+    pub(crate) fn new(n: usize, gram: &[f64], keep: impl Fn(usize) -> bool) -> Self {
+        wide(
+            #[inline(always)]
+            || Self::of(n, gram, keep),
+        )
+    }
+
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+    fn of(n: usize, gram: &[f64], keep: impl Fn(usize) -> bool) -> Self {
+        let (mut lower, mut columns) = (vec![0.0; n * n], vec![0.0; n * n]);
+        let mut sums = vec![0.0; n];
+        for i in (0..n).filter(|&i| keep(i)) {
+            let row = &mut lower[i * n..][..n];
+            // Σ_k L_ik · L_jk of all j at once, in the order of k.
+            sums.fill(0.0);
+            for k in 0..i {
+                let column = &columns[k * n..][..i];
+                if columns[k * n + k] > 0.0 {
+                    let own = (gram[i * n + k] - sums[k]) / columns[k * n + k];
+                    row[k] = own;
+                    if own != 0.0 {
+                        sums[k + 1..i].iter_mut().zip(&column[k + 1..]).for_each(|(sum, other)| *sum += own * other);
+                    }
+                }
+            }
+            let own = gram[i * n + i];
+            let left = own - row[..i].iter().map(|a| a * a).sum::<f64>();
+            if left > INDEPENDENT * own {
+                row[i] = left.sqrt();
+                (0..=i).for_each(|k| columns[k * n + i] = row[k]);
+            } else {
+                row.fill(0.0);
+            }
+        }
+        Self { n, lower }
+    }
+
+    /// Whether a column was not skipped.
+    pub(crate) fn keeps(&self, column: usize) -> bool {
+        self.lower[column * self.n + column] > 0.0
+    }
+
+    /// Multiplies `x` by L⁻¹, in place.
+    pub(crate) fn solve(&self, x: &mut [f64]) {
+        for i in 0..self.n {
+            let row = &self.lower[i * self.n..][..self.n];
+            let product: f64 = row[..i].iter().zip(&*x).map(|(l, x)| l * x).sum();
+            x[i] = if row[i] > 0.0 { (x[i] - product) / row[i] } else { 0.0 };
+        }
+    }
+
+    /// Multiplies `x` by L⁻ᵀ, in place.
+    pub(crate) fn solve_transposed(&self, x: &mut [f64]) {
+        for i in (0..self.n).rev() {
+            let row = &self.lower[i * self.n..][..self.n];
+            x[i] = if row[i] > 0.0 { x[i] / row[i] } else { 0.0 };
+            let own = x[i];
+            x.iter_mut().zip(&row[..i]).for_each(|(x, l)| *x -= l * own);
+        }
+    }
+
+    /// Multiplies `x` by Lᵀ, in place.
+    pub(crate) fn multiply_transposed(&self, x: &mut [f64]) {
+        for j in 0..self.n {
+            x[j] = (j..self.n).map(|i| self.lower[i * self.n + j] * x[i]).sum();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::dense;
+    use super::*;
+
+    const N: usize = 6;
+
+    /// A positive definite matrix and a right-hand side.
+    fn system() -> ([[f64; N]; N], [f64; N]) {
+        let entry = |i: usize, j: usize| 1.0 / (1 + i.abs_diff(j)) as f64 + if i == j { 0.3 * i as f64 } else { 0.0 };
+        (std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j))), std::array::from_fn(|i| 1.0 - 0.4 * i as f64))
+    }
+
+    /// Gauss's solution of the first `n` rows.
+    fn plain(matrix: &[[f64; N]; N], right: &[f64; N], n: usize) -> Vec<f64> {
+        let row = |i: usize| matrix[i][..n].iter().copied().chain([right[i]]).collect();
+        dense::solve(&mut (0..n).map(row).collect::<Vec<Vec<f64>>>()).unwrap()
+    }
+
+    #[track_caller]
+    fn assert_close(found: &[f64], expected: &[f64]) {
+        assert!(found.iter().zip(expected).all(|(x, y)| (x - y).abs() < 1e-12), "{found:?} {expected:?}");
+    }
+
+    #[test]
+    fn all_factors_solve_the_system() {
+        let (matrix, right) = system();
+        let expected = plain(&matrix, &right, N);
+        assert_close(&Definite::new(&matrix, N).unwrap().solve(right), &expected);
+        let mut factor = matrix;
+        factor_clamped::<N, N>(&mut factor);
+        assert_close(&backward::<N, N>(&factor, forward::<N, N>(&factor, right)), &expected);
+        let factor = GramFactor::new(N, &matrix.concat(), |_| true);
+        let mut x = right;
+        factor.solve(&mut x);
+        factor.solve_transposed(&mut x);
+        assert_close(&x, &expected);
+    }
+
+    #[test]
+    fn leading_parts_are_systems_of_their_own() {
+        let (matrix, right) = system();
+        let expected = plain(&matrix, &right, 3);
+        let found = Definite::new(&matrix, 3).unwrap().solve(right);
+        assert_close(&found, &expected);
+        assert_eq!(found[3..], right[3..]);
+        let mut factor = matrix;
+        factor_clamped::<3, N>(&mut factor);
+        let found = backward::<3, N>(&factor, forward::<3, N>(&factor, right));
+        assert_close(&found, &expected);
+        assert_eq!(found[3..], [0.0; 3]);
+    }
+
+    #[test]
+    fn a_vanishing_pivot_is_refused_clamped_or_skipped() {
+        // The third column is the second, and no step is rounded.
+        let matrix = [[4.0, 2.0, 2.0, 0.0], [2.0, 5.0, 5.0, 0.0], [2.0, 5.0, 5.0, 0.0], [0.0, 0.0, 0.0, 9.0]];
+        let right = [1.0, -2.0, 3.0, 6.0];
+        assert!(Definite::new(&matrix, 4).is_none());
+        assert!(Definite::new(&matrix, 2).is_some());
+        let mut factor = matrix;
+        factor_clamped::<4, 4>(&mut factor);
+        assert_eq!(factor[2][2], 1.0 / (LEAST_PIVOT * 4.0).sqrt());
+        assert!(backward::<4, 4>(&factor, forward::<4, 4>(&factor, right)).iter().all(|x| x.is_finite()));
+        let keeps = |factor: GramFactor| -> [bool; 4] { std::array::from_fn(|column| factor.keeps(column)) };
+        assert_eq!(keeps(GramFactor::new(4, &matrix.concat(), |_| true)), [true, true, false, true]);
+        assert_eq!(keeps(GramFactor::new(4, &matrix.concat(), |column| column != 1)), [true, false, true, true]);
+        let factor = GramFactor::new(4, &matrix.concat(), |_| true);
+        let mut x = right;
+        factor.solve(&mut x);
+        assert_eq!(x, [0.5, -1.25, 0.0, 2.0]);
+    }
+
+    #[test]
+    fn multiplication_undoes_the_transposed_solution() {
+        let (matrix, right) = system();
+        let factor = GramFactor::new(N, &matrix.concat(), |_| true);
+        let mut x = right;
+        factor.solve_transposed(&mut x);
+        factor.multiply_transposed(&mut x);
+        assert_close(&x, &right);
+    }
+}

@@ -1,0 +1,15 @@
+//! Numeric routines that several rooms use, each in one place.
+//!
+//! Results are recorded to the bit, in container files and in digests of projections, so the order of additions and
+//! multiplications of each routine is fixed. Routines that differ in it only stand side by side and say why.
+
+pub mod bracket;
+pub mod cholesky;
+pub(crate) mod dense;
+pub mod exponential;
+pub(crate) mod least_squares;
+pub(crate) mod orthogonal;
+pub mod random;
+mod wide;
+
+pub use wide::wide;
