@@ -201,7 +201,9 @@ impl From<MathsError> for Problem {
 impl From<EvaluateError> for Problem {
     fn from(error: EvaluateError) -> Self {
         match error {
-            EvaluateError::Unfit(detail) => Self::new(Kind::UnfitQuery, detail),
+            EvaluateError::Query(_) | EvaluateError::Axes(_) | EvaluateError::Tensor(_) => {
+                Self::new(Kind::UnfitQuery, error.to_string())
+            }
             // The digest was right: these are the bytes that were stored.
             EvaluateError::Decode(_) => Self::inside(Kind::Corrupt, &error, "the stored material cannot be opened"),
         }

@@ -99,7 +99,7 @@ impl From<EvaluateError> for Failure {
     fn from(error: EvaluateError) -> Self {
         match error {
             EvaluateError::Decode(_) => Self::failed(error),
-            EvaluateError::Unfit(_) => Self::usage(error),
+            EvaluateError::Query(_) | EvaluateError::Axes(_) | EvaluateError::Tensor(_) => Self::usage(error),
         }
     }
 }

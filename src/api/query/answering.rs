@@ -1,11 +1,11 @@
 //! The evaluation of records: the answers to a part of a batch.
 
-use super::super::problem::Problem;
+use super::super::problem::{Kind, Problem};
 use super::answers::Answers;
 use super::places::{Pair, Records};
 use super::question::Question;
 use crate::domain::Direction;
-use crate::evaluate::{Directions, EvaluateError, Material, Pairs};
+use crate::evaluate::{Directions, Material, Pairs};
 use crate::numeric::random::half_open;
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
@@ -34,13 +34,14 @@ pub(super) fn answer(question: &Question, material: &Material, records: &Records
                 out.chunks_exact_mut(each).try_for_each(|out| {
                     let places = Pairs { index, wi, wo };
                     match wavelengths {
-                        Some(wavelengths) => material.spectra_at(places, *how, *beyond, wavelengths, out),
-                        None => material.spectra(places, *how, out),
+                        Some(wavelengths) => material.spectra_at(places, *how, *beyond, wavelengths, out)?,
+                        None => material.spectra(places, *how, out)?,
                     }
+                    Ok(())
                 })
             });
             values.truncate(done.answers * width);
-            (Answers::Rows { values, width }, done.error)
+            (Answers::Rows { values, width }, done.problem)
         }
         Question::Albedo { index, how } => {
             let width = material.lambdas();
@@ -48,36 +49,36 @@ pub(super) fn answer(question: &Question, material: &Material, records: &Records
             let rows = values.chunks_exact_mut(width).zip(pairs);
             let done = Done::one_by_one(rows.map(|(row, pair)| {
                 without_wo(pair.wo.is_some())?;
-                material.albedo(index, pair.wi, *how, row)
+                Ok(material.albedo(index, pair.wi, *how, row)?)
             }));
             values.truncate(done.answers * width);
-            (Answers::Rows { values, width }, done.error)
+            (Answers::Rows { values, width }, done.problem)
         }
         Question::Pdf { index, level } => {
             let mut densities = vec![0.0; pairs.len()];
             let done = Done::of_runs(pairs, |range, wi, wo| {
                 if wo.is_none() {
-                    return Err(EvaluateError::Unfit("no wo was given, expected one".to_owned()));
+                    return Err(unfit("no wo was given, expected one"));
                 }
-                material.pdfs(Pairs { index, wi, wo }, *level, &mut densities[range])
+                Ok(material.pdfs(Pairs { index, wi, wo }, *level, &mut densities[range])?)
             });
             densities.truncate(done.answers);
-            (Answers::Densities(densities), done.error)
+            (Answers::Densities(densities), done.problem)
         }
         Question::Sample { index, level, seed } => {
             let points = points(*seed, &read.numbers);
             let mut samples = vec![None; pairs.len()];
             let done = Done::of_runs(pairs, |range, wi, wo| {
                 without_wo(wo.is_some())?;
-                material.samples(index, wi, &points[range.clone()], *level, &mut samples[range])
+                Ok(material.samples(index, wi, &points[range.clone()], *level, &mut samples[range])?)
             });
             samples.truncate(done.answers);
-            (Answers::Samples(samples), done.error)
+            (Answers::Samples(samples), done.problem)
         }
     };
-    let failed = failed.map(|error| match records.name(first, answers.len()).as_str() {
-        "" => Problem::from(error),
-        name => Problem::from(error).at(name),
+    let failed = failed.map(|problem| match records.name(first, answers.len()).as_str() {
+        "" => problem,
+        name => problem.at(name),
     });
     // What failed stands before what could not be read.
     Answered { answers, problem: failed.or(read.problem) }
@@ -86,26 +87,26 @@ pub(super) fn answer(question: &Question, material: &Material, records: &Records
 /// How far a batch came.
 struct Done {
     answers: usize,
-    error: Option<EvaluateError>,
+    problem: Option<Problem>,
 }
 
 impl Done {
-    fn one_by_one(results: impl Iterator<Item = Result<(), EvaluateError>>) -> Self {
+    fn one_by_one(results: impl Iterator<Item = Result<(), Problem>>) -> Self {
         let mut answers = 0;
         for result in results {
-            if let Err(error) = result {
-                return Self { answers, error: Some(error) };
+            if let Err(problem) = result {
+                return Self { answers, problem: Some(problem) };
             }
             answers += 1;
         }
-        Self { answers, error: None }
+        Self { answers, problem: None }
     }
 
     /// Asks for runs of pairs that have the same directions, as the library takes them. `ask` answers the pairs of a range
     /// with these `wi` and `wo`, or refuses them for one of them.
     fn of_runs(
         pairs: &[Pair],
-        mut ask: impl FnMut(Range<usize>, Option<Directions<'_>>, Option<Directions<'_>>) -> Result<(), EvaluateError>,
+        mut ask: impl FnMut(Range<usize>, Option<Directions<'_>>, Option<Directions<'_>>) -> Result<(), Problem>,
     ) -> Self {
         let mut answers = 0;
         for run in pairs.chunk_by(|a, b| a.given() == b.given()) {
@@ -117,25 +118,25 @@ impl Done {
                 ask(start + range.start..start + range.end, wi, wo)
             });
             answers += done.answers;
-            if done.error.is_some() {
+            if done.problem.is_some() {
                 return Self { answers, ..done };
             }
         }
-        Self { answers, error: None }
+        Self { answers, problem: None }
     }
 
     /// Asks for a range, and where it is refused for its first half and then for the second, down to the record at fault.
-    fn up_to_refused(range: Range<usize>, ask: &mut impl FnMut(Range<usize>) -> Result<(), EvaluateError>) -> Self {
-        let error = match ask(range.clone()) {
-            Ok(()) => return Self { answers: range.len(), error: None },
-            Err(error) => error,
+    fn up_to_refused(range: Range<usize>, ask: &mut impl FnMut(Range<usize>) -> Result<(), Problem>) -> Self {
+        let problem = match ask(range.clone()) {
+            Ok(()) => return Self { answers: range.len(), problem: None },
+            Err(problem) => problem,
         };
         if range.len() == 1 {
-            return Self { answers: 0, error: Some(error) };
+            return Self { answers: 0, problem: Some(problem) };
         }
         let middle = range.start + range.len() / 2;
         let first = Self::up_to_refused(range.start..middle, ask);
-        if first.error.is_some() {
+        if first.problem.is_some() {
             return first;
         }
         let second = Self::up_to_refused(middle..range.end, ask);
@@ -143,8 +144,12 @@ impl Done {
     }
 }
 
-fn without_wo(has_wo: bool) -> Result<(), EvaluateError> {
-    if has_wo { Err(EvaluateError::Unfit("wo was given, expected wi alone".to_owned())) } else { Ok(()) }
+fn without_wo(has_wo: bool) -> Result<(), Problem> {
+    if has_wo { Err(unfit("wo was given, expected wi alone")) } else { Ok(()) }
+}
+
+fn unfit(detail: &str) -> Problem {
+    Problem::new(Kind::UnfitQuery, detail)
 }
 
 /// The points of the unit square that belong to records of these numbers, which ascend.

@@ -354,7 +354,7 @@ fn bad_batches_are_refused() {
         let mut out = vec![0.0; 2 * m.lambdas()];
         let spectra = m.spectra(pairs, Interpolation::Constant, &mut out).unwrap_err();
         let pdfs = m.pdfs(pairs, SampleOptions::default(), &mut [0.0; 2]).unwrap_err();
-        assert!(matches!((&spectra, &pdfs), (EvaluateError::Unfit(_), EvaluateError::Unfit(_))));
+        assert!(matches!((&spectra, &pdfs), (EvaluateError::Query(_), EvaluateError::Query(_))));
         spectra.to_string()
     };
     let zero = [vec![0.1, 0.0], vec![0.0, 0.0], vec![1.0, 0.0]];

@@ -5,7 +5,7 @@
 
 use super::arrived::Arrived;
 use super::directions::{Directions, Pairs};
-use super::error::{EvaluateError, unfit};
+use super::error::{Argument, EvaluateError, QueryError, unfit};
 use super::form::Form;
 use super::function::Function;
 use super::kernel::{BLOCK, vector_of};
@@ -123,7 +123,8 @@ impl Function {
         rows: &mut [Mixed],
     ) -> Result<(), EvaluateError> {
         let (Some(lookup), Some(wo)) = (self.geometry().mesh(), wo) else {
-            return unfit(format!("wo was given, but this {} has no outgoing axis", self.geometry().quantity()));
+            let quantity = self.geometry().quantity();
+            return unfit(QueryError::UnexpectedDirection { argument: Argument::Wo, quantity });
         };
         wo.write_block(&mut places.seen.wo)?;
         self.smooth_rows(smooth, entry, places, rows);

@@ -1,7 +1,7 @@
 //! A few wavelengths chosen once, as a renderer does for a path, and used for many places.
 
 use super::directions::{Directions, Pairs};
-use super::error::{EvaluateError, unfit};
+use super::error::{Argument, EvaluateError, QueryError, unfit};
 use super::form::Form;
 use super::kernel::BLOCK;
 use super::material::Material;
@@ -63,10 +63,10 @@ impl Material {
     /// `beyond` says. RGB and monochromatic data are refused: they have no wavelengths.
     pub fn choose(&self, wavelengths: &[f64], beyond: Beyond) -> Result<Chosen<'_>, EvaluateError> {
         let Some(grid) = self.geometry().grid() else {
-            return unfit(format!("wavelengths were asked for, but this {} has none", self.quantity()));
+            return unfit(QueryError::NoWavelengths { quantity: self.quantity() });
         };
         if wavelengths.len() > Chosen::MOST {
-            return unfit(format!("{} wavelengths, expected at most {}", wavelengths.len(), Chosen::MOST));
+            return unfit(QueryError::TooManyWavelengths { found: wavelengths.len(), most: Chosen::MOST });
         }
         Ok(self.chosen(grid, wavelengths, beyond))
     }
@@ -83,7 +83,7 @@ impl Material {
         out: &mut [f32],
     ) -> Result<(), EvaluateError> {
         let Some(grid) = self.geometry().grid() else {
-            return unfit(format!("wavelengths were asked for, but this {} has none", self.quantity()));
+            return unfit(QueryError::NoWavelengths { quantity: self.quantity() });
         };
         let width = wavelengths.len();
         let count = pairs.check(out.len(), width)?;
@@ -245,16 +245,15 @@ impl Chosen<'_> {
         let count = u[0].len();
         let lengths = [u[1].len(), out.x.len(), out.y.len(), out.z.len(), out.pdf.len()];
         if lengths != [count; 5] || out.weights.len() != count * self.count {
-            return unfit(format!(
-                "{count} and {} coordinates of points, room for {} directions and {} weights, expected as many of each and {} weights",
-                u[1].len(),
-                out.pdf.len(),
-                out.weights.len(),
-                count * self.count
-            ));
+            return unfit(QueryError::Drawings {
+                points: [count, u[1].len()],
+                directions: out.pdf.len(),
+                weights: out.weights.len(),
+                expected: count * self.count,
+            });
         }
         let pairs = Pairs { index, wi, wo: None };
-        wi.map_or(Ok(()), |wi| wi.check("wi", count))?;
+        wi.map_or(Ok(()), |wi| wi.check(Argument::Wi, count))?;
         let (Form::Planes { planes, .. }, Some(columns)) = (self.material.function().form(), &self.columns) else {
             return self.sample_each(pairs, u, options, &mut out);
         };

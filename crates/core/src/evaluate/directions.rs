@@ -1,6 +1,6 @@
 //! Many directions, as arrays of coordinates or as unit vectors, and pairs of them.
 
-use super::error::{EvaluateError, unfit};
+use super::error::{Argument, Buffer, EvaluateError, QueryError, unfit};
 use super::kernel::{BLOCK, Vectors, set_vector, vector_of};
 use super::place::Place;
 use crate::domain::Direction;
@@ -52,10 +52,8 @@ impl<'a> Directions<'a> {
             Source::Coordinates(arrays) => arrays.map(|coordinates| coordinates[i]),
             Source::Units(directions) => return Ok(directions[i]),
         };
-        Direction::new(f64::from(x), f64::from(y), f64::from(z)).map_or_else(
-            || unfit(format!("direction {i} is ({x}, {y}, {z}), expected finite coordinates that are not all 0")),
-            Ok,
-        )
+        Direction::new(f64::from(x), f64::from(y), f64::from(z))
+            .map_or_else(|| unfit(QueryError::Direction { index: i, found: [x, y, z] }), Ok)
     }
 
     pub(super) fn part(&self, from: usize, to: usize) -> Directions<'a> {
@@ -102,18 +100,17 @@ impl<'a> Directions<'a> {
         Ok(())
     }
 
-    pub(super) fn check(&self, name: &str, count: usize) -> Result<(), EvaluateError> {
+    pub(super) fn check(&self, argument: Argument, count: usize) -> Result<(), EvaluateError> {
         match self.source {
             Source::Coordinates(arrays) => {
-                let lengths = arrays.map(<[f32]>::len);
-                if lengths == [count; 3] {
+                let found = arrays.map(<[f32]>::len);
+                if found == [count; 3] {
                     return Ok(());
                 }
-                let [x, y, z] = lengths;
-                unfit(format!("{name} has {x}, {y} and {z} coordinates, expected {count} of each"))
+                unfit(QueryError::Coordinates { argument, found, expected: count })
             }
             Source::Units(directions) if directions.len() != count => {
-                unfit(format!("{name} has {} directions, expected {count}", directions.len()))
+                unfit(QueryError::Count { argument, found: directions.len(), expected: count })
             }
             Source::Units(_) => Ok(()),
         }
@@ -150,11 +147,12 @@ impl<'a> Pairs<'a> {
     /// How many there are, after a look at their coordinates and at the room for `lambdas` samples each.
     pub(super) fn check(self, room: usize, lambdas: usize) -> Result<usize, EvaluateError> {
         let count = self.wo.or(self.wi).map_or(1, |directions| directions.len());
-        for (name, directions) in [("wi", self.wi), ("wo", self.wo)] {
-            directions.map_or(Ok(()), |directions| directions.check(name, count))?;
+        for (argument, directions) in [(Argument::Wi, self.wi), (Argument::Wo, self.wo)] {
+            directions.map_or(Ok(()), |directions| directions.check(argument, count))?;
         }
         if count.checked_mul(lambdas) != Some(room) {
-            return unfit(format!("room for {room} samples, expected {count} spectra of {lambdas}"));
+            let expected = count.saturating_mul(lambdas);
+            return unfit(QueryError::Length { buffer: Buffer::Spectra { count, lambdas }, found: room, expected });
         }
         Ok(count)
     }

@@ -1,19 +1,307 @@
-//! Why a material cannot answer.
+//! Reasons why a material cannot answer a query.
 
 use crate::compress::DecodeError;
+use crate::domain::limits::MAX_LEVEL;
+use crate::domain::{AxisError, Domain, Quantity, TensorError};
 
-/// Why a material cannot answer.
+/// Kinds of refusals, to be told apart by a caller: damaged bytes, or a question that the material has no answer to.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EvaluateError {
     /// The bytes are no material.
     #[error(transparent)]
     Decode(#[from] DecodeError),
-    /// The query does not fit the material: a direction or index too few or too many, outside the domain.
-    #[error("{0}")]
-    Unfit(String),
+    /// The axes do not fit the quantity.
+    #[error(transparent)]
+    Axes(#[from] AxisError),
+    /// The samples do not make a tensor.
+    #[error(transparent)]
+    Tensor(#[from] TensorError),
+    /// The query does not fit the material.
+    #[error(transparent)]
+    Query(#[from] QueryError),
 }
 
-/// A query that does not fit.
-pub(super) fn unfit<T>(message: impl Into<String>) -> Result<T, EvaluateError> {
-    Err(EvaluateError::Unfit(message.into()))
+/// Queries that do not fit a material.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum QueryError {
+    /// Not one index for each index axis.
+    #[error("{found} indices, expected {expected}: one for each index axis")]
+    Indices {
+        /// Number of indices given.
+        found: usize,
+        /// Number of index axes.
+        expected: usize,
+    },
+    /// An index beyond the end of its axis.
+    #[error("index {found} on axis {axis} of {length} entries, expected 0 to {}", length - 1)]
+    Index {
+        /// The index given.
+        found: usize,
+        /// Position of the axis among the index axes, from 0.
+        axis: usize,
+        /// Number of entries of the axis.
+        length: usize,
+    },
+    /// A direction is missing.
+    #[error("no {argument} was given, but this {quantity} has an {} axis", argument.axis())]
+    MissingDirection {
+        /// The missing direction.
+        argument: Argument,
+        /// Quantity of the material.
+        quantity: Quantity,
+    },
+    /// A direction without an axis to look it up on.
+    #[error("{argument} was given, but this {quantity} has no {} axis", argument.axis())]
+    UnexpectedDirection {
+        /// The direction given.
+        argument: Argument,
+        /// Quantity of the material.
+        quantity: Quantity,
+    },
+    /// A `wi` outside the incoming domain.
+    #[error("wi has theta = {theta:.3} degrees, outside the incoming domain `{domain}`")]
+    Outside {
+        /// Angle between `wi` and the z axis in degrees.
+        theta: f64,
+        /// Domain of the incoming axis.
+        domain: Domain,
+    },
+    /// A direction of a batch that cannot be normalised.
+    #[error("direction {index} is ({}, {}, {}), expected finite coordinates that are not all 0", found[0], found[1], found[2])]
+    Direction {
+        /// Position in its block, from 0.
+        index: usize,
+        /// Coordinates x, y and z.
+        found: [f32; 3],
+    },
+    /// Coordinates of different lengths.
+    #[error("{argument} has {}, {} and {} coordinates, expected {expected} of each", found[0], found[1], found[2])]
+    Coordinates {
+        /// The directions concerned.
+        argument: Argument,
+        /// Numbers of x, y and z coordinates.
+        found: [usize; 3],
+        /// Number of directions of the batch.
+        expected: usize,
+    },
+    /// Unit vectors of another number than the rest of the batch.
+    #[error("{argument} has {found} directions, expected {expected}")]
+    Count {
+        /// The directions concerned.
+        argument: Argument,
+        /// Number of unit vectors.
+        found: usize,
+        /// Number of directions of the batch.
+        expected: usize,
+    },
+    /// A buffer of the wrong length.
+    #[error("{}", buffer.refusal(*found, *expected))]
+    Length {
+        /// The buffer concerned.
+        buffer: Buffer,
+        /// Its length.
+        found: usize,
+        /// The length it must have.
+        expected: usize,
+    },
+    /// Buffers of different lengths for a batch of drawings.
+    #[error(
+        "{} and {} coordinates of points, room for {directions} directions and {weights} weights, expected as many of each \
+         and {expected} weights", points[0], points[1]
+    )]
+    Drawings {
+        /// Numbers of first and second coordinates of points.
+        points: [usize; 2],
+        /// Length of the buffer of densities.
+        directions: usize,
+        /// Length of the buffer of weights.
+        weights: usize,
+        /// Number of weights of as many directions as there are first coordinates.
+        expected: usize,
+    },
+    /// Wavelengths are asked for, but the data are RGB or of a single channel.
+    #[error("wavelengths were asked for, but this {quantity} has none")]
+    NoWavelengths {
+        /// Quantity of the material.
+        quantity: Quantity,
+    },
+    /// More wavelengths than can be chosen at once.
+    #[error("{found} wavelengths, expected at most {most}")]
+    TooManyWavelengths {
+        /// Number of wavelengths given.
+        found: usize,
+        /// The limit.
+        most: usize,
+    },
+    /// A wavelength outside the measured range.
+    #[error("{found} nm is outside the measured wavelengths")]
+    Wavelength {
+        /// The wavelength in nm.
+        found: f64,
+    },
+    /// No outgoing axis, which the request needs.
+    #[error("{}", need.refusal(*quantity))]
+    NoOutgoing {
+        /// The request.
+        need: Need,
+        /// Quantity of the material.
+        quantity: Quantity,
+    },
+    /// A quantity whose light does not leave a surface on two sides.
+    #[error("this {quantity} has no reflected and transmitted side")]
+    NoSides {
+        /// Quantity of the material.
+        quantity: Quantity,
+    },
+    /// A quantity without a reflectance.
+    #[error("this {quantity} has no reflectance, expected a brdf, btdf or bsdf")]
+    NoReflectance {
+        /// Quantity of the material.
+        quantity: Quantity,
+    },
+    /// A quantity without a reciprocity that its data can show.
+    #[error("a {quantity} {}", match quantity {
+        Quantity::Btdf => "is reciprocal only with a factor of the refractive indices, which it does not hold",
+        _ => "has no reciprocity, expected a brdf, bsdf or phase function",
+    })]
+    NoReciprocity {
+        /// Quantity of the material.
+        quantity: Quantity,
+    },
+    /// No pair of directions to exchange.
+    #[error("this {quantity} has no axes of directions to exchange")]
+    NoExchange {
+        /// Quantity of the material.
+        quantity: Quantity,
+    },
+    /// A quantity whose integral over directions need not be 1.
+    #[error("normalisation was asked for, but this is a {quantity}, expected a phase function")]
+    NotNormalised {
+        /// Quantity of the material.
+        quantity: Quantity,
+    },
+    /// A subdivision level above the limit.
+    #[error("integration at level {found}, expected at most {MAX_LEVEL}")]
+    Level {
+        /// The level.
+        found: u8,
+    },
+    /// A point to draw from outside the unit square.
+    #[error("u = [{}, {}], expected a point of the unit square", u[0], u[1])]
+    Point {
+        /// Its coordinates.
+        u: [f64; 2],
+    },
+    /// A defensive part that leaves nothing to the trees, or less than nothing to itself.
+    #[error("a defensive part of {found}, expected 0 or more and less than 1")]
+    Defensive {
+        /// The part, as a fraction of all samples.
+        found: f64,
+    },
+}
+
+/// Directions that a query names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Argument {
+    /// The incoming direction.
+    Wi,
+    /// The outgoing direction.
+    Wo,
+}
+
+impl Argument {
+    fn axis(self) -> &'static str {
+        match self {
+            Self::Wi => "incoming",
+            Self::Wo => "outgoing",
+        }
+    }
+}
+
+impl std::fmt::Display for Argument {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Wi => "wi",
+            Self::Wo => "wo",
+        })
+    }
+}
+
+/// Buffers that a caller lends to a query.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Buffer {
+    /// Room for one spectrum.
+    Spectrum,
+    /// Room for one value a wavelength.
+    Wavelengths,
+    /// Room for the spectra of a batch.
+    Spectra {
+        /// Number of spectra.
+        count: usize,
+        /// Samples of a spectrum.
+        lambdas: usize,
+    },
+    /// Scratch space.
+    Scratch,
+    /// Weights of the samples of a spectrum.
+    Weights,
+    /// Room for one sample a point of the unit square.
+    Samples,
+}
+
+impl Buffer {
+    fn refusal(self, found: usize, expected: usize) -> String {
+        match self {
+            Self::Spectrum => format!("room for {found} samples, expected {expected}"),
+            Self::Wavelengths => format!("room for {found} samples, expected {expected}: one a wavelength"),
+            Self::Spectra { count, lambdas } => {
+                format!("room for {found} samples, expected {count} spectra of {lambdas}")
+            }
+            Self::Scratch => format!("scratch of {found} samples, expected {expected}: as many as room"),
+            Self::Weights => format!("{found} weights, expected {expected}: one a sample"),
+            Self::Samples => format!("{expected} points, room for {found} samples, expected as many"),
+        }
+    }
+}
+
+/// Requests that need an outgoing axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Need {
+    /// Importance sampling.
+    Sampling,
+    /// An integral over outgoing directions.
+    Integration,
+    /// The normalisation of a phase function.
+    Normalisation,
+    /// A measurement of reflectance or transmittance.
+    Reflectance,
+    /// A report on energy.
+    Energy,
+    /// A report on reciprocity.
+    Reciprocity,
+}
+
+impl Need {
+    fn refusal(self, quantity: Quantity) -> String {
+        let report = |what| format!("this {quantity} has no outgoing axis: there is no {what} to report");
+        match self {
+            Self::Sampling => format!("this {quantity} has no outgoing axis to sample"),
+            Self::Integration => format!("this {quantity} has no outgoing axis to integrate over"),
+            Self::Normalisation => {
+                "normalisation was asked for, but this phase function has no outgoing axis to integrate over".to_owned()
+            }
+            Self::Reflectance => report("reflectance"),
+            Self::Energy => report("energy"),
+            Self::Reciprocity => report("reciprocity"),
+        }
+    }
+}
+
+/// Refuses a query.
+#[cold]
+pub(super) fn unfit<T>(error: QueryError) -> Result<T, EvaluateError> {
+    Err(EvaluateError::Query(error))
 }

@@ -1,7 +1,7 @@
 //! Where directions lie: the axes of a material, their entries and the cells that hold directions.
 
 use super::directions::Pairs;
-use super::error::{EvaluateError, unfit};
+use super::error::{Argument, EvaluateError, QueryError, unfit};
 use super::incoming::Nodes;
 use super::located::OUTSIDE;
 use super::lookup::{MeshLookup, Stencil, elevation_stencil, nearest_elevation};
@@ -38,7 +38,7 @@ enum Incoming {
 impl Geometry {
     /// The geometry of a measurement; refused where its axes do not fit its quantity.
     pub(super) fn new(measurement: &Measurement) -> Result<Self, EvaluateError> {
-        let layout = measurement.layout().map_err(|error| EvaluateError::Unfit(error.to_string()))?;
+        let layout = measurement.layout()?;
         let axes = measurement.tensor.axes();
         let incoming = match layout.incoming.map(|axis| &axes[axis]) {
             Some(Axis::Triangles(mesh)) => Incoming::Triangles(Arc::new(MeshLookup::new(*mesh))),
@@ -146,12 +146,12 @@ impl Geometry {
     #[inline]
     pub(super) fn entry(&self, index: &[usize]) -> Result<usize, EvaluateError> {
         if index.len() != self.indices.len() {
-            return unfit(format!("{} indices, expected {}: one for each index axis", index.len(), self.indices.len()));
+            return unfit(QueryError::Indices { found: index.len(), expected: self.indices.len() });
         }
         let mut entry = 0;
         for (axis, (&i, &length)) in index.iter().zip(&self.indices).enumerate() {
             if i >= length {
-                return unfit(format!("index {i} on axis {axis} of {length} entries, expected 0 to {}", length - 1));
+                return unfit(QueryError::Index { found: i, axis, length });
             }
             entry = entry * length + i;
         }
@@ -214,12 +214,12 @@ impl Geometry {
     pub(super) fn refuse_incoming<T>(&self, wi: Option<Direction>) -> Result<T, EvaluateError> {
         let quantity = self.quantity;
         let (wi, domain) = match (&self.incoming, wi) {
-            (Incoming::None, _) => return unfit(format!("wi was given, but this {quantity} has no incoming axis")),
-            (_, None) => return unfit(format!("no wi was given, but this {quantity} has an incoming axis")),
+            (Incoming::None, _) => return unfit(QueryError::UnexpectedDirection { argument: Argument::Wi, quantity }),
+            (_, None) => return unfit(QueryError::MissingDirection { argument: Argument::Wi, quantity }),
             (Incoming::Triangles(lookup), Some(wi)) => (wi, lookup.mesh().domain()),
             (Incoming::Elevations(_), Some(wi)) => (wi, Domain::Hemisphere),
         };
-        unfit(format!("wi has theta = {:.3} degrees, outside the incoming domain `{domain}`", wi.theta_degrees()))
+        unfit(QueryError::Outside { theta: wi.theta_degrees(), domain })
     }
 
     /// `wi` as nodes know it: turned to azimuth 0 where they are elevations, and anything where there is none.
@@ -272,8 +272,8 @@ impl Geometry {
         let quantity = self.quantity;
         match (&self.outgoing, wo) {
             (None, None) => Ok(None),
-            (None, Some(_)) => unfit(format!("wo was given, but this {quantity} has no outgoing axis")),
-            (Some(_), None) => unfit(format!("no wo was given, but this {quantity} has an outgoing axis")),
+            (None, Some(_)) => unfit(QueryError::UnexpectedDirection { argument: Argument::Wo, quantity }),
+            (Some(_), None) => unfit(QueryError::MissingDirection { argument: Argument::Wo, quantity }),
             (Some(lookup), Some(wo)) => {
                 if !self.is_isotropic() {
                     return Ok(Some((lookup, wo)));

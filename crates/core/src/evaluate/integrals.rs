@@ -1,7 +1,7 @@
 //! Integrals over outgoing directions: of the stored albedo between incoming directions, and by quadrature.
 
 use super::albedo::{Side, is_above};
-use super::error::{EvaluateError, unfit};
+use super::error::{Buffer, EvaluateError, Need, QueryError, unfit};
 use super::geometry::turned;
 use super::lookup::Stencil;
 use super::material::Material;
@@ -35,7 +35,7 @@ impl Material {
         self.check_side(side)?;
         let [n_in, _, lambdas] = self.geometry().shape();
         if out.len() != lambdas {
-            return unfit(format!("room for {} samples, expected {lambdas}", out.len()));
+            return unfit(QueryError::Length { buffer: Buffer::Spectrum, found: out.len(), expected: lambdas });
         }
         let entry = self.geometry().entry(index)?;
         let stencil = match how {
@@ -76,15 +76,12 @@ impl Material {
         self.check_side(side)?;
         let mut value = vec![0.0; self.lambdas()];
         if out.len() != value.len() {
-            return unfit(format!("room for {} samples, expected {}", out.len(), value.len()));
+            return unfit(QueryError::Length { buffer: Buffer::Spectrum, found: out.len(), expected: value.len() });
         }
         let Some(own) = self.geometry().mesh().map(|lookup| lookup.mesh()) else { return Ok(()) };
         let level = own.level().saturating_add(finer);
         let Some(mesh) = TriangleMesh::new(own.domain(), level) else {
-            return unfit(format!(
-                "integration at level {level}, expected at most {}",
-                crate::domain::limits::MAX_LEVEL
-            ));
+            return unfit(QueryError::Level { found: level });
         };
         let has_cosine = self.quantity().has_cosine();
         // The whole of isotropic data is turned by the azimuth of wi; so are the triangles.
@@ -114,10 +111,10 @@ impl Material {
     fn check_side(&self, side: Side) -> Result<(), EvaluateError> {
         let quantity = self.quantity();
         if self.geometry().mesh().is_none() {
-            return unfit(format!("this {quantity} has no outgoing axis to integrate over"));
+            return unfit(QueryError::NoOutgoing { need: Need::Integration, quantity });
         }
         if side != Side::Both && !quantity.has_cosine() {
-            return unfit(format!("this {quantity} has no reflected and transmitted side"));
+            return unfit(QueryError::NoSides { quantity });
         }
         Ok(())
     }

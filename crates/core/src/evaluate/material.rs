@@ -3,7 +3,7 @@
 use super::albedo::Albedos;
 use super::carrying::trees_of_mean;
 use super::directions::{Directions, Pairs};
-use super::error::{EvaluateError, unfit};
+use super::error::{EvaluateError, Need, QueryError, unfit};
 use super::function::Function;
 use super::geometry::Geometry;
 use super::incoming::Alignment;
@@ -276,7 +276,7 @@ impl Material {
     fn sampled_mesh(&self) -> Result<&Arc<MeshLookup>, EvaluateError> {
         match self.geometry().mesh() {
             Some(lookup) => Ok(lookup),
-            None => unfit(format!("this {} has no outgoing axis to sample", self.quantity())),
+            None => unfit(QueryError::NoOutgoing { need: Need::Sampling, quantity: self.quantity() }),
         }
     }
 

@@ -14,7 +14,7 @@
 
 use super::background::Background;
 use super::carried::{Carried, Carry, STAYING};
-use super::error::{EvaluateError, unfit};
+use super::error::{EvaluateError, QueryError, unfit};
 use super::form::Form;
 use super::function::Function;
 use super::incoming::Around;
@@ -240,7 +240,7 @@ pub(super) fn sampled_entry(
     options: SampleOptions,
 ) -> Result<usize, EvaluateError> {
     if !(0.0..1.0).contains(&options.defensive) {
-        return unfit(format!("a defensive part of {}, expected 0 or more and less than 1", options.defensive));
+        return unfit(QueryError::Defensive { found: options.defensive });
     }
     function.geometry().entry(index)
 }

@@ -75,7 +75,7 @@ mod wavelength_sampler;
 pub use albedo::Side;
 pub use chosen::{Chosen, ChosenSample, Drawings};
 pub use directions::{Directions, Pairs};
-pub use error::EvaluateError;
+pub use error::{Argument, Buffer, EvaluateError, Need, QueryError};
 pub use incoming::Alignment;
 pub use material::Material;
 pub use place::{Beyond, Interpolation, Place};

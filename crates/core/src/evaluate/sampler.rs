@@ -6,7 +6,7 @@
 //! density is positive wherever the function is: without one by choice, light may be left out that no tree expects. Nothing is
 //! drawn where the function is masked.
 
-use super::error::{EvaluateError, unfit};
+use super::error::{EvaluateError, QueryError, unfit};
 use super::function::Function;
 use super::mixture::Mixture;
 use super::place::{Interpolation, Place};
@@ -203,5 +203,5 @@ pub(super) fn check_point(u: [f64; 2]) -> Result<(), EvaluateError> {
     if u.iter().all(|u| (0.0..=1.0).contains(u)) {
         return Ok(());
     }
-    unfit(format!("u = [{}, {}], expected a point of the unit square", u[0], u[1]))
+    unfit(QueryError::Point { u })
 }

@@ -1,6 +1,6 @@
 //! Values at one place: whole spectra, some wavelengths, weighted sums.
 
-use super::error::{EvaluateError, unfit};
+use super::error::{Buffer, EvaluateError, QueryError, unfit};
 use super::form::Form;
 use super::function::Function;
 use super::place::{Beyond, Interpolation, Place};
@@ -15,7 +15,8 @@ impl Function {
     pub(super) fn spectrum(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         let geometry = self.geometry();
         if out.len() != geometry.lambdas() {
-            return unfit(format!("room for {} samples, expected {}", out.len(), geometry.lambdas()));
+            let (found, expected) = (out.len(), geometry.lambdas());
+            return unfit(QueryError::Length { buffer: Buffer::Spectrum, found, expected });
         }
         match self.form() {
             Form::Planes { planes, smooth } => {
@@ -56,10 +57,11 @@ impl Function {
     ) -> Result<(), EvaluateError> {
         let geometry = self.geometry();
         let Some(grid) = geometry.grid() else {
-            return unfit(format!("wavelengths were asked for, but this {} has none", geometry.quantity()));
+            return unfit(QueryError::NoWavelengths { quantity: geometry.quantity() });
         };
         if out.len() != wavelengths.len() {
-            return unfit(format!("room for {} samples, expected {}: one a wavelength", out.len(), wavelengths.len()));
+            let (found, expected) = (out.len(), wavelengths.len());
+            return unfit(QueryError::Length { buffer: Buffer::Wavelengths, found, expected });
         }
         match self.form() {
             Form::Planes { planes, smooth } => self.with_row(
@@ -93,7 +95,8 @@ impl Function {
     pub(super) fn weighted(&self, place: Place<'_>, how: Interpolation, weights: &[f32]) -> Result<f32, EvaluateError> {
         let geometry = self.geometry();
         if weights.len() != geometry.lambdas() {
-            return unfit(format!("{} weights, expected {}: one a sample", weights.len(), geometry.lambdas()));
+            let (found, expected) = (weights.len(), geometry.lambdas());
+            return unfit(QueryError::Length { buffer: Buffer::Weights, found, expected });
         }
         self.weighted_by(place, how, weights, |value| {
             weights.iter().enumerate().filter(|(_, w)| **w != 0.0).map(|(lambda, w)| w * value(lambda)).sum()
@@ -164,8 +167,7 @@ impl Function {
         let geometry = self.geometry();
         let [n_in, ..] = geometry.shape();
         let samples = (0..geometry.entries() * n_in).flat_map(|slice| self.slice(slice)).collect();
-        let tensor = Tensor::new(geometry.axes().to_vec(), samples);
-        let tensor = tensor.map_err(|error| EvaluateError::Unfit(error.to_string()))?;
+        let tensor = Tensor::new(geometry.axes().to_vec(), samples)?;
         Ok(Measurement { quantity: geometry.quantity(), unit: geometry.unit(), sampling: geometry.sampling(), tensor })
     }
 

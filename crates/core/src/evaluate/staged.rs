@@ -6,7 +6,7 @@
 use super::blocks::Places;
 use super::carried::{CarriedBlock, Carry, Origins, STAYING};
 use super::directions::{Directions, Pairs};
-use super::error::{EvaluateError, unfit};
+use super::error::{Argument, Buffer, EvaluateError, QueryError, unfit};
 use super::form::Form;
 use super::incoming::Alignment;
 use super::kernel::{BLOCK, Block, set_vector, vector_of};
@@ -250,9 +250,9 @@ impl Sampler<'_> {
         out: &mut [Option<DirectionSample>],
     ) -> Result<(), EvaluateError> {
         if u.len() != out.len() {
-            return unfit(format!("{} points, room for {} samples, expected as many", u.len(), out.len()));
+            return unfit(QueryError::Length { buffer: Buffer::Samples, found: out.len(), expected: u.len() });
         }
-        pairs.wi.map_or(Ok(()), |wi| wi.check("wi", u.len()))?;
+        pairs.wi.map_or(Ok(()), |wi| wi.check(Argument::Wi, u.len()))?;
         let (Form::Planes { planes, .. }, true) = (self.function().form(), self.is_staged(options)) else {
             return out.iter_mut().zip(u).enumerate().try_for_each(|(i, (out, &u))| {
                 *out = self.sample(pairs.index, pairs.wi_at(i)?, u, options)?;

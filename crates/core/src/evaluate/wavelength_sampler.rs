@@ -1,6 +1,6 @@
 //! Sampling by the values at one wavelength.
 
-use super::error::{EvaluateError, unfit};
+use super::error::{EvaluateError, QueryError, unfit};
 use super::function::Function;
 use super::lookup::MeshLookup;
 use super::sampler::{DirectionSample, Sampler};
@@ -26,10 +26,10 @@ impl<'a> WavelengthSampler<'a> {
     ) -> Result<Self, EvaluateError> {
         let geometry = function.geometry();
         let Some(grid) = geometry.grid() else {
-            return unfit(format!("a wavelength was given, but this {} has none", geometry.quantity()));
+            return unfit(QueryError::NoWavelengths { quantity: geometry.quantity() });
         };
         let Some((below, t)) = grid.locate(wavelength) else {
-            return unfit(format!("{wavelength} nm is outside the measured wavelengths"));
+            return unfit(QueryError::Wavelength { found: wavelength });
         };
         let mut weights = vec![0.0; geometry.lambdas()];
         weights[below] = (1.0 - t) as f32;

@@ -7,7 +7,7 @@ use super::format::ExportFormat;
 use super::measure::AddedError;
 use super::options::{ExportOptions, check_size};
 use crate::domain::{Axis, ErrorReport, Measurement};
-use crate::evaluate::EvaluateError;
+use crate::evaluate::{EvaluateError, QueryError};
 use crate::formats::{self, FormatError, FormatErrorKind, Interpretation, Samples, manifest_of, write_npy};
 
 /// Refuses options that do nothing for files of every sample, such as `npy`. `name` is the format's.
@@ -16,8 +16,7 @@ pub fn check_whole(measurement: &Measurement, name: &str, options: &ExportOption
     let Some(index) = &options.index else { return Ok(()) };
     let axes = measurement.tensor.axes().iter().filter(|axis| matches!(axis, Axis::Index { .. })).count();
     if index.len() != axes {
-        let message = format!("{} indices, expected {axes}: one for each index axis", index.len());
-        return Err(EvaluateError::Unfit(message).into());
+        return Err(EvaluateError::from(QueryError::Indices { found: index.len(), expected: axes }).into());
     }
     setting(format!("the option `index` does nothing for {name}, which holds every entry"))
 }

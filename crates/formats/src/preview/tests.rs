@@ -3,7 +3,7 @@
 use super::*;
 use crate::domain::colour::{ColourError, Illuminant, StandardObserver, linear_to_bytes};
 use crate::domain::{Direction, Domain, Measurement, Sampling, Tensor, TriangleMesh, Unit, WavelengthGrid};
-use crate::evaluate::EvaluateError;
+use crate::evaluate::{EvaluateError, QueryError};
 use std::f32::consts::{FRAC_1_PI, PI};
 
 fn triangles(domain: Domain, level: u8) -> Axis {
@@ -207,7 +207,7 @@ fn questions_without_an_answer_are_refused() {
     let lone = ask(&brdf, Question { wo: up(0.0), ..Question::default() });
     assert!(matches!(&lone, PreviewError::Unfit(m) if m.contains("wo was given without wi")), "{lone}");
     let below = ask(&brdf, Question { wi: up(120.0), ..Question::default() });
-    assert!(matches!(below, PreviewError::Evaluate(EvaluateError::Unfit(_))));
+    assert!(matches!(below, PreviewError::Evaluate(EvaluateError::Query(QueryError::Outside { .. }))));
     let lamp = material(Quantity::Edf, Unit::Candela, vec![triangles(Domain::Sphere, 0)], |_| 1.0);
     assert_eq!(ask(&lamp, Question::default()), PreviewError::Colour(ColourError::NoWavelengths));
     let ultraviolet = Axis::Wavelength(WavelengthGrid::even(200.0, 10.0, 20).unwrap());

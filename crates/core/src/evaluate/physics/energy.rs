@@ -4,7 +4,7 @@ use super::flux::FluxReport;
 use super::spot::Spot;
 use crate::domain::{Domain, ErrorReport, Quantity};
 use crate::evaluate::albedo::{Side, is_above};
-use crate::evaluate::error::EvaluateError;
+use crate::evaluate::error::{EvaluateError, Need};
 use crate::evaluate::material::Material;
 use serde::Serialize;
 use std::f64::consts::PI;
@@ -91,7 +91,7 @@ impl Material {
     /// What leaves the material for every incoming direction and wavelength, of the piecewise constant function; refused
     /// for quantities without an outgoing axis.
     pub fn energy(&self) -> Result<EnergyReport, EvaluateError> {
-        self.needs_outgoing("energy")?;
+        self.needs_outgoing(Need::Energy)?;
         let quantity = self.quantity();
         let mut report = EnergyReport { quantity, albedo: None, normalisation: None, flux: None };
         match quantity {

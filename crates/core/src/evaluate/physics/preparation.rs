@@ -2,7 +2,7 @@
 
 use crate::compress;
 use crate::domain::{Axis, Measurement, Quantity, Tensor, TriangleMesh};
-use crate::evaluate::error::{EvaluateError, unfit};
+use crate::evaluate::error::{EvaluateError, Need, QueryError, unfit};
 use crate::evaluate::material::Material;
 use serde::Serialize;
 
@@ -56,7 +56,7 @@ impl Preparation {
         if let Some((mesh, lambdas)) = mesh_and_lambdas {
             normalise(&mut samples, mesh, lambdas, &mut done);
         }
-        let tensor = Tensor::new(axes, samples).map_err(|error| EvaluateError::Unfit(error.to_string()))?;
+        let tensor = Tensor::new(axes, samples)?;
         Ok((Measurement { quantity, unit, sampling, tensor }, done))
     }
 }
@@ -80,13 +80,13 @@ impl Material {
 fn sphere(measurement: &Measurement) -> Result<(TriangleMesh, usize), EvaluateError> {
     let quantity = measurement.quantity;
     if quantity != Quantity::Phase {
-        return unfit(format!("normalisation was asked for, but this is a {quantity}, expected a phase function"));
+        return unfit(QueryError::NotNormalised { quantity });
     }
     let axes = measurement.tensor.axes();
-    let layout = measurement.layout().map_err(|error| EvaluateError::Unfit(error.to_string()))?;
+    let layout = measurement.layout()?;
     match layout.outgoing.map(|axis| &axes[axis]) {
         Some(Axis::Triangles(mesh)) => Ok((*mesh, layout.spectral.map_or(1, |axis| axes[axis].len()))),
-        _ => unfit("normalisation was asked for, but this phase function has no outgoing axis to integrate over"),
+        _ => unfit(QueryError::NoOutgoing { need: Need::Normalisation, quantity }),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::spot::degrees;
 use crate::domain::{Axis, Direction, TriangleMesh};
-use crate::evaluate::error::EvaluateError;
+use crate::evaluate::error::{EvaluateError, Need};
 use crate::evaluate::material::Material;
 use crate::evaluate::place::{Interpolation, Place};
 use rayon::prelude::*;
@@ -82,7 +82,7 @@ impl Material {
     pub fn reciprocity(&self) -> Result<ReciprocityReport, EvaluateError> {
         let up = Direction::from_degrees(0.0, 0.0);
         self.pair(Place { index: &[], wi: Some(up), wo: Some(up) })?;
-        let mesh = self.needs_outgoing("reciprocity")?;
+        let mesh = self.needs_outgoing(Need::Reciprocity)?;
         let [incoming, outgoing, _] = self.geometry().shape();
         let wis: Vec<(Direction, f64)> =
             (0..incoming).filter_map(|i| Some((self.incoming_direction(i)?, self.incoming_measure(i)))).collect();

@@ -1,8 +1,8 @@
 //! The albedo as a measurement of its own: the paper's reflectance, to be compressed and stored (\[CPB06\] section 6.1.3).
 
-use crate::domain::{Axis, Measurement, Quantity, Tensor, TensorError, Unit};
+use crate::domain::{Axis, Measurement, Quantity, Tensor, Unit};
 use crate::evaluate::albedo::Side;
-use crate::evaluate::error::{EvaluateError, unfit};
+use crate::evaluate::error::{EvaluateError, Need, QueryError, unfit};
 use crate::evaluate::material::Material;
 
 impl Material {
@@ -13,15 +13,13 @@ impl Material {
     pub fn reflectance(&self, side: Side) -> Result<Measurement, EvaluateError> {
         let quantity = self.quantity();
         if !quantity.has_cosine() {
-            return unfit(format!("this {quantity} has no reflectance, expected a brdf, btdf or bsdf"));
+            return unfit(QueryError::NoReflectance { quantity });
         }
-        self.needs_outgoing("reflectance")?;
+        self.needs_outgoing(Need::Reflectance)?;
         let outgoing = self.layout().outgoing;
         let axes = self.axes().iter().enumerate().filter(|&(i, _)| outgoing != Some(i));
         let axes: Vec<Axis> = axes.map(|(_, axis)| axis.clone()).collect();
-        let unfit = |error: TensorError| EvaluateError::Unfit(error.to_string());
-        let tensor = Tensor::new(axes, self.side(side)).map_err(unfit)?;
-        let measurement = Measurement::new(Quantity::Reflectance, Unit::One, self.geometry().sampling(), tensor);
-        measurement.map_err(|error| EvaluateError::Unfit(error.to_string()))
+        let tensor = Tensor::new(axes, self.side(side))?;
+        Ok(Measurement::new(Quantity::Reflectance, Unit::One, self.geometry().sampling(), tensor)?)
     }
 }

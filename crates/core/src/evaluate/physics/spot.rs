@@ -1,7 +1,7 @@
 //! Places of a material that a report names, and the rows of its axes.
 
 use crate::domain::{Axis, Direction, TriangleMesh};
-use crate::evaluate::error::{EvaluateError, unfit};
+use crate::evaluate::error::{EvaluateError, Need, QueryError, unfit};
 use crate::evaluate::material::Material;
 
 /// A value, and where it was found.
@@ -55,10 +55,10 @@ impl Material {
     }
 
     /// The mesh of the outgoing axis, or why there is nothing to ask.
-    pub(super) fn needs_outgoing(&self, what: &str) -> Result<TriangleMesh, EvaluateError> {
+    pub(super) fn needs_outgoing(&self, need: Need) -> Result<TriangleMesh, EvaluateError> {
         match self.geometry().mesh() {
             Some(lookup) => Ok(lookup.mesh()),
-            None => unfit(format!("this {} has no outgoing axis: there is no {what} to report", self.quantity())),
+            None => unfit(QueryError::NoOutgoing { need, quantity: self.quantity() }),
         }
     }
 }

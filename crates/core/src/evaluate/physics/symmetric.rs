@@ -1,7 +1,7 @@
 //! A reciprocal function made of one that need not be: the mean of f(wi, wo) and f(wo, wi).
 
 use crate::domain::{Direction, Quantity};
-use crate::evaluate::error::{EvaluateError, unfit};
+use crate::evaluate::error::{Argument, Buffer, EvaluateError, QueryError, unfit};
 use crate::evaluate::material::Material;
 use crate::evaluate::place::{Interpolation, Place};
 
@@ -38,7 +38,7 @@ impl Material {
     ) -> Result<(), EvaluateError> {
         let (wi, wo) = self.pair(place)?;
         if scratch.len() != out.len() {
-            return unfit(format!("scratch of {} samples, expected {}: as many as room", scratch.len(), out.len()));
+            return unfit(QueryError::Length { buffer: Buffer::Scratch, found: scratch.len(), expected: out.len() });
         }
         if self.is_transmitted(wi, wo) {
             return self.evaluate(place, how, out);
@@ -65,20 +65,15 @@ impl Material {
         let quantity = self.quantity();
         match quantity {
             Quantity::Brdf | Quantity::Bsdf | Quantity::Phase => {}
-            Quantity::Btdf => {
-                return unfit(
-                    "a btdf is reciprocal only with a factor of the refractive indices, which it does not hold",
-                );
-            }
-            _ => return unfit(format!("a {quantity} has no reciprocity, expected a brdf, bsdf or phase function")),
+            _ => return unfit(QueryError::NoReciprocity { quantity }),
         }
         match (place.wi, place.wo) {
             (Some(wi), Some(wo)) if self.geometry().has_incoming() => Ok((wi, wo)),
             (None, _) if self.geometry().has_incoming() => self.geometry().refuse_incoming(None),
             (_, None) if self.geometry().has_incoming() => {
-                unfit(format!("no wo was given, but this {quantity} has an outgoing axis"))
+                unfit(QueryError::MissingDirection { argument: Argument::Wo, quantity })
             }
-            _ => unfit(format!("this {quantity} has no axes of directions to exchange")),
+            _ => unfit(QueryError::NoExchange { quantity }),
         }
     }
 

@@ -154,7 +154,7 @@ fn compressed(measurement: &Measurement, er_l2: f64) -> Vec<u8> {
 
 fn is_unfit<T: std::fmt::Debug>(result: Result<T, EvaluateError>, part: &str) {
     match result {
-        Err(EvaluateError::Unfit(message)) => assert!(message.contains(part), "{message}"),
+        Err(EvaluateError::Query(error)) => assert!(error.to_string().contains(part), "{error}"),
         other => panic!("expected a refusal `{part}`, found {other:?}"),
     }
 }
