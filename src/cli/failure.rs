@@ -137,6 +137,7 @@ impl From<PreviewError> for Failure {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::compress::{SettingError, UnreachableError};
     use crate::formats::FormatError;
 
     #[test]
@@ -152,7 +153,13 @@ mod tests {
         let code = |kind| Failure::from(PipelineError::Format(refusal(kind))).exit_code();
         assert_eq!(code(FormatErrorKind::NeedsOption), 2);
         assert_eq!(code(FormatErrorKind::Malformed), 1);
-        assert_eq!(Failure::from(PipelineError::Compress(CompressError::Setting(String::new()))).exit_code(), 2);
-        assert_eq!(Failure::from(PipelineError::Compress(CompressError::Unreachable(String::new()))).exit_code(), 1);
+        assert_eq!(
+            Failure::from(PipelineError::Compress(CompressError::Setting(SettingError::NoBasis))).exit_code(),
+            2
+        );
+        assert_eq!(
+            Failure::from(PipelineError::Compress(CompressError::Unreachable(UnreachableError::Overflow))).exit_code(),
+            1
+        );
     }
 }

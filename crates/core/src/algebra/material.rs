@@ -8,8 +8,8 @@
 //! file's header: the truth that it is measured against are the decoded operands, not the measurements behind them.
 
 use super::error::AlgebraError;
-use crate::compress::{self, CompressError, Compressed, Kept, Policy, Settings, Summary, payload_digest};
-use crate::domain::{Axis, ErrorReport, Measurement, Progress, Tensor, Unit};
+use crate::compress::{self, CompressError, Compressed, Kept, Policy, SettingError, Settings, Summary, payload_digest};
+use crate::domain::{Axis, ErrorReport, Measurement, Progress, Tensor, TensorError, Unit};
 use crate::transform::Plan;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -161,8 +161,7 @@ pub fn dot(a: &[u8], b: &[u8]) -> Result<DotReport, AlgebraError> {
 
 /// `None` where intermediate values leave f32.
 fn dot_of_coefficients(kept: &Kept, axes: &[Axis], a: &[u8], b: &[u8]) -> Result<Option<f64>, AlgebraError> {
-    let basis = |e: crate::transform::PlanError| AlgebraError::Compress(CompressError::Setting(e.to_string()));
-    let plan = Plan::new(axes, &kept.transforms).map_err(basis)?;
+    let plan = Plan::new(axes, &kept.transforms).map_err(|e| CompressError::Setting(e.into()))?;
     let left = Kept::coefficients(a).map_err(|e| undecoded(1, e))?;
     let mut right = Kept::coefficients(b).map_err(|e| undecoded(2, e))?;
     plan.inverse(&mut right);
@@ -285,9 +284,10 @@ fn exact(
         named.next().unwrap_or(&first.axes[at]).clone()
     };
     let axes = (0..first.axes.len()).map(labelled).collect();
-    let unfit = |error: String| AlgebraError::Compress(CompressError::Setting(error));
-    let tensor = Tensor::new(axes, samples).map_err(|e| unfit(e.to_string()))?;
-    Measurement::new(first.quantity, first.unit, first.sampling, tensor).map_err(|e| unfit(e.to_string()))
+    let unfit = |error: TensorError| CompressError::Setting(error.into());
+    let tensor = Tensor::new(axes, samples).map_err(unfit)?;
+    let measurement = Measurement::new(first.quantity, first.unit, first.sampling, tensor);
+    Ok(measurement.map_err(|e| unfit(e.into()))?)
 }
 
 fn decode(bytes: &[u8], at: usize) -> Result<Measurement, AlgebraError> {
@@ -301,7 +301,7 @@ fn undecoded(at: usize, source: compress::DecodeError) -> AlgebraError {
 /// Metadata with the operands in it.
 fn with_operands(text: &str, operands: &[OperandReport]) -> Result<String, AlgebraError> {
     let Ok(Value::Object(mut object)) = serde_json::from_str(text) else {
-        return Err(CompressError::Setting("metadata is no JSON object".to_owned()).into());
+        return Err(CompressError::Setting(SettingError::MetadataObject).into());
     };
     object.insert("combination".to_owned(), json!(operands));
     Ok(Value::Object(object).to_string())

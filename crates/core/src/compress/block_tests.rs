@@ -229,7 +229,8 @@ fn random_access_is_refused_where_blocks_are_not_coded_by_themselves() {
         (&table, random(er), "found nothing before outgoing triangles in ["),
     ] {
         match compress(m, &settings, &Silent) {
-            Err(CompressError::Setting(reason)) => {
+            Err(CompressError::Setting(error @ SettingError::RandomAccess(_))) => {
+                let reason = error.to_string();
                 assert!(reason.starts_with("random_access: ") && reason.contains(found), "{reason}");
             }
             other => panic!("{found}: {:?}", other.map(|c| c.bytes.len())),

@@ -1,16 +1,18 @@
 //! Reasons why a measurement is not compressed.
 
+use super::setting_error::SettingError;
+use super::unreachable_error::UnreachableError;
 use crate::domain::Cancelled;
 
-/// Why a measurement was not compressed.
+/// Kinds of reasons why a measurement is not compressed: wrong settings, a promise that no file keeps, or the caller's wish.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CompressError {
-    /// A setting out of its range, or an unknown basis.
-    #[error("{0}")]
-    Setting(String),
+    /// A setting is out of its range, contradicts another one, or does not fit the measurement.
+    #[error(transparent)]
+    Setting(#[from] SettingError),
     /// No file meets the target.
-    #[error("{0}")]
-    Unreachable(String),
+    #[error(transparent)]
+    Unreachable(#[from] UnreachableError),
     /// The caller asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

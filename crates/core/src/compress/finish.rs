@@ -20,7 +20,7 @@ pub(super) fn finish(
 ) -> Result<Compressed, CompressError> {
     let decoded = levels::insert_and_decode(&mut parts, measurement)
         .and_then(|whole| samples_behind(&parts.header, |kind| parts.chunk(kind), whole))
-        .map_err(|e| refusal::undecodable(&parts.header, &e.to_string()))?;
+        .map_err(|e| refusal::undecodable(&parts.header, e))?;
     if let Some(at) = decoded.iter().position(|sample| sample.is_infinite()) {
         return Err(refusal::beyond_float32(&parts.header, at, measurement.tensor.samples()[at]));
     }
@@ -31,7 +31,7 @@ pub(super) fn finish(
     drop(decoded);
     let metadata = metadata_with_labels(&parts.header.axes, metadata);
     let bytes = assemble(&parts, metadata.as_deref());
-    open(&bytes).map_err(|e| refusal::undecodable(&parts.header, &e.to_string()))?;
+    open(&bytes).map_err(|e| refusal::undecodable(&parts.header, e))?;
     let mut summary = parts.header.summary(metadata);
     summary.axes = measurement.tensor.axes().to_vec();
     let ranking =

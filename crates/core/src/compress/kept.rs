@@ -11,6 +11,8 @@ use super::header::Header;
 use super::kept_coefficients::{coefficients_of, parts_of};
 use super::policy::Policy;
 use super::rows::{clear_uncoded, coding_order};
+use super::setting_error::SettingError;
+use super::unreachable_error::UnreachableError;
 use crate::codec::{ChunkKind, Class, CodecError};
 use crate::domain::Measurement;
 use crate::transform::{AxisTransform, Plan, SphereBasis};
@@ -57,7 +59,7 @@ impl Kept {
         metadata: Option<&str>,
     ) -> Result<Compressed, CompressError> {
         let axes = measurement.tensor.axes();
-        let plan = Plan::new(axes, &self.transforms).map_err(|e| CompressError::Setting(e.to_string()))?;
+        let plan = Plan::new(axes, &self.transforms).map_err(SettingError::from)?;
         let samples = measurement.tensor.samples();
         let mut classes: Vec<Class> =
             samples.iter().map(|s| if s.is_nan() { Class::Masked } else { Class::Positive }).collect();
@@ -68,8 +70,7 @@ impl Kept {
         }
         let mut kept: Vec<f32> = coefficients.into_iter().map(|c| c as f32).collect();
         if let Some(index) = kept.iter().position(|c| !c.is_finite()) {
-            let text = format!("coefficient {index} is {}, expected a number that an f32 holds", kept[index]);
-            return Err(CompressError::Unreachable(text));
+            return Err(UnreachableError::Coefficient { index, found: kept[index] }.into());
         }
         let rows = coding_order(axes, &plan, classes.as_deref());
         clear_uncoded(&rows, &mut kept);

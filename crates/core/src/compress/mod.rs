@@ -33,6 +33,7 @@ mod rows;
 mod scales;
 mod search;
 pub mod selection;
+mod setting_error;
 mod settings;
 mod spectral_basis;
 mod stated;
@@ -40,6 +41,7 @@ mod summary;
 mod target;
 mod thresholded;
 mod transform_code;
+mod unreachable_error;
 mod values;
 
 pub use crate::codec::CodecError as DecodeError;
@@ -54,9 +56,11 @@ pub use light::LightReport;
 pub use noise::{Noise, estimate as estimate_noise};
 pub use policy::Policy;
 pub use promise::shortfall;
+pub use setting_error::{AlbedoConflict, RandomAccessConflict, RdOption, SettingError};
 pub use settings::Settings;
 pub use summary::Summary;
 pub use target::{DeltaE, Target};
+pub use unreachable_error::UnreachableError;
 
 use crate::codec::MAGIC;
 use crate::domain::{Measurement, Progress};
@@ -81,10 +85,7 @@ pub fn compress(
     }
     let text = metadata::metadata_with_labels(measurement.tensor.axes(), settings.metadata.as_deref());
     if let Some(text) = text.filter(|text| text.len() > metadata::MAX_METADATA) {
-        let found = text.len();
-        return Err(CompressError::Setting(format!(
-            "metadata has {found} bytes, expected at most 16 MiB; leave it out (--no-metadata, \"metadata\": false)"
-        )));
+        return Err(SettingError::MetadataLength { found: text.len() }.into());
     }
     let settings = &Settings { target: promise::stateable(settings.target)?, ..settings.clone() };
     let policy = if settings.target == Target::Lossless { Policy::Lossless } else { settings.policy };

@@ -10,6 +10,7 @@ use super::error::CompressError;
 use super::fill::fill;
 use super::policy::Policy;
 use super::scales::Scales;
+use super::setting_error::SettingError;
 use super::settings::Settings;
 use super::spectral_basis::SpectralBasis;
 use super::target::Target;
@@ -128,8 +129,7 @@ fn sample_of(measurement: &Measurement, wavelengths: usize) -> Result<Measuremen
     let sample: Vec<f32> = spectra.iter().step_by(stride).flat_map(|spectrum| spectrum.iter().copied()).collect();
     let spectral = measurement.tensor.axes().last().cloned();
     let axes = [Axis::Index { count: sample.len() / wavelengths, labels: Vec::new() }];
-    let unfit = |e: String| CompressError::Setting(format!("a sample of the spectra does not make a measurement: {e}"));
-    let tensor = Tensor::new(axes.into_iter().chain(spectral).collect(), sample).map_err(|e| unfit(e.to_string()))?;
+    let tensor = Tensor::new(axes.into_iter().chain(spectral).collect(), sample).map_err(SettingError::Sample)?;
     Ok(Measurement { tensor, ..measurement.clone() })
 }
 

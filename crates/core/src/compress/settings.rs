@@ -1,11 +1,10 @@
 //! Settings of a compression, and what is wrong with them whatever the measurement.
 
-use super::error::CompressError;
 use super::policy::Policy;
+use super::setting_error::{RdOption, SettingError};
 use super::spectral_basis::SpectralBasis;
 use super::target::Target;
 use crate::domain::Measurement;
-use crate::transform::LineBasis;
 
 /// Everything that decides the bytes, beside the measurement.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,7 +13,7 @@ pub struct Settings {
     pub target: Target,
     /// The policy.
     pub policy: Policy,
-    /// Name of the spectral basis (`haar`, `db4`, `bior4.4`, any of [`LineBasis::all`]), or `auto`.
+    /// Name of the spectral basis (`haar`, `db4`, `bior4.4`, any of [`LineBasis::all`](crate::transform::LineBasis::all)), or `auto`.
     pub basis: String,
     /// Samples below `floor ×` the maximum leave the relative errors and are kept within that absolutely.
     pub floor: Option<f64>,
@@ -44,37 +43,28 @@ impl Default for Settings {
 }
 
 /// Refuses settings that are out of range or contradict each other.
-pub(super) fn check(settings: &Settings) -> Result<(), CompressError> {
-    let refuse = |message: String| Err(CompressError::Setting(message));
-    settings.target.check().or_else(refuse)?;
+pub(super) fn check(settings: &Settings) -> Result<(), SettingError> {
+    settings.target.check()?;
     if settings.policy == Policy::Lossless && settings.target != Target::Lossless {
-        return refuse(
-            "policy lossless keeps every bit and has no error to aim at: ask for lossless instead of another target"
-                .to_owned(),
-        );
+        return Err(SettingError::LosslessTarget);
     }
     if let Some(floor) = settings.floor
         && !(floor > 0.0 && floor < 1.0)
     {
-        return refuse(format!(
-            "floor is {floor}, expected a fraction of the largest sample, more than 0 and less than 1 (0.01 is 1 %)"
-        ));
+        let expected = "a fraction of the largest sample, more than 0 and less than 1 (0.01 is 1 %)";
+        return Err(SettingError::Range { option: "floor", found: floor, expected });
     }
     let basis = SpectralBasis::named(&settings.basis);
     if settings.basis != "auto" && basis.is_none() {
-        let known = LineBasis::all().map(LineBasis::name).collect::<Vec<_>>().join(", ");
-        return refuse(format!("unknown basis `{}`, expected auto, klt, identity or one of {known}", settings.basis));
+        return Err(SettingError::UnknownBasis { found: settings.basis.clone() });
     }
     if basis == Some(SpectralBasis::Klt) && settings.policy != Policy::Rd {
-        return refuse(format!(
-            "basis klt is for policy rd; policy {} takes auto, identity or a wavelet",
-            settings.policy
-        ));
+        return Err(SettingError::NeedsRd { option: RdOption::Klt, policy: settings.policy });
     }
     if let Some(metadata) = &settings.metadata
         && !matches!(serde_json::from_str(metadata), Ok(serde_json::Value::Object(_)))
     {
-        return refuse("metadata is no JSON object, expected text such as {\"name\": \"value\"}".to_owned());
+        return Err(SettingError::MetadataObject);
     }
     Ok(())
 }

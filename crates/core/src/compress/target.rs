@@ -1,5 +1,6 @@
 //! What a file can be promised to be, and which figure of an error report each promise bounds.
 
+use super::setting_error::SettingError;
 use crate::domain::ErrorReport;
 use crate::domain::colour::Illuminant;
 use serde::de::value::MapAccessDeserializer;
@@ -86,25 +87,26 @@ impl Target {
     }
 
     /// What is wrong with its number.
-    pub(crate) fn check(self) -> Result<(), String> {
+    pub(crate) fn check(self) -> Result<(), SettingError> {
+        let refuse = |option, found, expected| Err(SettingError::Range { option, found, expected });
         match self {
             Self::ErL1(error) | Self::ErL2(error) | Self::MaxRelativeError(error) | Self::RelativeRmse(error)
                 if !(error > 0.0 && error <= MOST_RELATIVE) =>
             {
                 let name = self.bound().map_or("", |bound| bound.name);
-                Err(format!("{name} is {error}, expected more than 0 and at most {MOST_RELATIVE} (0.01 is 1 %)"))
+                refuse(name, error, "more than 0 and at most 10 (0.01 is 1 %)")
             }
             Self::MaxAbsoluteError(error) if !(error > 0.0 && error.is_finite()) => {
-                Err(format!("max_absolute_error is {error}, expected more than 0, in the unit of the samples"))
+                refuse("max_absolute_error", error, "more than 0, in the unit of the samples")
             }
             Self::DeltaE(DeltaE { at_most, .. }) if !(at_most > 0.0 && at_most <= MOST_DELTA_E) => {
-                Err(format!("delta_e is {at_most}, expected more than 0 and at most {MOST_DELTA_E}"))
+                refuse("delta_e", at_most, "more than 0 and at most 100")
             }
             Self::Ratio(ratio) if !(ratio >= 1.0 && ratio.is_finite()) => {
-                Err(format!("ratio is {ratio}, expected at least 1 sample per coefficient"))
+                refuse("ratio", ratio, "at least 1 sample per coefficient")
             }
             Self::Step(step) if !(LEAST_STEP..=MOST_RELATIVE).contains(&step) => {
-                Err(format!("step is {step}, expected {LEAST_STEP} to {MOST_RELATIVE}, in natural logarithms"))
+                refuse("step", step, "0.000001 to 10, in natural logarithms")
             }
             _ => Ok(()),
         }

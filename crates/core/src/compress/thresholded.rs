@@ -8,7 +8,6 @@ use super::classes::classes_chunk;
 use super::compressed::{Compressed, Ranked};
 use super::effort::Tally;
 use super::error::CompressError;
-use super::figures::shown;
 use super::fill::fill;
 use super::finish::finish;
 use super::header::UNSCORED_BYTES;
@@ -21,9 +20,11 @@ use super::rows::{clear_uncoded, coding_order};
 use super::scales::Scales;
 use super::search::{Notch, Until, finest_fitting, largest};
 use super::selection::{GenericTransform, Rule, Search};
+use super::setting_error::{RdOption, SettingError};
 use super::settings::Settings;
 use super::spectral_basis::SpectralBasis;
 use super::target::{Bound, Target};
+use super::unreachable_error::UnreachableError;
 use crate::codec::{ChunkKind, Class, Rows};
 use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
 use crate::transform::{AxisTransform, Plan, SphereBasis};
@@ -70,7 +71,7 @@ pub(crate) fn compress(
         match file() {
             Ok(file) => found.push(file),
             // Another basis may reach the target.
-            Err(CompressError::Unreachable(text)) => refused.push((0.0, text)),
+            Err(CompressError::Unreachable(error)) => refused.push((0.0, error)),
             Err(other) => return Err(other),
         }
     }
@@ -98,7 +99,7 @@ fn best(mut found: Vec<Compressed>, target: Target) -> Result<Compressed, Compre
             er_l2: Some(c.summary.errors.er_l2),
         })
         .collect();
-    let best = found.into_iter().next().ok_or_else(|| CompressError::Setting(refusal::NOTHING_TO_TRY.to_owned()))?;
+    let best = found.into_iter().next().ok_or(SettingError::NoBasis)?;
     Ok(Compressed { ranking, ..best })
 }
 
@@ -127,7 +128,7 @@ impl<'a> Work<'a> {
     ) -> Result<Self, CompressError> {
         let axes = measurement.tensor.axes();
         let transforms: Vec<_> = axes.iter().map(|axis| basis.transform_of(axis, SphereBasis::BioHaar)).collect();
-        let plan = Plan::new(axes, &transforms).map_err(|e| CompressError::Setting(e.to_string()))?;
+        let plan = Plan::new(axes, &transforms).map_err(SettingError::from)?;
         let mut coefficients = samples.to_vec();
         plan.forward(&mut coefficients);
         let scales = Scales::new(axes, &plan);
@@ -151,9 +152,7 @@ impl<'a> Work<'a> {
             (Target::Ratio(ratio), _) => self.least_threshold(progress, |t| self.kept(t) as f64 <= n / ratio),
             (Target::Bytes(bytes), _) => self.threshold_of_size(progress, bytes),
             (_, Some(bound)) => self.largest_threshold(progress, |errors| bound.keeps(errors)),
-            (_, None) => {
-                Err(CompressError::Setting("policy conventional cannot aim at this target; use policy rd".to_owned()))
-            }
+            (_, None) => Err(SettingError::NeedsRd { option: RdOption::Target, policy: self.settings.policy }.into()),
         }
     }
 
@@ -255,8 +254,7 @@ impl<'a> Work<'a> {
     /// What generic thresholds keep.
     fn find_generic(&self, samples: &[f32], rule: Rule, progress: &dyn Progress) -> Result<Parts, CompressError> {
         let axes = self.measurement.tensor.axes();
-        let transform = GenericTransform::new(axes, &self.transforms, samples, true)
-            .map_err(|e| CompressError::Setting(e.to_string()))?;
+        let transform = GenericTransform::new(axes, &self.transforms, samples, true).map_err(SettingError::from)?;
         let original = self.measurement.tensor.samples();
         let errors = |decoded: &[f32]| {
             self.tally.add(decoded.len());
@@ -295,13 +293,7 @@ impl<'a> Work<'a> {
             && search.kept as f64 > count as f64 / ratio
         {
             // √d is 0 where a function is constant: no threshold drops anything there.
-            let text = format!(
-                "ratio {ratio}: the adaptive rule keeps {} of {count} coefficients, those of functions that are constant; ask \
-                 for ratio {} or less, or for another policy",
-                search.kept,
-                shown((count as f64 / search.kept.max(1) as f64).floor())
-            );
-            return Err(CompressError::Unreachable(text));
+            return Err(UnreachableError::ConstantFunctions { ratio, kept: search.kept, count }.into());
         }
         let mut kept = search.coefficients;
         clear_uncoded(&self.rows, &mut kept);

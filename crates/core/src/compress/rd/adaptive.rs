@@ -2,6 +2,7 @@
 
 use super::super::rows::{clear_uncoded, coding_order};
 use super::super::scales::Scales;
+use super::super::setting_error::SettingError;
 use super::super::spectral_basis::SpectralBasis;
 use super::layer::{FirstLayer, transform_of};
 use super::spectrum::{Basis, components};
@@ -33,11 +34,11 @@ struct Coefficients {
 
 impl<'a> AdaptiveLayer<'a> {
     /// Analyses `logs` on `axes`, the last of which is spectral.
-    pub(crate) fn new(axes: &[Axis], classes: Option<&'a [Class]>, logs: Vec<f32>) -> Result<Self, String> {
+    pub(crate) fn new(axes: &[Axis], classes: Option<&'a [Class]>, logs: Vec<f32>) -> Result<Self, SettingError> {
         let length = axes.last().map_or(1, Axis::len);
         let klt = components(&logs, length)?;
         let transforms: Vec<_> = axes.iter().map(|axis| transform_of(axis, SpectralBasis::Klt)).collect();
-        plan_of_planes(axes, &transforms, 1).map_err(|e| e.to_string())?;
+        plan_of_planes(axes, &transforms, 1)?;
         Ok(Self { axes: axes.to_vec(), classes, transforms, klt, logs, last: RefCell::new(None) })
     }
 

@@ -10,6 +10,7 @@ use super::super::parts::Parts;
 use super::super::policy::Policy;
 use super::super::rows::lanes;
 use super::super::search::Notch;
+use super::super::setting_error::SettingError;
 use super::super::settings::Settings;
 use super::super::spectral_basis::SpectralBasis;
 use super::adaptive::AdaptiveLayer;
@@ -63,14 +64,14 @@ impl<'a> Candidate<'a> {
         let logs = || approximated(measurement, plane, floor);
         let coded = plane.coded.map(|_| plane.classes);
         let layer: Box<dyn FirstLayer + 'a> = match scheme {
-            Scheme::Adaptive => Box::new(AdaptiveLayer::new(axes, coded, logs()).map_err(CompressError::Setting)?),
+            Scheme::Adaptive => Box::new(AdaptiveLayer::new(axes, coded, logs())?),
             Scheme::Predicted(folded, chart) => {
                 let layer = PredictiveLayer::new(Arc::clone(folded), *chart, settings.random_access);
-                Box::new(layer.map_err(CompressError::Setting)?)
+                Box::new(layer?)
             }
             Scheme::Fixed(basis) => {
                 let layer = FixedLayer::new(axes, coded, *basis, logs());
-                Box::new(layer.map_err(|e| CompressError::Setting(e.to_string()))?)
+                Box::new(layer.map_err(SettingError::from)?)
             }
         };
         let layer = Counted::new(layer, tally, measurement.tensor.len());

@@ -5,6 +5,7 @@ use super::super::error::CompressError;
 use super::super::refusal;
 use super::super::search::Until;
 use super::super::target::Target;
+use super::super::unreachable_error::UnreachableError;
 use super::candidate::Candidate;
 use super::layer::{FirstLayer, chunk_bytes};
 use super::levels;
@@ -63,8 +64,8 @@ pub(super) fn best_of<'a>(
             } {
                 Ok(found) => Some(found),
                 // Few vectors cannot follow noise, and their own bytes may not fit; another basis may.
-                Err(CompressError::Unreachable(text)) => {
-                    refused.push((candidate.closest.get(), text));
+                Err(CompressError::Unreachable(error)) => {
+                    refused.push((candidate.closest.get(), error));
                     continue;
                 }
                 Err(other) => return Err(other),
@@ -80,7 +81,7 @@ pub(super) fn best_of<'a>(
         let errors = if by_error {
             let error = candidate.relative_error(steps.first, &mut decoded, progress)?;
             if !error.is_finite() {
-                refused.push((f64::INFINITY, refusal::OVERFLOWS.to_owned()));
+                refused.push((f64::INFINITY, UnreachableError::Overflow));
                 continue;
             }
             // What is nearest to the truth is not what is nearest to the measurement.

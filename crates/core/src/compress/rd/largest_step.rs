@@ -16,16 +16,11 @@ pub(super) fn largest_falling(
     start: f64,
     mut keeps: impl FnMut(f64) -> Result<Result<bool, ()>, CompressError>,
 ) -> Result<Option<f64>, CompressError> {
-    let stood = Cell::new(false);
     let found = largest(start, REFINEMENTS, |step| match keeps(step) {
-        Ok(Ok(kept)) => Ok(kept),
-        Ok(Err(())) => {
-            stood.set(true);
-            Err(CompressError::Unreachable(String::new()))
-        }
-        Err(error) => Err(error),
+        Ok(kept) => kept.map_err(|()| None),
+        Err(error) => Err(Some(error)),
     });
-    if stood.get() { Ok(None) } else { found }
+    found.or_else(|error| error.map_or(Ok(None), Err))
 }
 
 /// The last attempt before a refusal: the largest of [`powers_of_two`] that `keeps` says yes to. `closest`, which the refusal names,

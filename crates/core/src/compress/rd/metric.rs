@@ -5,6 +5,7 @@ use super::super::error::CompressError;
 use super::super::promise::colours_of;
 use super::super::refusal;
 use super::super::search::Falling;
+use super::super::setting_error::SettingError;
 use super::super::spectral_basis::SpectralBasis;
 use super::super::target::{Bound, Target};
 use super::largest_step::{COARSE, largest_falling, largest_power};
@@ -49,7 +50,7 @@ impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
                 Metric::Colours(Box::new(colours_of(self.measurement, wanted)?), wanted.at_most)
             }
             (_, Some(bound)) => Metric::Samples(bound),
-            (_, None) => return Err(CompressError::Setting("this target bounds no error".to_owned())),
+            (_, None) => return Err(SettingError::Unbounded.into()),
         };
         // Relative errors are those of positive samples. Where all are negative, theirs are found instead, or any step would do.
         let samples = self.measurement.tensor.samples();

@@ -18,6 +18,7 @@ mod opening;
 
 pub(crate) use decode::{Levels, decode, decode_block, is_random, orbits};
 
+use super::super::setting_error::SettingError;
 use super::super::spectral_basis::SpectralBasis;
 use super::super::values::Values;
 use super::chart::{Chart, ChartKind};
@@ -59,8 +60,8 @@ impl Folded {
         classes: Option<&[Class]>,
         logs: &[f32],
         generators: &[Symmetry],
-    ) -> Result<Self, String> {
-        let group = Group::of(shape, generators).ok_or("a symmetry of another domain")?;
+    ) -> Result<Self, SettingError> {
+        let group = Group::of(shape, generators).ok_or(SettingError::Symmetry)?;
         let representatives = group.representatives();
         let rows = fold_rows(shape, &group, &representatives, logs);
         let all = 0..representatives.len();
@@ -110,11 +111,11 @@ struct Coded {
 }
 
 impl PredictiveLayer {
-    pub(crate) fn new(folded: Arc<Folded>, chart: Option<ChartKind>, random: bool) -> Result<Self, String> {
+    pub(crate) fn new(folded: Arc<Folded>, chart: Option<ChartKind>, random: bool) -> Result<Self, SettingError> {
         let chart = match chart {
             Some(kind) => {
                 let chart = Chart::new(kind, &folded.shape, &folded.representatives);
-                Some(chart.ok_or("a model that makes no sense here")?.prepared())
+                Some(chart.ok_or(SettingError::Model)?.prepared())
             }
             None => None,
         };

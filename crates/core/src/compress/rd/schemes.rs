@@ -1,6 +1,7 @@
 //! Schemes of the first layer, and those that compete for a measurement.
 
 use super::super::error::CompressError;
+use super::super::setting_error::SettingError;
 use super::super::settings::Settings;
 use super::super::spectral_basis::SpectralBasis;
 use super::super::target::Target;
@@ -62,9 +63,7 @@ pub(super) fn schemes(
             Some(shape) if schemes.is_empty() && (own || !named && short(axes)) => {
                 let logs = approximated(measurement, plane, floor);
                 let classes = plane.coded.map(|_| plane.classes);
-                schemes.extend(
-                    predicted(&shape, classes, &logs, settings.target, plane.noise).map_err(CompressError::Setting)?,
-                );
+                schemes.extend(predicted(&shape, classes, &logs, settings.target, plane.noise)?);
             }
             None if own => schemes.push(Scheme::Adaptive),
             _ => {}
@@ -92,7 +91,7 @@ fn predicted(
     values: &[f32],
     target: Target,
     noise: Option<f64>,
-) -> Result<Vec<Scheme>, String> {
+) -> Result<Vec<Scheme>, SettingError> {
     let tolerance = match target {
         Target::ErL1(error) | Target::ErL2(error) => error,
         Target::RelativeRmse(error) => error * root_mean_square(values),

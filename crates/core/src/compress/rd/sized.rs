@@ -8,6 +8,7 @@ use super::super::refusal;
 use super::super::scales::LARGEST;
 use super::super::search::{DOUBLING, NEAR, Notch, Until, finest_fitting};
 use super::super::target::{LEAST_STEP, Target};
+use super::super::unreachable_error::UnreachableError;
 use super::candidate::Candidate;
 use super::layer::{FirstLayer, chunk_bytes};
 use super::levels;
@@ -236,7 +237,7 @@ fn finite(candidate: &Candidate<'_>, at: Notch, progress: &dyn Progress) -> Resu
             return Ok(Steps::of(f64::from(at.value())));
         }
     }
-    Err(CompressError::Unreachable(refusal::OVERFLOWS.to_owned()))
+    Err(UnreachableError::Overflow.into())
 }
 
 /// Refusal of a size that no step keeps.

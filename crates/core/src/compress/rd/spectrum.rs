@@ -15,7 +15,7 @@ use crate::codec::{CodecError, Decoder, Encoder, Payload, Reader, Rows, Writer, 
 use crate::domain::Axis;
 use crate::numeric::orthogonal::orthonormalise_decoded;
 use crate::numeric::wide;
-use crate::transform::{AxisTransform, Klt, LineBasis, Plan};
+use crate::transform::{AxisTransform, Klt, KltError, LineBasis, Plan};
 use rayon::prelude::*;
 
 /// Vectors at most; spectra of one material are far fewer.
@@ -34,9 +34,8 @@ const LANES: usize = 16;
 const LONG: usize = 256;
 
 /// The first principal components of rows of `length`.
-pub(super) fn components(rows: &[f32], length: usize) -> Result<Klt, String> {
-    let mut klt = if length > LONG { Klt::leading(rows, length, MAX_RANK) } else { Klt::of(rows, length) }
-        .map_err(|e| format!("basis klt: {e}"))?;
+pub(super) fn components(rows: &[f32], length: usize) -> Result<Klt, KltError> {
+    let mut klt = if length > LONG { Klt::leading(rows, length, MAX_RANK) } else { Klt::of(rows, length) }?;
     klt.truncate(MAX_RANK);
     Ok(klt)
 }

@@ -3,8 +3,10 @@
 use super::super::error::CompressError;
 use super::super::refusal;
 use super::super::search::{Falling, Until};
+use super::super::setting_error::SettingError;
 use super::super::spectral_basis::SpectralBasis;
 use super::super::target::Target;
+use super::super::unreachable_error::UnreachableError;
 use super::candidate::Candidate;
 use super::largest_step::{COARSE, largest_falling, largest_power};
 use super::layer::{FirstLayer, chunk_bytes};
@@ -84,7 +86,7 @@ pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> 
             let error = error.min(2.0 * largest.max(f64::from(f32::MIN_POSITIVE)));
             find_bounded(candidate, 2.0 * error * (1.0 - 1e-5) - 4.0 * rounding, progress)
         }
-        Target::Lossless => Err(CompressError::Setting("the rd policy is not lossless".to_owned())),
+        Target::Lossless => Err(SettingError::NotLossless.into()),
     }
 }
 
@@ -134,7 +136,7 @@ fn find_truth(candidate: &Candidate<'_>, progress: &dyn Progress) -> Result<Step
             best = Some((risk, steps));
         }
     }
-    best.map(|(_, steps)| steps).ok_or_else(|| CompressError::Unreachable(refusal::NOTHING_TO_TRY.to_owned()))
+    best.map(|(_, steps)| steps).ok_or(UnreachableError::NoBasis.into())
 }
 
 /// An estimate of the mean square distance from the truth, but for a constant: that from the measurement, and what
@@ -154,7 +156,7 @@ pub(super) fn risk(
 
 /// The noise of the measurement.
 fn noise(candidate: &Candidate<'_>) -> Result<f64, CompressError> {
-    candidate.plane.noise.ok_or_else(|| CompressError::Setting(refusal::NO_NOISE.to_owned()))
+    candidate.plane.noise.ok_or(SettingError::NoNoise.into())
 }
 
 /// The first layer's step for which both layers together are smallest.
@@ -180,5 +182,5 @@ fn find_bounded(candidate: &Candidate<'_>, correction: f64, progress: &dyn Progr
         }
         progress.step(0.45 + 0.5 * i as f64 / factors.len() as f64)?;
     }
-    best.map(|(_, steps)| steps).ok_or_else(|| CompressError::Unreachable(refusal::OVERFLOWS.to_owned()))
+    best.map(|(_, steps)| steps).ok_or(UnreachableError::Overflow.into())
 }

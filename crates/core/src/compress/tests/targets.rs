@@ -166,7 +166,10 @@ fn colours_that_cannot_be_promised_are_refused() {
     let target = Target::DeltaE(DeltaE { at_most: 1.0, illuminant: Illuminant::D65 });
     let refused = |m: &Measurement, policy, reason: &str| {
         let error = compress(m, &settings(target, policy), &Silent).unwrap_err();
-        assert!(matches!(&error, CompressError::Setting(text) if text.contains(reason)), "{error:?}, not {reason}");
+        assert!(
+            matches!(&error, CompressError::Setting(error) if error.to_string().contains(reason)),
+            "{error:?}, not {reason}"
+        );
     };
     let brdf = &kinds()[3];
     for policy in [Policy::Conventional, Policy::Generic, Policy::Adaptive] {
@@ -264,7 +267,7 @@ fn light_that_nothing_corrects_is_refused() {
     let with = |target, policy, albedo_error| Settings { albedo_error: Some(albedo_error), ..settings(target, policy) };
     let refused = |m: &Measurement, settings: Settings| {
         assert!(
-            matches!(compress(m, &settings, &Silent), Err(CompressError::Setting(text)) if text.contains("albedo_error"))
+            matches!(compress(m, &settings, &Silent), Err(CompressError::Setting(error)) if error.to_string().starts_with("albedo_error"))
         );
     };
     refused(m, with(Target::ErL2(0.01), Policy::Rd, 0.0));
@@ -310,7 +313,7 @@ fn auto_stops_at_the_noise_and_is_nearer_to_the_truth() {
     assert!(to_truth < 0.003, "{to_truth}");
     assert!((compressed.summary.errors.er_l2 - 0.01).abs() < 0.001);
     let clean = compress(&truth, &settings(Target::Auto, Policy::Rd), &Silent);
-    assert!(matches!(clean, Err(CompressError::Setting(text)) if text.contains("auto")));
+    assert!(matches!(clean, Err(CompressError::Setting(SettingError::NoNoise))));
 }
 
 #[test]

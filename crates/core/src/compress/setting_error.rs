@@ -1,0 +1,165 @@
+//! Reasons why settings are refused, before any file is made.
+
+use super::policy::Policy;
+use crate::domain::colour::ColourError;
+use crate::domain::{Axis, TensorError};
+use crate::transform::{KltError, LineBasis, PlanError};
+
+/// Settings that are out of range, contradict each other, or do not fit the measurement.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SettingError {
+    /// A number out of its range.
+    #[error("{option} is {found}, expected {expected}")]
+    Range {
+        /// Name of the option.
+        option: &'static str,
+        /// The number.
+        found: f64,
+        /// The range, in words.
+        expected: &'static str,
+    },
+    /// Policy lossless with a target that allows errors.
+    #[error("policy lossless keeps every bit and has no error to aim at: ask for lossless instead of another target")]
+    LosslessTarget,
+    /// A name that no basis has.
+    #[error(
+        "unknown basis `{found}`, expected auto, klt, identity or one of {}",
+        LineBasis::all().map(LineBasis::name).collect::<Vec<_>>().join(", ")
+    )]
+    UnknownBasis {
+        /// The name.
+        found: String,
+    },
+    /// An option of policy `rd` with another policy.
+    #[error("{}", option.refusal(*policy))]
+    NeedsRd {
+        /// The option.
+        option: RdOption,
+        /// The policy found.
+        policy: Policy,
+    },
+    /// A bound on the error of albedos that nothing can keep, or that is kept without it.
+    #[error("albedo_error: {0}")]
+    Albedo(AlbedoConflict),
+    /// Random access where blocks cannot be coded separately.
+    #[error(
+        "random_access: found {0}, expected policy rd with basis auto or klt, another target, and an incoming or index axis \
+         before triangles"
+    )]
+    RandomAccess(RandomAccessConflict),
+    /// Metadata that are not a JSON object.
+    #[error("metadata is no JSON object, expected text such as {{\"name\": \"value\"}}")]
+    MetadataObject,
+    /// Metadata above the limit of 16 MiB.
+    #[error("metadata has {found} bytes, expected at most 16 MiB; leave it out (--no-metadata, \"metadata\": false)")]
+    MetadataLength {
+        /// Length in bytes, with the labels of index axes.
+        found: usize,
+    },
+    /// Spectra without colours, whose difference is bounded.
+    #[error("delta_e: {0}")]
+    Colour(#[from] ColourError),
+    /// A measurement without noise that can be estimated.
+    #[error(
+        "er_l2 auto: the noise of this measurement cannot be estimated: that takes at least about a hundred samples with \
+         neighbours in direction or wavelength, and noise above the rounding of float32; give an explicit error, for example \
+         er_l2 0.01"
+    )]
+    NoNoise,
+    /// No spectral basis to try.
+    #[error("no spectral basis fits these axes: name one with the option basis, or use lossless")]
+    NoBasis,
+    /// Transforms that do not fit the axes.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// Principal components that cannot be found.
+    #[error("basis klt: {0}")]
+    Klt(#[from] KltError),
+    /// A symmetry that the domain of the directions does not have.
+    #[error("a symmetry of another domain")]
+    Symmetry,
+    /// A model of appearance on axes that it is not made for.
+    #[error("a model that makes no sense here")]
+    Model,
+    /// A target that bounds no error, where one is to be kept.
+    #[error("this target bounds no error")]
+    Unbounded,
+    /// The lossless target with a policy that allows errors.
+    #[error("the rd policy is not lossless")]
+    NotLossless,
+    /// A sample of the spectra, to rank bases on, that is not a measurement.
+    #[error("a sample of the spectra does not make a measurement: {0}")]
+    Sample(TensorError),
+    /// Samples that do not make a tensor.
+    #[error(transparent)]
+    Tensor(#[from] TensorError),
+}
+
+/// Options that need policy `rd`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum RdOption {
+    /// The data's own spectral basis.
+    Klt,
+    /// The target that stops at the noise.
+    Auto,
+    /// A step of the quantiser.
+    Step,
+    /// A bound on colour differences.
+    DeltaE,
+    /// Another target.
+    Target,
+}
+
+impl RdOption {
+    fn refusal(self, policy: Policy) -> String {
+        match self {
+            Self::Klt => format!("basis klt is for policy rd; policy {policy} takes auto, identity or a wavelet"),
+            Self::Auto => {
+                format!("er_l2 auto: policy {policy} does not weigh noise; use policy rd, or name an error")
+            }
+            Self::Step => format!("step: policy {policy} has no quantiser; use policy rd, or another target"),
+            Self::DeltaE => {
+                format!("delta_e: policy {policy} bounds errors of samples, not of colours; use policy rd")
+            }
+            Self::Target => format!("policy {policy} cannot aim at this target; use policy rd"),
+        }
+    }
+}
+
+/// Conflicts of a bound on the error of albedos with the rest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AlbedoConflict {
+    /// A policy or target that corrects nothing.
+    #[error("only policy rd with an error to keep corrects light; use that, or leave albedo_error out")]
+    Uncorrected,
+    /// A target that bounds the light already.
+    #[error(
+        "a bound on every sample, or in the unit of the samples, bounds the light already; leave albedo_error out, or ask \
+         for er_l2 or er_l1"
+    )]
+    Bounded,
+    /// No outgoing triangles.
+    #[error("the axes have no triangles to add light over; leave albedo_error out")]
+    NoTriangles,
+}
+
+/// Conflicts of random access with the rest.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RandomAccessConflict {
+    /// A policy without blocks.
+    #[error("policy {0}")]
+    Policy(Policy),
+    /// A basis that is not the data's own.
+    #[error("basis {0}")]
+    Basis(String),
+    /// A target whose corrections are coded for all samples together.
+    #[error("a target that bounds every sample, whose corrections are coded for the whole")]
+    EverySample,
+    /// Axes without blocks.
+    #[error("nothing before outgoing triangles in [{}]", .0.iter().map(Axis::describe).collect::<Vec<_>>().join(", "))]
+    Axes(Vec<Axis>),
+}

@@ -1,0 +1,263 @@
+//! Reasons why no file keeps a promise: the option asked for, what in the data conflicts with it, and what would work.
+
+use super::figures::{shown, two_digits_up};
+use super::policy::Policy;
+use super::target::Target;
+use crate::codec::CodecError;
+
+/// Promises that no file of a measurement keeps.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum UnreachableError {
+    /// No candidate at all.
+    #[error("no spectral basis fits these axes: name one with the option basis, or use lossless")]
+    NoBasis,
+    /// An error that a basis does not reach, however small the step.
+    #[error("{}", cannot_follow((option, *wanted), *closest, (basis, *linear)))]
+    CannotFollow {
+        /// Name of the option.
+        option: &'static str,
+        /// The error asked for.
+        wanted: f64,
+        /// The smallest error found; infinite where float32 overflows.
+        closest: f64,
+        /// Name of the spectral basis.
+        basis: &'static str,
+        /// True if samples are coded, false if their logarithms are.
+        linear: bool,
+    },
+    /// A bound on every sample that is below what float32 resolves.
+    #[error("{}", below_rounding(*target, *largest))]
+    BelowRounding {
+        /// The target.
+        target: Target,
+        /// The largest magnitude of a sample.
+        largest: f64,
+    },
+    /// An error below the smallest one that a file can state.
+    #[error(
+        "{option} {wanted:e} is below 3.6e-43, the smallest error that a file can state; ask for a larger one, or lossless"
+    )]
+    BelowStated {
+        /// Name of the option.
+        option: &'static str,
+        /// The error asked for.
+        wanted: f64,
+    },
+    /// A size below that of the smallest file, or a ratio above that of the fewest coefficients.
+    #[error("{}", too_large(*target, *least, (*samples, basis), *has_metadata))]
+    TooLarge {
+        /// The target.
+        target: Target,
+        /// The least size that is possible: bytes, or coefficients for a ratio.
+        least: f64,
+        /// Number of samples.
+        samples: usize,
+        /// Name of the spectral basis.
+        basis: &'static str,
+        /// True if the file has metadata.
+        has_metadata: bool,
+    },
+    /// A ratio that the adaptive rule does not reach: it keeps all coefficients of constant functions.
+    #[error(
+        "ratio {ratio}: the adaptive rule keeps {kept} of {count} coefficients, those of functions that are constant; ask for \
+         ratio {} or less, or for another policy",
+        shown((*count as f64 / (*kept).max(1) as f64).floor())
+    )]
+    ConstantFunctions {
+        /// The ratio asked for.
+        ratio: f64,
+        /// Number of kept coefficients.
+        kept: usize,
+        /// Number of coefficients.
+        count: usize,
+    },
+    /// A figure of the best file found that misses its bound.
+    #[error("{}", missed(option, (*wanted, *found), basis))]
+    Missed {
+        /// Name of the option.
+        option: &'static str,
+        /// The bound.
+        wanted: f64,
+        /// The figure of the file.
+        found: f64,
+        /// Name of the spectral basis of the file.
+        basis: String,
+    },
+    /// Samples below the floor that are not kept within it.
+    #[error(
+        "floor {}: samples below the floor of {} (in the unit of the samples) are to be kept within it, but the error asked for \
+         lets one be off by {}; ask for a smaller error, a larger floor, or leave the floor out",
+        shown(*wanted), shown(*floor), shown(*found)
+    )]
+    Floor {
+        /// The floor asked for, as a fraction of the largest sample.
+        wanted: f64,
+        /// The floor in the unit of the samples.
+        floor: f64,
+        /// The largest error below it, in the same unit.
+        found: f64,
+    },
+    /// Samples that decode as masked, or masked ones as numbers.
+    #[error(
+        "policy {policy}, basis {basis}: {count} samples would decode as masked, or masked ones as numbers, because the samples \
+         leave the range in which this transform works in float32; use lossless, or store the measurement in another unit"
+    )]
+    Mask {
+        /// The policy.
+        policy: Policy,
+        /// Name of the spectral basis.
+        basis: String,
+        /// Number of such samples.
+        count: u64,
+    },
+    /// Samples that decode beyond float32 with every step.
+    #[error(
+        "samples would decode beyond 3.4e38, the largest float32: the samples come close to it; ask for a larger file, a \
+         smaller ratio or step, an error to keep instead (for example er_l2 0.01), or lossless, or store the measurement in a \
+         larger unit"
+    )]
+    Overflow,
+    /// A sample that decodes beyond float32.
+    #[error(
+        "policy {policy}, basis {basis}: sample {index} of the measurement is {sample:e} and would decode beyond 3.4e38, the \
+         largest float32; ask for a smaller error or step, more bytes or a smaller ratio, or lossless, or store the \
+         measurement in a larger unit"
+    )]
+    SampleOverflow {
+        /// The policy.
+        policy: Policy,
+        /// Name of the spectral basis.
+        basis: String,
+        /// Flat index of the sample.
+        index: usize,
+        /// The sample.
+        sample: f32,
+    },
+    /// A linear transform of the paper that leaves float32.
+    #[error(
+        "policy {policy}, basis {basis}: samples as large as {} leave the range of float32 in the transform; use policy rd, \
+         lossless, or store the measurement in a larger unit", shown(*largest)
+    )]
+    TransformOverflow {
+        /// The policy.
+        policy: Policy,
+        /// Name of the spectral basis.
+        basis: &'static str,
+        /// The largest magnitude of a sample.
+        largest: f64,
+    },
+    /// A given coefficient that float32 does not hold.
+    #[error("coefficient {index} is {found}, expected a number that an f32 holds")]
+    Coefficient {
+        /// Its flat index.
+        index: usize,
+        /// Its value as a float32.
+        found: f32,
+    },
+    /// A file that its own decoder refuses.
+    #[error(
+        "policy {policy}, basis {basis}: no file was written, because its decoder would refuse it ({reason}): the samples leave \
+         the range in which this transform works in float32; use lossless, or store the measurement in another unit"
+    )]
+    Undecodable {
+        /// The policy.
+        policy: Policy,
+        /// Name of the spectral basis.
+        basis: String,
+        /// The decoder's reason.
+        reason: CodecError,
+    },
+    /// A file whose colours cannot be checked, because it does not decode.
+    #[error("delta_e: the file does not decode ({0}); use lossless")]
+    Colours(CodecError),
+}
+
+const KLT: &str = "klt";
+
+fn cannot_follow((name, wanted): (&str, f64), closest: f64, (basis, linear): (&str, bool)) -> String {
+    let what = if linear { "float32 samples" } else { "logarithms in float32" };
+    let why = match basis {
+        KLT => format!("at most 24 spectral vectors, and {what}, follow this measurement no closer"),
+        _ => format!("{what} follow this measurement no closer"),
+    };
+    let instead = if closest.is_finite() && closest <= 10.0 {
+        format!("{name} {} or more", shown(two_digits_up(closest * 1.05)))
+    } else {
+        "a larger error".to_owned()
+    };
+    let another = if basis == KLT { ", another basis (auto, bior4.4)" } else { "" };
+    format!(
+        "{name} {}: with basis {basis} the closest file is off by {}: {why}; ask for {instead}{another}, or lossless",
+        shown(wanted),
+        if closest.is_finite() { shown(closest) } else { "more than float32 holds".to_owned() },
+    )
+}
+
+fn below_rounding(target: Target, largest: f64) -> String {
+    match target {
+        Target::MaxAbsoluteError(wanted) => {
+            let least =
+                two_digits_up((4.0 * largest * f64::from(f32::EPSILON)).max(2.0 * f64::from(f32::MIN_POSITIVE)));
+            format!(
+                "max_absolute_error {}: float32 is too coarse for it beside samples as large as {}; ask for {} or more, or \
+                 lossless",
+                shown(wanted),
+                shown(largest),
+                shown(least)
+            )
+        }
+        Target::MaxRelativeError(wanted) => format!(
+            "max_relative_error {}: float32 logarithms resolve about 1e-5 of a sample; ask for 3e-5 or more, or lossless",
+            shown(wanted)
+        ),
+        _ => "the error asked for is below what float32 resolves; ask for a larger one, or lossless".to_owned(),
+    }
+}
+
+fn too_large(target: Target, least: f64, (samples, basis): (usize, &str), has_metadata: bool) -> String {
+    let mut text = match target {
+        Target::Ratio(ratio) => format!(
+            "ratio {}: basis {basis} keeps {least} coefficients of the {samples} samples at least, its own vectors included; \
+             ask for ratio {} or less",
+            shown(ratio),
+            shown((samples as f64 / least.max(1.0)).floor().max(1.0)),
+        ),
+        Target::Bytes(bytes) => {
+            let (what, enough) =
+                if has_metadata { (", its metadata included", with_longer_request(bytes, least)) } else { ("", least) };
+            format!(
+                "bytes {bytes}: the smallest file of this material has {least} bytes{what}; ask for {enough} or more"
+            )
+        }
+        _ => "the file is larger than was asked for".to_owned(),
+    };
+    match target {
+        Target::Ratio(_) if basis == KLT => text.push_str(", or for another basis (auto, haar)"),
+        Target::Bytes(_) if has_metadata => {
+            text.push_str(", or leave the metadata out (--no-metadata, \"metadata\": false)");
+        }
+        _ => {}
+    }
+    text
+}
+
+/// The size of a file that has `least` bytes and metadata with a request for `bytes`, once the request is for that size: a longer
+/// number in the metadata, and in what is computed from it.
+fn with_longer_request(bytes: u64, least: f64) -> f64 {
+    let digits = |number: u64| number.max(1).ilog10();
+    least + f64::from(4 + 2 * digits(least as u64).saturating_sub(digits(bytes)))
+}
+
+fn missed(option: &str, (wanted, found): (f64, f64), basis: &str) -> String {
+    let more = if found.is_finite() {
+        format!("{option} {} or more", shown(two_digits_up(1.05 * found)))
+    } else {
+        "a larger one".to_owned()
+    };
+    let rounded = [wanted, found].map(shown);
+    let [wanted, found] = if rounded[0] == rounded[1] { [wanted, found].map(|x| format!("{x:e}")) } else { rounded };
+    format!(
+        "{option} {wanted}: the closest file found, with basis {basis}, has {found}; ask for {more}, another basis, or lossless"
+    )
+}
