@@ -1,6 +1,6 @@
 //! A grid of angles as a function on the sphere: bilinear in (theta, phi), held to the ends that it stands for.
 
-use super::error::ProjectionError;
+use super::error::{Angle, AnglesError, ProjectionError, Role};
 use crate::domain::{Direction, TriangleMesh};
 use crate::formats::{Angles, AzimuthExtent, Azimuths};
 use crate::numeric::bracket::Bracket;
@@ -11,59 +11,53 @@ const INSIDE: f64 = 1e-6;
 /// Azimuths at which a sample without azimuth is looked up: it stands for its whole ring.
 const RING: usize = 16;
 
-/// Refuses angles that make no grid: `what` is `incoming` or `outgoing`.
-pub(super) fn check(what: &str, angles: &Angles) -> Result<(), ProjectionError> {
-    let unfit = |reason: String| Err(ProjectionError::Unfit(format!("{what} angles: {reason}")));
+/// Refuses angles that make no grid.
+pub(super) fn check(role: Role, angles: &Angles) -> Result<(), ProjectionError> {
+    let unfit = |angles| Err(ProjectionError::Angles { role, angles });
     let theta = &angles.theta;
     let (Some(&first), Some(&last)) = (theta.first(), theta.last()) else {
-        return unfit("no theta, expected at least one".to_owned());
+        return unfit(AnglesError::Empty { angle: Angle::Theta });
     };
-    if let Some(bad) = theta.iter().find(|t| !(0.0..=180.0).contains(*t)) {
-        return unfit(format!("theta {bad}, expected 0 to 180 degrees"));
+    if let Some(&found) = theta.iter().find(|t| !(0.0..=180.0).contains(*t)) {
+        return unfit(AnglesError::Range { angle: Angle::Theta, found });
     }
     if let Some([a, b]) = theta.array_windows().find(|[a, b]| b <= a) {
-        return unfit(format!("theta {b} after {a}, expected strictly increasing"));
+        return unfit(AnglesError::Order { angle: Angle::Theta, found: *b, before: *a });
     }
     let (low, high) = angles.covers;
     if !(low >= 0.0 && low <= first && last <= high && high <= 180.0) {
-        return unfit(format!("covers theta {low} to {high}, expected a range that holds {first} to {last}"));
+        return unfit(AnglesError::Covers { low, high, first, last });
     }
     let Some(azimuths) = &angles.phi else { return Ok(()) };
     let phi = &azimuths.phi;
     let (Some(&first), Some(&last)) = (phi.first(), phi.last()) else {
-        return unfit("no phi, expected at least one".to_owned());
+        return unfit(AnglesError::Empty { angle: Angle::Phi });
     };
-    if let Some(bad) = phi.iter().find(|p| !(-360.0..=720.0).contains(*p)) {
-        return unfit(format!("phi {bad}, expected degrees of one turn"));
+    if let Some(&found) = phi.iter().find(|p| !(-360.0..=720.0).contains(*p)) {
+        return unfit(AnglesError::Range { angle: Angle::Phi, found });
     }
     if let Some([a, b]) = phi.array_windows().find(|[a, b]| b <= a) {
-        return unfit(format!("phi {b} after {a}, expected strictly increasing"));
+        return unfit(AnglesError::Order { angle: Angle::Phi, found: *b, before: *a });
     }
-    match azimuths.extent {
-        AzimuthExtent::Circle if last - first >= 360.0 => {
-            unfit(format!("phi {first} to {last} go round more than once, expected less than 360 degrees"))
-        }
-        AzimuthExtent::Mirrored if first < 0.0 || last > 180.0 => {
-            unfit(format!("phi {first} to {last} are mirrored, expected 0 to 180 degrees"))
-        }
-        AzimuthExtent::Sector if last - first > 360.0 => unfit(format!("phi {first} to {last} are more than a turn")),
-        _ => Ok(()),
-    }
+    let extent = azimuths.extent;
+    let fits = match extent {
+        AzimuthExtent::Circle => last - first < 360.0,
+        AzimuthExtent::Mirrored => first >= 0.0 && last <= 180.0,
+        AzimuthExtent::Sector => last - first <= 360.0,
+    };
+    if fits { Ok(()) } else { unfit(AnglesError::Extent { extent, first, last }) }
 }
 
 /// Refuses checked angles that cover no area, whose average over a triangle means nothing.
-pub(super) fn check_area(what: &str, angles: &Angles) -> Result<(), ProjectionError> {
+pub(super) fn check_area(role: Role, angles: &Angles) -> Result<(), ProjectionError> {
+    let unfit = |angles| Err(ProjectionError::Angles { role, angles });
     let (low, high) = angles.covers;
     let sector = angles.phi.as_ref().filter(|azimuths| azimuths.extent == AzimuthExtent::Sector);
     if low == high {
-        return Err(ProjectionError::Unfit(format!(
-            "{what} angles: one theta ({low} degrees) that stands for itself alone covers no area, expected two or more"
-        )));
+        return unfit(AnglesError::OneTheta { theta: low });
     }
     match sector.map(|azimuths| azimuths.phi.as_slice()) {
-        Some([alone]) => Err(ProjectionError::Unfit(format!(
-            "{what} angles: a sector of one azimuth ({alone} degrees) covers no area, expected two or more, or none for all"
-        ))),
+        Some(&[phi]) => unfit(AnglesError::OneAzimuth { phi }),
         _ => Ok(()),
     }
 }
@@ -337,7 +331,7 @@ mod tests {
     #[test]
     fn malformed_angles_are_refused() {
         let good = angles(&[0.0, 90.0], (0.0, 90.0), Some((&[0.0, 180.0], AzimuthExtent::Mirrored)));
-        assert_eq!(check("incoming", &good), Ok(()));
+        assert_eq!(check(Role::Incoming, &good), Ok(()));
         let sector = AzimuthExtent::Sector;
         for (bad, expected) in [
             (angles(&[], (0.0, 90.0), None), "no theta"),
@@ -352,12 +346,12 @@ mod tests {
             (angles(&[5.0], (0.0, 180.0), Some((&[0.0, 360.0], AzimuthExtent::Circle))), "more than once"),
             (angles(&[5.0], (0.0, 180.0), Some((&[0.0, 361.0], sector))), "more than a turn"),
         ] {
-            let error = check("outgoing", &bad).unwrap_err();
-            assert!(matches!(error, ProjectionError::Unfit(_)) && error.to_string().contains(expected), "{error}");
+            let error = check(Role::Outgoing, &bad).unwrap_err();
+            assert!(matches!(error, ProjectionError::Angles { .. }) && error.to_string().contains(expected), "{error}");
         }
         let flat = angles(&[5.0], (5.0, 5.0), None);
-        assert!(matches!(check_area("outgoing", &flat), Err(ProjectionError::Unfit(_))));
+        assert!(check_area(Role::Outgoing, &flat).is_err());
         let plane = angles(&[5.0], (0.0, 90.0), Some((&[0.0], sector)));
-        assert!(matches!(check_area("outgoing", &plane), Err(ProjectionError::Unfit(_))));
+        assert!(check_area(Role::Outgoing, &plane).is_err());
     }
 }

@@ -1,17 +1,291 @@
 //! Reasons why a measurement cannot be put on the axes asked for.
 
-use crate::domain::{AxisError, TensorError};
+use crate::domain::limits::MAX_LEVEL;
+use crate::domain::{Axis, AxisError, Domain, Quantity, TensorError, TriangleMesh};
+use crate::formats::AzimuthExtent;
 
-/// Why a measurement cannot be put on the axes asked for.
+/// Reasons why a measurement cannot be put on the axes asked for.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProjectionError {
-    /// A request that the data cannot answer.
-    #[error("{0}")]
-    Unfit(String),
+    /// The level asked for does not fit the data.
+    #[error("{role}_level: {}", level.refusal(*role))]
+    Level {
+        /// The axis concerned.
+        role: Role,
+        /// What does not fit.
+        level: LevelError,
+    },
+    /// The angles of the samples make no grid.
+    #[error("{role} angles: {angles}")]
+    Angles {
+        /// The axis concerned.
+        role: Role,
+        /// What is wrong with them.
+        angles: AnglesError,
+    },
+    /// The samples at scattered directions make no sense.
+    #[error("scattered directions: {0}")]
+    Scattered(#[from] ScatteredError),
+    /// A spectrum or wavelengths that do not fit the data.
+    #[error(transparent)]
+    Spectral(#[from] SpectralError),
     /// The axes are out of their limits.
     #[error(transparent)]
     Axes(#[from] AxisError),
     /// The tensor cannot be made.
     #[error(transparent)]
     Tensor(#[from] TensorError),
+}
+
+/// Axes of directions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// Directions that light comes from.
+    Incoming,
+    /// Directions that light goes to.
+    Outgoing,
+}
+
+impl std::fmt::Display for Role {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Incoming => "incoming",
+            Self::Outgoing => "outgoing",
+        })
+    }
+}
+
+/// Levels that do not fit the data.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum LevelError {
+    /// A level above the limit.
+    AboveLimit {
+        /// The level asked for.
+        found: u8,
+    },
+    /// Data without directions of this role.
+    NoDirections,
+    /// Isotropic data, which have elevations and no triangles.
+    Isotropic {
+        /// Number of elevations.
+        elevations: usize,
+    },
+    /// Data on an axis that is not made of triangles.
+    NoTriangles {
+        /// The axis found.
+        axis: Axis,
+    },
+    /// A level finer than that of the data.
+    TooFine {
+        /// The level asked for.
+        found: u8,
+        /// The triangles of the data.
+        mesh: TriangleMesh,
+    },
+}
+
+impl LevelError {
+    fn refusal(&self, role: Role) -> String {
+        match self {
+            Self::AboveLimit { found } => format!("{found} is above the limit of {MAX_LEVEL}"),
+            Self::NoDirections => format!("the data have no {role} directions to choose a level for"),
+            Self::Isotropic { elevations } => {
+                let s = if *elevations == 1 { "" } else { "s" };
+                format!("the data are isotropic ({elevations} elevation{s}), no {role} triangles to choose a level for")
+            }
+            Self::NoTriangles { axis } => format!("the {role} axis is {}, no triangles", axis.describe()),
+            Self::TooFine { found, mesh } => {
+                let own = Axis::Triangles(*mesh).describe();
+                format!("{found} requested, the data are at level {} ({own})", mesh.level())
+            }
+        }
+    }
+}
+
+/// Angles that make no grid, in degrees.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AnglesError {
+    /// No angle at all.
+    #[error("no {angle}, expected at least one")]
+    Empty {
+        /// The missing angle.
+        angle: Angle,
+    },
+    /// An angle out of its range.
+    #[error("{angle} {found}, expected {}", match angle {
+        Angle::Theta => "0 to 180 degrees",
+        Angle::Phi => "degrees of one turn",
+    })]
+    Range {
+        /// The angle concerned.
+        angle: Angle,
+        /// Its value.
+        found: f64,
+    },
+    /// Angles that do not increase.
+    #[error("{angle} {found} after {before}, expected strictly increasing")]
+    Order {
+        /// The angle concerned.
+        angle: Angle,
+        /// The value that is not above the one before.
+        found: f64,
+        /// The one before.
+        before: f64,
+    },
+    /// A covered range without some of the samples.
+    #[error("covers theta {low} to {high}, expected a range that holds {first} to {last}")]
+    Covers {
+        /// Start of the covered range.
+        low: f64,
+        /// End of the covered range.
+        high: f64,
+        /// The first theta.
+        first: f64,
+        /// The last theta.
+        last: f64,
+    },
+    /// Azimuths that do not have the extent stated.
+    #[error("phi {first} to {last} {}", match extent {
+        AzimuthExtent::Circle => "go round more than once, expected less than 360 degrees",
+        AzimuthExtent::Mirrored => "are mirrored, expected 0 to 180 degrees",
+        AzimuthExtent::Sector => "are more than a turn",
+    })]
+    Extent {
+        /// The extent stated.
+        extent: AzimuthExtent,
+        /// The first azimuth.
+        first: f64,
+        /// The last azimuth.
+        last: f64,
+    },
+    /// A single theta, which has no area to average over.
+    #[error("one theta ({theta} degrees) that stands for itself alone covers no area, expected two or more")]
+    OneTheta {
+        /// The theta.
+        theta: f64,
+    },
+    /// A sector of a single azimuth, which has no area to average over.
+    #[error("a sector of one azimuth ({phi} degrees) covers no area, expected two or more, or none for all")]
+    OneAzimuth {
+        /// The azimuth.
+        phi: f64,
+    },
+    /// A range outside the domain of the quantity.
+    #[error("theta {low} to {high} does not reach into the {domain} of a {quantity}")]
+    Beside {
+        /// Start of the range.
+        low: f64,
+        /// End of the range.
+        high: f64,
+        /// The domain.
+        domain: Domain,
+        /// The quantity.
+        quantity: Quantity,
+    },
+}
+
+/// Angles of a direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Angle {
+    /// The angle to the normal or axis.
+    Theta,
+    /// The azimuth.
+    Phi,
+}
+
+impl std::fmt::Display for Angle {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Theta => "theta",
+            Self::Phi => "phi",
+        })
+    }
+}
+
+/// Scattered samples that make no sense.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ScatteredError {
+    /// No sample.
+    #[error("none, expected at least one")]
+    Empty,
+    /// Directions that are not one for each sample.
+    #[error("{found} {role} directions, expected {expected} or none")]
+    Count {
+        /// The directions concerned.
+        role: Role,
+        /// Number of directions.
+        found: usize,
+        /// Number of samples.
+        expected: usize,
+    },
+    /// A direction with an angle out of its range.
+    #[error(
+        "{role} theta {theta}, phi {phi} of sample {index}, expected degrees: theta from 0 to 180, phi of one turn"
+    )]
+    Direction {
+        /// The directions concerned.
+        role: Role,
+        /// Position of the sample, from 0.
+        index: usize,
+        /// Its theta in degrees.
+        theta: f64,
+        /// Its azimuth in degrees.
+        phi: f64,
+    },
+    /// More samples than can be numbered.
+    #[error("{found}, expected at most {}", u32::MAX)]
+    TooMany {
+        /// Number of samples.
+        found: usize,
+    },
+    /// No sample in the domain of the quantity.
+    #[error("no sample of the {count} lies on the {domain} of a {quantity}")]
+    Beside {
+        /// Number of samples.
+        count: usize,
+        /// The domain.
+        domain: Domain,
+        /// The quantity.
+        quantity: Quantity,
+    },
+}
+
+/// Spectra and wavelengths that do not fit the data.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SpectralError {
+    /// A spectrum to join, but data with a spectral axis.
+    #[error("spectrum: the samples have a spectral axis of their own, {}", axis.describe())]
+    OwnAxis {
+        /// The spectral axis of the data.
+        axis: Axis,
+    },
+    /// A spectrum without one factor for each wavelength.
+    #[error("spectrum: {found} factors for {expected} wavelengths")]
+    Factors {
+        /// Number of factors.
+        found: usize,
+        /// Number of wavelengths.
+        expected: usize,
+    },
+    /// Wavelengths asked for, but data with colour channels.
+    #[error("wavelengths: the data have colour channels ({}), no wavelengths", axis.describe())]
+    Channels {
+        /// The spectral axis of the data.
+        axis: Axis,
+    },
+    /// Wavelengths asked for, but data without any.
+    #[error("wavelengths: the data have no wavelengths to resample; join a spectrum with them")]
+    NoWavelengths,
+    /// Wavelengths asked for that are all outside the measured range.
+    #[error("wavelengths: {} to {} nm requested, measured {} to {} nm", requested.0, requested.1, measured.0, measured.1)]
+    Outside {
+        /// The first and last wavelength asked for, in nm.
+        requested: (f64, f64),
+        /// The first and last wavelength measured, in nm.
+        measured: (f64, f64),
+    },
 }

@@ -2,7 +2,7 @@
 
 use super::angles::{self, check, check_area, sampled_cells};
 use super::averages::{Averages, divisions};
-use super::error::ProjectionError;
+use super::error::{AnglesError, LevelError, ProjectionError, Role};
 use super::levels::{self, Choice, Entries, lower_to_fit, rounded};
 use super::projected::{Coverage, Projected};
 use super::request::AxesRequest;
@@ -40,8 +40,8 @@ pub(super) fn project(
     check_axes(&axes)?;
 
     let mut notes = Vec::new();
-    incoming.describe("incoming", grid.outside, &mut notes);
-    outgoing.describe("outgoing", grid.outside, &mut notes);
+    incoming.describe(Role::Incoming, grid.outside, &mut notes);
+    outgoing.describe(Role::Outgoing, grid.outside, &mut notes);
     notes.extend(spectral.notes);
     if missing > 0 {
         notes.push(format!(
@@ -67,9 +67,9 @@ pub(super) fn project(
 pub(super) fn check_values(grid: &AngleGrid) -> Result<usize, ProjectionError> {
     check_axes(&grid.index)?;
     let mut shape: Vec<usize> = grid.index.iter().map(Axis::len).collect();
-    for (what, side) in [("incoming", &grid.incoming), ("outgoing", &grid.outgoing)] {
+    for (role, side) in [(Role::Incoming, &grid.incoming), (Role::Outgoing, &grid.outgoing)] {
         if let Some(angles) = side {
-            check(what, angles)?;
+            check(role, angles)?;
             shape.push(angles::count(angles));
         }
     }
@@ -85,22 +85,22 @@ pub(super) fn check_values(grid: &AngleGrid) -> Result<usize, ProjectionError> {
 }
 
 fn incoming_side(angles: Option<&Angles>, level: Option<u8>) -> Result<Side<'_>, ProjectionError> {
-    let unfit = |reason: String| Err(ProjectionError::Unfit(format!("incoming_level: {reason}")));
+    let unfit = |level| Err(ProjectionError::Level { role: Role::Incoming, level });
     match (angles, level) {
         (None, None) => Ok(Side::Absent),
-        (None, Some(_)) => unfit("the data have no incoming directions to choose a level for".to_owned()),
+        (None, Some(_)) => unfit(LevelError::NoDirections),
         (Some(angles), level) if angles.phi.is_none() => match level {
             None => Ok(Side::Elevations(angles)),
-            Some(_) => unfit(levels::isotropic(angles.theta.len(), "incoming")),
+            Some(_) => unfit(LevelError::Isotropic { elevations: angles.theta.len() }),
         },
         (Some(angles), level) => {
-            check_area("incoming", angles)?;
+            check_area(Role::Incoming, angles)?;
             let domain = match angles.covers {
                 (_, high) if high <= 90.0 => Domain::Hemisphere,
                 (low, _) if low >= 90.0 => Domain::Lower,
                 _ => Domain::Sphere,
             };
-            Ok(Side::Triangles(angles, levels::choose("incoming", domain, angles, level)?))
+            Ok(Side::Triangles(angles, levels::choose(Role::Incoming, domain, angles, level)?))
         }
     }
 }
@@ -109,12 +109,10 @@ fn outgoing_side(quantity: Quantity, angles: Option<&Angles>, level: Option<u8>)
     let Some(angles) = angles else {
         return match level {
             None => Ok(Side::Absent),
-            Some(_) => Err(ProjectionError::Unfit(
-                "outgoing_level: the data have no outgoing directions to choose a level for".to_owned(),
-            )),
+            Some(_) => Err(ProjectionError::Level { role: Role::Outgoing, level: LevelError::NoDirections }),
         };
     };
-    check_area("outgoing", angles)?;
+    check_area(Role::Outgoing, angles)?;
     let domain = match quantity {
         Quantity::Brdf => Domain::Hemisphere,
         Quantity::Btdf => Domain::Lower,
@@ -127,11 +125,10 @@ fn outgoing_side(quantity: Quantity, angles: Option<&Angles>, level: Option<u8>)
         Domain::Sphere => false,
     };
     if beside {
-        return Err(ProjectionError::Unfit(format!(
-            "outgoing angles: theta {low} to {high} does not reach into the {domain} of a {quantity}"
-        )));
+        let angles = AnglesError::Beside { low, high, domain, quantity };
+        return Err(ProjectionError::Angles { role: Role::Outgoing, angles });
     }
-    Ok(Side::Triangles(angles, levels::choose("outgoing", domain, angles, level)?))
+    Ok(Side::Triangles(angles, levels::choose(Role::Outgoing, domain, angles, level)?))
 }
 
 impl Side<'_> {
@@ -179,19 +176,19 @@ impl Side<'_> {
     }
 
     /// Everything chosen and assumed, for the user.
-    fn describe(&self, what: &str, outside: Outside, notes: &mut Vec<String>) {
+    fn describe(&self, role: Role, outside: Outside, notes: &mut Vec<String>) {
         let (angles, choice) = match self {
             Self::Absent => return,
             Self::Elevations(angles) => {
-                notes.push(format!("{what}: the {} elevations of the file (isotropic)", angles.theta.len()));
+                notes.push(format!("{role}: the {} elevations of the file (isotropic)", angles.theta.len()));
                 return;
             }
             Self::Triangles(angles, choice) => (angles, choice),
         };
         let domain = choice.mesh.domain();
-        notes.push(choice.note(what));
+        notes.push(choice.note(role));
         notes.push(format!(
-            "{what} cells are averages of the bilinear interpolant over {} parts each",
+            "{role} cells are averages of the bilinear interpolant over {} parts each",
             1_u64 << (2 * divisions(choice.mesh, angles))
         ));
         let rest = match outside {
@@ -205,19 +202,19 @@ impl Side<'_> {
         };
         let (low, high) = angles.covers;
         if low > top || high < bottom {
-            notes.push(format!("{what} directions outside theta {}° to {}° are {rest}", rounded(low), rounded(high)));
+            notes.push(format!("{role} directions outside theta {}° to {}° are {rest}", rounded(low), rounded(high)));
         }
         if low < top || high > bottom {
-            notes.push(format!("{what} samples beyond the {domain} were left out"));
+            notes.push(format!("{role} samples beyond the {domain} were left out"));
         }
         let Some(azimuths) = &angles.phi else {
-            notes.push(format!("{what} samples have no azimuth: taken as rotationally symmetric about z"));
+            notes.push(format!("{role} samples have no azimuth: taken as rotationally symmetric about z"));
             return;
         };
         if let (AzimuthExtent::Sector, [first, .., last]) = (azimuths.extent, azimuths.phi.as_slice())
             && last - first < 360.0
         {
-            notes.push(format!("{what} directions outside phi {}° to {}° are {rest}", rounded(*first), rounded(*last)));
+            notes.push(format!("{role} directions outside phi {}° to {}° are {rest}", rounded(*first), rounded(*last)));
         }
     }
 }
@@ -271,7 +268,7 @@ mod tests {
     fn chosen_levels_give_way_to_the_size_limit_and_named_ones_do_not() {
         let angles = Angles { theta: (0..=90).map(f64::from).collect(), covers: (0.0, 90.0), phi: None };
         let side = |level| {
-            let choice = levels::choose("outgoing", Domain::Hemisphere, &angles, level).unwrap();
+            let choice = levels::choose(Role::Outgoing, Domain::Hemisphere, &angles, level).unwrap();
             Side::Triangles(&angles, choice)
         };
         let level = |side: &Side<'_>| match side.axis() {

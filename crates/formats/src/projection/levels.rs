@@ -2,8 +2,7 @@
 
 use super::angles::mean_spacing;
 use super::averages::OCTANT_DEGREES;
-use super::error::ProjectionError;
-use crate::domain::limits::MAX_LEVEL;
+use super::error::{LevelError, ProjectionError, Role};
 use crate::domain::{Domain, TriangleMesh};
 use crate::formats::Angles;
 
@@ -27,7 +26,7 @@ pub(super) struct Choice {
 /// The mesh of `domain` for samples on `angles`: at the `requested` level, or at the level whose mean cell size (the
 /// square root of its solid angle) is nearest in ratio to the finer of the two spacings.
 pub(super) fn choose(
-    what: &str,
+    role: Role,
     domain: Domain,
     angles: &Angles,
     requested: Option<u8>,
@@ -37,21 +36,21 @@ pub(super) fn choose(
         Some(phi) => format!("{}° × {}°", rounded(theta), rounded(phi)),
         None => format!("{}° of theta", rounded(theta)),
     };
-    at_level(what, domain, natural_level(theta, phi), requested, spacing)
+    at_level(role, domain, natural_level(theta, phi), requested, spacing)
 }
 
 /// As [`choose`], for samples that lie `spacing` degrees from their neighbours in every direction.
 pub(super) fn choose_by_distance(
-    what: &str,
+    role: Role,
     domain: Domain,
     spacing: f64,
     requested: Option<u8>,
 ) -> Result<Choice, ProjectionError> {
-    at_level(what, domain, natural_level(spacing, None), requested, format!("{}°", rounded(spacing)))
+    at_level(role, domain, natural_level(spacing, None), requested, format!("{}°", rounded(spacing)))
 }
 
 fn at_level(
-    what: &str,
+    role: Role,
     domain: Domain,
     natural: u8,
     requested: Option<u8>,
@@ -59,7 +58,7 @@ fn at_level(
 ) -> Result<Choice, ProjectionError> {
     let level = requested.unwrap_or(natural);
     let mesh = TriangleMesh::new(domain, level)
-        .ok_or_else(|| ProjectionError::Unfit(format!("{what}_level: {level} is above the limit of {MAX_LEVEL}")))?;
+        .ok_or(ProjectionError::Level { role, level: LevelError::AboveLimit { found: level } })?;
     Ok(Choice { mesh, requested: requested.is_some(), wanted: level, spacing })
 }
 
@@ -87,7 +86,7 @@ impl Choice {
     }
 
     /// One sentence for the user.
-    pub(super) fn note(&self, what: &str) -> String {
+    pub(super) fn note(&self, role: Role) -> String {
         let level = self.mesh.level();
         let size = OCTANT_DEGREES / f64::from(1_u32 << level);
         let why = if self.requested {
@@ -100,7 +99,7 @@ impl Choice {
             "the level whose mean cell size is nearest to the finer spacing".to_owned()
         };
         format!(
-            "{what} level {level} on the {}: cells of {size:.1}° for samples every {} ({why})",
+            "{role} level {level} on the {}: cells of {size:.1}° for samples every {} ({why})",
             self.mesh.domain(),
             self.spacing
         )
@@ -154,12 +153,6 @@ pub(super) fn rounded(degrees: f64) -> f64 {
     libm::round(degrees * 100.0) / 100.0
 }
 
-/// Why a level means nothing for elevations.
-pub(super) fn isotropic(elevations: usize, what: &str) -> String {
-    let s = if elevations == 1 { "" } else { "s" };
-    format!("the data are isotropic ({elevations} elevation{s}), no {what} triangles to choose a level for")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -211,17 +204,17 @@ mod tests {
             covers: (90.0, 180.0),
             phi: Some(Azimuths { phi: (0..32).map(|i| 11.25 * f64::from(i)).collect(), extent: AzimuthExtent::Circle }),
         };
-        let mut choice = choose("outgoing", Domain::Sphere, &angles, None).unwrap();
-        let note = choice.note("outgoing");
+        let mut choice = choose(Role::Outgoing, Domain::Sphere, &angles, None).unwrap();
+        let note = choice.note(Role::Outgoing);
         assert!(
             note.starts_with("outgoing level 5 on the sphere: cells of 2.2° for samples every 2.5° × 11.25° ("),
             "{note}"
         );
         assert!(choice.lower());
-        assert!(choice.note("outgoing").contains("level 5 would fit"));
-        let mut fixed = choose("outgoing", Domain::Sphere, &angles, Some(7)).unwrap();
-        assert!(!fixed.lower() && fixed.note("outgoing").contains("as requested"));
-        let error = choose("outgoing", Domain::Sphere, &angles, Some(9)).unwrap_err();
+        assert!(choice.note(Role::Outgoing).contains("level 5 would fit"));
+        let mut fixed = choose(Role::Outgoing, Domain::Sphere, &angles, Some(7)).unwrap();
+        assert!(!fixed.lower() && fixed.note(Role::Outgoing).contains("as requested"));
+        let error = choose(Role::Outgoing, Domain::Sphere, &angles, Some(9)).unwrap_err();
         assert_eq!(error.to_string(), "outgoing_level: 9 is above the limit of 8");
     }
 }

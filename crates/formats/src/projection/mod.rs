@@ -19,7 +19,7 @@ mod spectral;
 #[cfg(test)]
 mod tests;
 
-pub use error::ProjectionError;
+pub use error::{Angle, AnglesError, LevelError, ProjectionError, Role, ScatteredError, SpectralError};
 pub use projected::{Coverage, Projected};
 pub use request::AxesRequest;
 pub use samples::error_at_samples;

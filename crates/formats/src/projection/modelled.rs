@@ -2,7 +2,7 @@
 
 use super::angles::{check, mean_spacing};
 use super::averages::OCTANT_DEGREES;
-use super::error::ProjectionError;
+use super::error::{LevelError, ProjectionError, Role};
 use super::levels::{self, Choice, Entries, lower_to_fit};
 use super::projected::{Coverage, Projected};
 use super::request::AxesRequest;
@@ -43,13 +43,13 @@ pub(super) fn project(
     modelled: &Modelled,
     request: &AxesRequest,
 ) -> Result<Projected, ProjectionError> {
-    check("incoming", &modelled.incoming)?;
+    check(Role::Incoming, &modelled.incoming)?;
     // A phase function is one over the whole sphere, and no cosine weighs its light.
     let is_phase = acquisition.quantity == Quantity::Phase;
     let domain = if is_phase { Domain::Sphere } else { Domain::Hemisphere };
     let mut incoming = incoming(modelled, domain, request.incoming_level)?;
     let spacing = modelled.outgoing_spacing;
-    let mut outgoing = levels::choose_by_distance("outgoing", domain, spacing, request.outgoing_level)?;
+    let mut outgoing = levels::choose_by_distance(Role::Outgoing, domain, spacing, request.outgoing_level)?;
     let spectral =
         spectral::plan(modelled.spectral.as_ref(), acquisition.spectral_factor.as_ref(), request.wavelengths.as_ref())?;
     let channels = spectral.channels;
@@ -65,7 +65,7 @@ pub(super) fn project(
     let [divisions_in, divisions_out] = affordable(wanted, pairs, channels.from());
     let parts_in = incoming.parts(divisions_in, &mut notes);
     let vertices = outgoing.mesh.all_vertices();
-    notes.push(outgoing.note("outgoing"));
+    notes.push(outgoing.note(Role::Outgoing));
     notes.push(format!(
         "outgoing cells are averages of the file's own interpolant over {} parts each{}",
         1_u64 << (2 * divisions_out),
@@ -102,10 +102,10 @@ fn incoming(modelled: &Modelled, domain: Domain, level: Option<u8>) -> Result<In
     match (&angles.phi, level) {
         (None, None) => Ok(Incoming::Elevations(&angles.theta)),
         (None, Some(_)) => {
-            let reason = levels::isotropic(angles.theta.len(), "incoming");
-            Err(ProjectionError::Unfit(format!("incoming_level: {reason}")))
+            let level = LevelError::Isotropic { elevations: angles.theta.len() };
+            Err(ProjectionError::Level { role: Role::Incoming, level })
         }
-        (Some(_), level) => Ok(Incoming::Triangles(levels::choose("incoming", domain, angles, level)?)),
+        (Some(_), level) => Ok(Incoming::Triangles(levels::choose(Role::Incoming, domain, angles, level)?)),
     }
 }
 
@@ -150,7 +150,7 @@ impl Incoming<'_> {
                 theta.iter().map(|&theta| vec![(Direction::from_degrees(theta, 0.0), 1.0)]).collect()
             }
             Self::Triangles(choice) => {
-                notes.push(choice.note("incoming"));
+                notes.push(choice.note(Role::Incoming));
                 notes.push(format!(
                     "incoming cells are averages of the file's own interpolant over {} parts each",
                     1_u64 << (2 * divisions)
@@ -332,12 +332,12 @@ mod tests {
     fn levels_that_mean_nothing_are_refused_and_chosen_ones_fit() {
         let request = AxesRequest { incoming_level: Some(1), ..AxesRequest::default() };
         let error = super::super::project(&acquisition(None, 5.0, |_, _| 1.0), &request).unwrap_err();
-        assert!(matches!(&error, ProjectionError::Unfit(reason) if reason.contains("isotropic (3 elevations)")));
+        assert!(matches!(error, ProjectionError::Level { level: LevelError::Isotropic { elevations: 3 }, .. }));
         let request = AxesRequest { outgoing_level: Some(9), ..AxesRequest::default() };
         let error = super::super::project(&acquisition(None, 5.0, |_, _| 1.0), &request).unwrap_err();
-        assert!(matches!(error, ProjectionError::Unfit(_)));
+        assert!(matches!(error, ProjectionError::Level { level: LevelError::AboveLimit { found: 9 }, .. }));
 
-        let choice = |level| levels::choose_by_distance("outgoing", Domain::Hemisphere, 1.0, level).unwrap();
+        let choice = |level| levels::choose_by_distance(Role::Outgoing, Domain::Hemisphere, 1.0, level).unwrap();
         let (mut incoming, mut outgoing) = (Incoming::Triangles(choice(None)), choice(None));
         lower_to_fit(incoming.entries(), Entries::Chosen(&mut outgoing), 8);
         assert_eq!((incoming.len(), outgoing.mesh.len()), (4096, 1024));

@@ -1,11 +1,11 @@
 //! Samples that lie on final axes already: kept, made coarser, or put on other wavelengths.
 
 use super::averages::Averages;
-use super::error::ProjectionError;
+use super::error::{LevelError, ProjectionError, Role};
 use super::projected::{Coverage, Projected};
 use super::request::AxesRequest;
 use super::resampling::{Directions, Resampling};
-use super::{levels, spectral};
+use super::spectral;
 use crate::domain::{Axis, Layout, Measurement, Sampling, Tensor, check_axes};
 use crate::formats::Acquisition;
 
@@ -19,8 +19,8 @@ pub(super) fn project(
     let layout = Layout::of(acquisition.quantity, tensor.axes())?;
     let role = |axis: Option<usize>| axis.map(|i| &tensor.axes()[i]);
     let mut notes = Vec::new();
-    let (incoming_axis, incoming) = coarsen("incoming", role(layout.incoming), request.incoming_level, &mut notes)?;
-    let (outgoing_axis, outgoing) = coarsen("outgoing", role(layout.outgoing), request.outgoing_level, &mut notes)?;
+    let (incoming_axis, incoming) = coarsen(Role::Incoming, role(layout.incoming), request.incoming_level, &mut notes)?;
+    let (outgoing_axis, outgoing) = coarsen(Role::Outgoing, role(layout.outgoing), request.outgoing_level, &mut notes)?;
     let spectral =
         spectral::plan(role(layout.spectral), acquisition.spectral_factor.as_ref(), request.wavelengths.as_ref())?;
     notes.extend(spectral.notes);
@@ -56,30 +56,29 @@ pub(super) fn project(
 
 /// The axis at `level`, and how it comes from `axis`.
 fn coarsen(
-    what: &str,
+    role: Role,
     axis: Option<&Axis>,
     level: Option<u8>,
     notes: &mut Vec<String>,
 ) -> Result<(Option<Axis>, Directions), ProjectionError> {
-    let unfit = |reason: String| Err(ProjectionError::Unfit(format!("{what}_level: {reason}")));
+    let unfit = |level| Err(ProjectionError::Level { role, level });
     let kept = || (axis.cloned(), Directions::Kept(axis.map_or(1, Axis::len)));
     let Some(level) = level else { return Ok(kept()) };
     let mesh = match axis {
         Some(Axis::Triangles(mesh)) => *mesh,
-        None => return unfit(format!("the data have no {what} directions to choose a level for")),
-        Some(Axis::Elevation(values)) => return unfit(levels::isotropic(values.len(), what)),
-        Some(other) => return unfit(format!("the {what} axis is {}, no triangles", other.describe())),
+        None => return unfit(LevelError::NoDirections),
+        Some(Axis::Elevation(values)) => return unfit(LevelError::Isotropic { elevations: values.len() }),
+        Some(other) => return unfit(LevelError::NoTriangles { axis: other.clone() }),
     };
     let Some(depth) = mesh.level().checked_sub(level) else {
-        let found = Axis::Triangles(mesh).describe();
-        return unfit(format!("{level} requested, the data are at level {} ({found})", mesh.level()));
+        return unfit(LevelError::TooFine { found: level, mesh });
     };
     if depth == 0 {
         return Ok(kept());
     }
     let coarse = (0..depth).try_fold(mesh, |mesh, _| mesh.coarser());
     notes.push(format!(
-        "{what} level {level} as requested: means of {} triangles of level {}, by solid angle",
+        "{role} level {level} as requested: means of {} triangles of level {}, by solid angle",
         1_u32 << (2 * u32::from(depth)),
         mesh.level()
     ));

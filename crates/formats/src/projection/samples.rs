@@ -1,7 +1,8 @@
 //! The errors of a tensor at the samples that the file held.
 
-use super::angles::sample_directions;
+use super::angles::{check, sample_directions};
 use super::channels::{Channel, channels};
+use super::error::Role;
 use super::planes;
 use super::request::AxesRequest;
 use super::spectral::same;
@@ -152,7 +153,7 @@ fn angle_pairs(angles: Option<&Angles>, axis: Option<&Axis>) -> Option<Vec<Pair>
             Some((0..values.len()).map(|i| (i, i)).collect())
         }
         (Some(angles), Some(Axis::Triangles(mesh))) => {
-            super::angles::check("", angles).ok()?;
+            check(Role::Incoming, angles).ok()?;
             let cell = |(sample, direction): (usize, Direction)| Some((sample, mesh.locate(direction)?));
             Some(sample_directions(angles).into_iter().filter_map(cell).collect())
         }

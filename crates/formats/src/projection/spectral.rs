@@ -1,7 +1,7 @@
 //! The spectral axis of a projection: kept, resampled to the wavelengths asked for, or made by a joined spectrum.
 
 use super::bands::Bands;
-use super::error::ProjectionError;
+use super::error::SpectralError;
 use super::resampling::Channels;
 use crate::domain::{Axis, WavelengthGrid};
 use crate::formats::SpectralFactor;
@@ -18,19 +18,13 @@ pub(super) fn plan(
     own: Option<&Axis>,
     factor: Option<&SpectralFactor>,
     wanted: Option<&WavelengthGrid>,
-) -> Result<Spectral, ProjectionError> {
-    let unfit = |reason: String| Err(ProjectionError::Unfit(reason));
+) -> Result<Spectral, SpectralError> {
     match (own, factor) {
-        (Some(own), Some(_)) => {
-            unfit(format!("spectrum: the samples have a spectral axis of their own, {}", own.describe()))
-        }
+        (Some(own), Some(_)) => Err(SpectralError::OwnAxis { axis: own.clone() }),
         (None, Some(factor)) => {
             if factor.factors.len() != factor.grid.len() {
-                return unfit(format!(
-                    "spectrum: {} factors for {} wavelengths",
-                    factor.factors.len(),
-                    factor.grid.len()
-                ));
+                let (found, expected) = (factor.factors.len(), factor.grid.len());
+                return Err(SpectralError::Factors { found, expected });
             }
             match wanted.filter(|wanted| !same(wanted, &factor.grid)) {
                 None => Ok(Spectral {
@@ -56,12 +50,8 @@ pub(super) fn plan(
         },
         (own, None) => match (wanted, own) {
             (None, own) => Ok(kept(own.cloned())),
-            (Some(_), Some(own)) => {
-                unfit(format!("wavelengths: the data have colour channels ({}), no wavelengths", own.describe()))
-            }
-            (Some(_), None) => {
-                unfit("wavelengths: the data have no wavelengths to resample; join a spectrum with them".to_owned())
-            }
+            (Some(_), Some(own)) => Err(SpectralError::Channels { axis: own.clone() }),
+            (Some(_), None) => Err(SpectralError::NoWavelengths),
         },
     }
 }
@@ -76,13 +66,11 @@ fn kept(axis: Option<Axis>) -> Spectral {
     Spectral { axis, channels, notes: Vec::new() }
 }
 
-fn resample(from: &WavelengthGrid, to: &WavelengthGrid) -> Result<(Bands, Vec<String>), ProjectionError> {
+fn resample(from: &WavelengthGrid, to: &WavelengthGrid) -> Result<(Bands, Vec<String>), SpectralError> {
     let bands = Bands::new(from, to);
     let ((first, last), (low, high)) = (from.range(), to.range());
     if bands.outside() == bands.len() {
-        return Err(ProjectionError::Unfit(format!(
-            "wavelengths: {low} to {high} nm requested, measured {first} to {last} nm"
-        )));
+        return Err(SpectralError::Outside { requested: (low, high), measured: (first, last) });
     }
     let mut notes = vec![format!(
         "{} wavelengths from {low} to {high} nm as requested: averages over their bands of the piecewise linear \
@@ -106,7 +94,7 @@ mod tests {
 
     fn refusal(own: Option<&Axis>, factor: Option<&SpectralFactor>, wanted: &str) -> String {
         match plan(own, factor, Some(&grid(wanted))) {
-            Err(ProjectionError::Unfit(reason)) => reason,
+            Err(error) => error.to_string(),
             other => panic!("{:?}", other.map(|spectral| spectral.axis)),
         }
     }

@@ -80,7 +80,7 @@ fn wavelengths(range: &str) -> AxesRequest {
 
 fn refusal(acquisition: &Acquisition, request: &AxesRequest) -> String {
     match project(acquisition, request) {
-        Err(ProjectionError::Unfit(reason)) => reason,
+        Err(error) => error.to_string(),
         other => panic!("expected a refusal, found {other:?}"),
     }
 }

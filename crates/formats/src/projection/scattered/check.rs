@@ -2,26 +2,23 @@
 
 use crate::domain::{Axis, TensorError};
 use crate::formats::Scattered;
-use crate::projection::error::ProjectionError;
+use crate::projection::error::{ProjectionError, Role, ScatteredError};
 
 /// The number of bands of checked samples.
 pub(super) fn check(scattered: &Scattered) -> Result<usize, ProjectionError> {
-    let unfit = |reason: String| Err(ProjectionError::Unfit(format!("scattered directions: {reason}")));
     let count = scattered.directions();
     let width = scattered.spectral.as_ref().map_or(1, Axis::len);
     if count == 0 {
-        return unfit("none, expected at least one".to_owned());
+        return Err(ScatteredError::Empty.into());
     }
-    for (what, angles) in [("incoming", &scattered.incoming), ("outgoing", &scattered.outgoing)] {
+    for (role, angles) in [(Role::Incoming, &scattered.incoming), (Role::Outgoing, &scattered.outgoing)] {
         if !angles.is_empty() && angles.len() != count {
-            return unfit(format!("{} {what} directions, expected {count} or none", angles.len()));
+            return Err(ScatteredError::Count { role, found: angles.len(), expected: count }.into());
         }
         let bad = |[theta, phi]: &[f64; 2]| !(0.0..=180.0).contains(theta) || !(-720.0..=720.0).contains(phi);
         if let Some(at) = angles.iter().position(bad) {
             let [theta, phi] = angles[at];
-            return unfit(format!(
-                "{what} theta {theta}, phi {phi} of sample {at}, expected degrees: theta from 0 to 180, phi of one turn"
-            ));
+            return Err(ScatteredError::Direction { role, index: at, theta, phi }.into());
         }
     }
     let expected = count.saturating_mul(width);
@@ -31,7 +28,7 @@ pub(super) fn check(scattered: &Scattered) -> Result<usize, ProjectionError> {
         }
     }
     if u32::try_from(count).is_err() {
-        return unfit(format!("{count}, expected at most {}", u32::MAX));
+        return Err(ScatteredError::TooMany { found: count }.into());
     }
     match scattered.values.iter().position(|v| v.is_infinite()) {
         Some(index) => Err(TensorError::Infinite { index }.into()),

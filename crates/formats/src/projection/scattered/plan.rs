@@ -9,7 +9,7 @@ use crate::domain::vector::Vector;
 use crate::domain::{Axis, Direction, Domain, Quantity};
 use crate::formats::Scattered;
 use crate::projection::averages::OCTANT_DEGREES;
-use crate::projection::error::ProjectionError;
+use crate::projection::error::{LevelError, ProjectionError, Role, ScatteredError};
 use crate::projection::levels::{self, Choice, Entries, MAX_CHOSEN_SAMPLES, rounded};
 use crate::projection::request::AxesRequest;
 use rayon::prelude::*;
@@ -70,18 +70,17 @@ pub(super) struct Plan {
 }
 
 /// The side that triangles with samples stand for, and the level asked for; refused for a side that there is not.
-fn asked(of: &Scattered, request: &AxesRequest, lone: bool) -> Result<(&'static str, Option<u8>), ProjectionError> {
-    let (name, level, other, unused) = if lone {
-        ("incoming", request.incoming_level, "outgoing", request.outgoing_level)
+fn asked(of: &Scattered, request: &AxesRequest, lone: bool) -> Result<(Role, Option<u8>), ProjectionError> {
+    let (role, level, other, unused) = if lone {
+        (Role::Incoming, request.incoming_level, Role::Outgoing, request.outgoing_level)
     } else {
         let unused = if of.incoming.is_empty() { request.incoming_level } else { None };
-        ("outgoing", request.outgoing_level, "incoming", unused)
+        (Role::Outgoing, request.outgoing_level, Role::Incoming, unused)
     };
     if unused.is_some() {
-        let reason = format!("{other}_level: the data have no {other} directions to choose a level for");
-        return Err(ProjectionError::Unfit(reason));
+        return Err(ProjectionError::Level { role: other, level: LevelError::NoDirections });
     }
-    Ok((name, level))
+    Ok((role, level))
 }
 
 /// The samples of a reflectance, of which only the incoming direction is known, with that as the one that triangles stand for.
@@ -105,7 +104,6 @@ impl Plan {
         request: &AxesRequest,
         channels: usize,
     ) -> Result<Self, ProjectionError> {
-        let unfit = |reason: String| Err(ProjectionError::Unfit(reason));
         let turned = turned(quantity, scattered);
         let lone = turned.is_some();
         let of = turned.as_ref().unwrap_or(scattered);
@@ -130,10 +128,7 @@ impl Plan {
             notes.push(format!("{outside} samples beyond the {domain} were left out"));
         }
         if live.is_empty() {
-            return unfit(format!(
-                "scattered directions: no sample of the {} lies on the {domain} of a {quantity}",
-                rows.kinds.len()
-            ));
+            return Err(ScatteredError::Beside { count: rows.kinds.len(), domain, quantity }.into());
         }
         let unfolded = isotropic && is_one_sided(&live, &directions);
         if unfolded {
@@ -157,16 +152,17 @@ impl Plan {
             || spacing(&clouds),
             |joint| (area * joint.count as f64 / live.len() as f64).sqrt().to_degrees(),
         );
-        let (name, level) = asked(of, request, lone)?;
+        let (role, level) = asked(of, request, lone)?;
         if let (true, Some(_)) = (isotropic, request.incoming_level) {
-            return unfit(format!("incoming_level: {}", levels::isotropic(elevations.len(), "incoming")));
+            let level = LevelError::Isotropic { elevations: elevations.len() };
+            return Err(ProjectionError::Level { role: Role::Incoming, level });
         }
-        let outgoing = levels::choose_by_distance(name, domain, spacing, level)?;
+        let outgoing = levels::choose_by_distance(role, domain, spacing, level)?;
         let incoming = match (&joint, isotropic) {
             (Some(joint), false) => {
                 let degrees = joint.spacing.to_degrees();
                 Some(levels::choose_by_distance(
-                    "incoming",
+                    Role::Incoming,
                     incoming_domain(&live, &directions),
                     degrees,
                     request.incoming_level,
@@ -202,7 +198,7 @@ impl Plan {
         let parts = libm::log2(OCTANT_DEGREES / (PART * reach)).ceil().clamp(0.0, 8.0) as u32;
         let level = u32::from(plan.outgoing.mesh.level());
         plan.parts = if parts < level { Parts::Shared } else { Parts::Divided(parts - level) };
-        plan.describe(name, of);
+        plan.describe(role, of);
         Ok(plan)
     }
 
@@ -326,7 +322,7 @@ impl Plan {
         ));
     }
 
-    fn describe(&mut self, name: &str, of: &Scattered) {
+    fn describe(&mut self, role: Role, of: &Scattered) {
         let mut notes = Vec::new();
         if self.isotropic {
             let how = if self.clouds.len() == self.elevations.len() {
@@ -338,18 +334,18 @@ impl Plan {
             let s = if count == 1 { "" } else { "s" };
             notes.push(format!("incoming: {count} elevation{s} (isotropic), {how}"));
         }
-        notes.extend(self.incoming.iter().map(|choice| choice.note("incoming")));
-        notes.push(self.outgoing.note(name));
+        notes.extend(self.incoming.iter().map(|choice| choice.note(Role::Incoming)));
+        notes.push(self.outgoing.note(role));
         let coordinates = if self.clouds[0].slopes { "slopes of the half vector" } else { "tangent coordinates" };
         let weights = if of.sigma.is_some() { ", by nearness and stated uncertainty" } else { ", by nearness" };
         notes.push(format!(
-            "{name} cells are averages of robust quadratic fits in {coordinates} to the {} nearest samples{weights}; of \
+            "{role} cells are averages of robust quadratic fits in {coordinates} to the {} nearest samples{weights}; of \
              logarithms where all of these are positive",
             self.neighbours
         ));
         // Where it exceeds the limit, a note of `represent` has said so.
         if let Some(error) = self.representation.filter(|error| *error <= self.limit) {
-            notes.push(format!("{name} triangles represent the fit to about {} %", rounded(100.0 * error)));
+            notes.push(format!("{role} triangles represent the fit to about {} %", rounded(100.0 * error)));
         }
         notes.append(&mut self.notes);
         self.notes = notes;

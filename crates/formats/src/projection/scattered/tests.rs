@@ -406,7 +406,7 @@ fn what_makes_no_sense_is_refused() {
         let mut bad = good();
         change(scattered(&mut bad));
         match refusal(&bad, &AxesRequest::default()) {
-            ProjectionError::Unfit(reason) => assert!(reason.contains(word), "{reason}"),
+            ProjectionError::Scattered(error) => assert!(error.to_string().contains(word), "{error}"),
             other => panic!("{other}"),
         }
     };
