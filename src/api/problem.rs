@@ -214,7 +214,7 @@ impl From<PreviewError> for Problem {
     fn from(error: PreviewError) -> Self {
         match error {
             PreviewError::Evaluate(error) => error.into(),
-            PreviewError::Unfit(detail) => Self::new(Kind::UnfitQuery, detail),
+            PreviewError::Question(error) => Self::new(Kind::UnfitQuery, error.to_string()),
             PreviewError::Colour(error) => Self::new(Kind::UnfitQuery, error.to_string()),
             PreviewError::Encode(_) => Self::internal(&error),
         }
@@ -224,10 +224,19 @@ impl From<PreviewError> for Problem {
 impl From<ExportError> for Problem {
     fn from(error: ExportError) -> Self {
         match error {
-            ExportError::Unfit(detail) => Self::new(Kind::NotAvailable, detail),
-            ExportError::Setting(detail) => Self::new(Kind::BadSetting, detail),
-            ExportError::OverLimit(detail) => Self::new(Kind::OverLimit, detail),
-            ExportError::Values(detail) => Self::new(Kind::UnfitQuery, detail),
+            ExportError::Unfit(error) => Self::new(Kind::NotAvailable, error.to_string()),
+            ExportError::Setting(error) => Self::new(Kind::BadSetting, error.to_string()),
+            ExportError::OverLimit { .. } => Self::new(Kind::OverLimit, error.to_string()),
+            ExportError::Format(error) => {
+                let kind = match error.kind {
+                    FormatErrorKind::OverLimit => Kind::OverLimit,
+                    FormatErrorKind::Unrecognised
+                    | FormatErrorKind::Malformed
+                    | FormatErrorKind::Unsupported
+                    | FormatErrorKind::NeedsOption => Kind::UnfitQuery,
+                };
+                Self::new(kind, error.to_string())
+            }
             ExportError::Evaluate(error) => error.into(),
             ExportError::Colour(error) => error.into(),
         }

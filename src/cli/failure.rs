@@ -118,8 +118,9 @@ impl From<ExportError> for Failure {
         match error {
             ExportError::Evaluate(error) => error.into(),
             ExportError::Colour(error) => error.into(),
-            ExportError::Unfit(_) | ExportError::Setting(_) | ExportError::OverLimit(_) => Self::usage(error),
-            ExportError::Values(_) => Self::failed(error),
+            ExportError::Format(error) if error.kind == FormatErrorKind::OverLimit => Self::usage(error),
+            ExportError::Unfit(_) | ExportError::Setting(_) | ExportError::OverLimit { .. } => Self::usage(error),
+            ExportError::Format(_) => Self::failed(error),
         }
     }
 }
@@ -128,7 +129,7 @@ impl From<PreviewError> for Failure {
     fn from(error: PreviewError) -> Self {
         match error {
             PreviewError::Evaluate(error) => error.into(),
-            PreviewError::Unfit(_) => Self::usage(error),
+            PreviewError::Question(_) => Self::usage(error),
             PreviewError::Colour(_) | PreviewError::Encode(_) => Self::failed(error),
         }
     }

@@ -1,6 +1,6 @@
 //! The samples of a decoded material as a `NumPy` array.
 
-use super::error::{ExportError, setting};
+use super::error::{ExportError, OptionError, setting};
 use super::exported::{Exported, Summary};
 use super::fits::unused;
 use super::format::ExportFormat;
@@ -11,14 +11,14 @@ use crate::evaluate::{EvaluateError, QueryError};
 use crate::formats::{self, FormatError, FormatErrorKind, Interpretation, Samples, manifest_of, write_npy};
 
 /// Refuses options that do nothing for files of every sample, such as `npy`. `name` is the format's.
-pub fn check_whole(measurement: &Measurement, name: &str, options: &ExportOptions) -> Result<(), ExportError> {
+pub fn check_whole(measurement: &Measurement, name: &'static str, options: &ExportOptions) -> Result<(), ExportError> {
     unused(name, options, |_| false)?;
     let Some(index) = &options.index else { return Ok(()) };
     let axes = measurement.tensor.axes().iter().filter(|axis| matches!(axis, Axis::Index { .. })).count();
     if index.len() != axes {
         return Err(EvaluateError::from(QueryError::Indices { found: index.len(), expected: axes }).into());
     }
-    setting(format!("the option `index` does nothing for {name}, which holds every entry"))
+    setting(OptionError::UnusedIndex { format: name })
 }
 
 /// Writes the samples of `measurement`, NaN = masked; [`manifest_of`] gives the manifest that goes beside them.

@@ -1,24 +1,35 @@
 //! Reasons why a material is not exported.
 
+use super::format::ExportFormat;
 use crate::evaluate::EvaluateError;
-use crate::formats::{FormatError, FormatErrorKind};
+use crate::formats::FormatError;
 use crate::preview::PreviewError;
 
-/// Why there is no file.
+/// Kinds of reasons why there is no file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ExportError {
     /// The format does not hold what the material is.
-    #[error("{0}")]
-    Unfit(String),
-    /// An option is out of its range, or one that the format does not know, or one is missing.
-    #[error("{0}")]
-    Setting(String),
+    #[error(transparent)]
+    Unfit(#[from] UnfitError),
+    /// An option is out of its range, does nothing for the format, or is missing.
+    #[error(transparent)]
+    Setting(#[from] OptionError),
     /// The file would be larger than is allowed.
-    #[error("{0}")]
-    OverLimit(String),
-    /// The material has values that the format cannot hold.
-    #[error("{0}")]
-    Values(String),
+    #[error(
+        "a file of {}, expected at most {most}: {instead}",
+        found.map_or_else(|| "far more bytes than fit".to_owned(), |bytes| format!("{bytes} bytes"))
+    )]
+    OverLimit {
+        /// Length of the file in bytes; `None` where that is beyond counting.
+        found: Option<usize>,
+        /// The limit in bytes.
+        most: usize,
+        /// Advice on how to make it smaller.
+        instead: &'static str,
+    },
+    /// The material has values that the format cannot hold, or more of them than its limits allow.
+    #[error(transparent)]
+    Format(#[from] FormatError),
     /// The material did not answer.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
@@ -27,16 +38,105 @@ pub enum ExportError {
     Colour(#[from] PreviewError),
 }
 
-impl From<FormatError> for ExportError {
-    fn from(error: FormatError) -> Self {
-        match error.kind {
-            FormatErrorKind::OverLimit => Self::OverLimit(error.to_string()),
-            _ => Self::Values(error.to_string()),
-        }
-    }
+/// Materials that a format does not hold.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum UnfitError {
+    /// A material of another kind.
+    #[error(
+        "{format} holds {holds}, this is {found}: it can be written as {}",
+        fitting.iter().map(|format| format.name()).collect::<Vec<_>>().join(" or ")
+    )]
+    Material {
+        /// The format asked for.
+        format: ExportFormat,
+        /// The materials that the format holds, in words.
+        holds: &'static str,
+        /// The material, in words.
+        found: String,
+        /// The formats that hold the material.
+        fitting: Vec<ExportFormat>,
+    },
+    /// A material that emits no light by direction.
+    #[error("this is no luminaire")]
+    NoLuminaire,
 }
 
-/// Refuses an option, with this message.
-pub(super) fn setting<T>(message: impl Into<String>) -> Result<T, ExportError> {
-    Err(ExportError::Setting(message.into()))
+/// Options of an export that do not fit.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum OptionError {
+    /// An option that the format does not know.
+    #[error("the option `{option}` does nothing for {format}")]
+    Unused {
+        /// Name of the option.
+        option: &'static str,
+        /// Name of the format.
+        format: &'static str,
+    },
+    /// An index for a format that holds every entry.
+    #[error("the option `index` does nothing for {format}, which holds every entry")]
+    UnusedIndex {
+        /// Name of the format.
+        format: &'static str,
+    },
+    /// No index where the format holds a single entry.
+    #[error(
+        "{} entries, expected an index: one entry to write as {format}",
+        shape.iter().map(usize::to_string).collect::<Vec<_>>().join(" × ")
+    )]
+    MissingIndex {
+        /// Lengths of the index axes.
+        shape: Vec<usize>,
+        /// The format asked for.
+        format: ExportFormat,
+    },
+    /// A step between angles out of its range.
+    #[error("step, expected 0.1 to 45 degrees")]
+    Step {
+        /// The step in degrees.
+        found: f64,
+    },
+    /// A number of nodes along a side out of its range.
+    #[error("side {found}, expected {low} to {high}")]
+    Side {
+        /// The number.
+        found: usize,
+        /// The least number.
+        low: usize,
+        /// The largest number.
+        high: usize,
+    },
+    /// A number of cosines of a phase function out of its range.
+    #[error("side {found}, expected 2 to {most} cosines")]
+    Cosines {
+        /// The number.
+        found: usize,
+        /// The largest number.
+        most: usize,
+    },
+    /// A wavelength for a material without any.
+    #[error("a wavelength was asked for, this material has none")]
+    UnusedWavelength,
+    /// A wavelength outside the measured range.
+    #[error("wavelength {found} nm, expected {first} to {last} nm")]
+    Wavelength {
+        /// The wavelength in nm.
+        found: f64,
+        /// The first measured wavelength in nm.
+        first: f64,
+        /// The last measured wavelength in nm.
+        last: f64,
+    },
+    /// A material without the wavelengths that the format needs.
+    #[error("no wavelengths")]
+    NoWavelengths,
+    /// A material where the format takes decoded samples.
+    #[error("npy holds the samples of a decoded material, expected those")]
+    Undecoded,
+}
+
+/// Refuses an option.
+pub(super) fn setting<T>(error: OptionError) -> Result<T, ExportError> {
+    Err(ExportError::Setting(error))
 }

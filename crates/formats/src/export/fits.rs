@@ -1,6 +1,6 @@
 //! Which formats hold what a material is; a refusal names those that do.
 
-use super::error::{ExportError, setting};
+use super::error::{ExportError, OptionError, UnfitError, setting};
 use super::format::ExportFormat;
 use super::options::ExportOptions;
 use crate::domain::{Axis, Domain, Quantity};
@@ -14,36 +14,31 @@ pub fn fitting(material: &Material) -> Vec<ExportFormat> {
 /// Refuses a format that does not hold the material, and options that do nothing or do not fit.
 pub(super) fn check(material: &Material, format: ExportFormat, options: &ExportOptions) -> Result<(), ExportError> {
     if let Some(holds) = why_not(material, format) {
-        let names: Vec<&str> = fitting(material).into_iter().map(ExportFormat::name).collect();
-        let message = format!(
-            "{format} holds {holds}, this is {}: it can be written as {}",
-            describe(material),
-            names.join(" or ")
-        );
-        return Err(ExportError::Unfit(message));
+        let (found, fitting) = (describe(material), fitting(material));
+        return Err(UnfitError::Material { format, holds, found, fitting }.into());
     }
     unused(format.name(), options, |formats| formats.contains(&format))?;
-    if options.step.is_some_and(|step| !(0.1..=45.0).contains(&step)) {
-        return setting("step, expected 0.1 to 45 degrees");
+    if let Some(found) = options.step.filter(|step| !(0.1..=45.0).contains(step)) {
+        return setting(OptionError::Step { found });
     }
     index(material, format, options)
 }
 
 /// Refuses an option that does nothing: `knows` says whether the format is among those that the option is for.
 pub(super) fn unused(
-    format: &str,
+    format: &'static str,
     options: &ExportOptions,
     knows: impl Fn(&[ExportFormat]) -> bool,
 ) -> Result<(), ExportError> {
     use ExportFormat::{Eulumdat, Lm63, Mbsdf, Rgl, Tabphase};
-    let given: [(&str, bool, &[ExportFormat]); 4] = [
+    let given: [(&'static str, bool, &[ExportFormat]); 4] = [
         ("side", options.side.is_some(), &[Rgl, Mbsdf, Tabphase]),
         ("step", options.step.is_some(), &[Rgl, Lm63, Eulumdat]),
         ("rgb", options.rgb, &[Rgl]),
         ("wavelength", options.wavelength.is_some(), &[Tabphase]),
     ];
-    match given.iter().find(|(_, given, formats)| *given && !knows(formats)) {
-        Some((name, ..)) => setting(format!("the option `{name}` does nothing for {format}")),
+    match given.into_iter().find(|(_, given, formats)| *given && !knows(formats)) {
+        Some((option, ..)) => setting(OptionError::Unused { option, format }),
         None => Ok(()),
     }
 }
@@ -56,10 +51,7 @@ fn index(material: &Material, format: ExportFormat, options: &ExportOptions) -> 
         None if axes.iter().all(|axis| axis.len() == 1) || matches!(format, ExportFormat::Csv | ExportFormat::Npy) => {
             Ok(())
         }
-        None => {
-            let shape: Vec<String> = axes.iter().map(|axis| axis.len().to_string()).collect();
-            setting(format!("{} entries, expected an index: one entry to write as {format}", shape.join(" × ")))
-        }
+        None => setting(OptionError::MissingIndex { shape: axes.iter().map(Axis::len).collect(), format }),
     }
 }
 

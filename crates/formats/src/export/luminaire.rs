@@ -1,6 +1,6 @@
 //! Luminaires: LM-63 and EULUMDAT, in candela where the light is seen, else in its own unit over all wavelengths.
 
-use super::error::ExportError;
+use super::error::{ExportError, UnfitError};
 use super::exported::{Exported, Summary};
 use super::format::ExportFormat;
 use super::measure::{Draws, measure};
@@ -97,7 +97,7 @@ struct Lamp {
 
 fn sampled(material: &Material, options: &ExportOptions) -> Result<(Photometry, Lamp), ExportError> {
     let Some(photometry) = Photometry::of(material) else {
-        return Err(ExportError::Unfit("this is no luminaire".to_owned()));
+        return Err(UnfitError::NoLuminaire.into());
     };
     let subject = Subject::sum(material, options, photometry.weights.clone());
     let (gamma_step, c_step) = resolution::planes(material, options);

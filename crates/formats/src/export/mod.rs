@@ -42,7 +42,7 @@ mod subject;
 mod tests;
 
 pub use array::{array, check_whole};
-pub use error::ExportError;
+pub use error::{ExportError, OptionError, UnfitError};
 pub use exported::{Exported, Summary};
 pub use fits::fitting;
 pub use format::ExportFormat;
@@ -68,6 +68,6 @@ pub fn export(material: &Material, format: ExportFormat, options: &ExportOptions
         ExportFormat::Spd => spectra::spd(material, options),
         ExportFormat::Csv => spectra::csv(material, options),
         ExportFormat::Tabphase => phase::tabphase(material, options),
-        ExportFormat::Npy => setting("npy holds the samples of a decoded material, expected those"),
+        ExportFormat::Npy => setting(OptionError::Undecoded),
     }
 }

@@ -27,13 +27,13 @@ impl Default for ExportOptions {
 }
 
 /// Refuses a file of `bytes` bytes, before it is made.
-pub(super) fn check_size(bytes: Option<usize>, options: &ExportOptions, less: &str) -> Result<(), ExportError> {
+pub(super) fn check_size(
+    bytes: Option<usize>,
+    options: &ExportOptions,
+    instead: &'static str,
+) -> Result<(), ExportError> {
     match bytes {
         Some(bytes) if bytes <= options.most_bytes => Ok(()),
-        _ => {
-            let size = bytes.map_or_else(|| "far more bytes than fit".to_owned(), |bytes| format!("{bytes} bytes"));
-            let message = format!("a file of {size}, expected at most {}: {less}", options.most_bytes);
-            Err(ExportError::OverLimit(message))
-        }
+        found => Err(ExportError::OverLimit { found, most: options.most_bytes, instead }),
     }
 }

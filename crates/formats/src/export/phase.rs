@@ -1,6 +1,6 @@
 //! Phase functions as a table over the cosine of the scattering angle.
 
-use super::error::{ExportError, setting};
+use super::error::{ExportError, OptionError, setting};
 use super::exported::{Exported, Summary};
 use super::format::ExportFormat;
 use super::measure::{Draws, measure};
@@ -67,11 +67,11 @@ fn weights(material: &Material, options: &ExportOptions) -> Result<Vec<f64>, Exp
     let count = material.lambdas();
     match (wavelengths(material), options.wavelength) {
         (None, None) => Ok(vec![1.0 / count as f64; count]),
-        (None, Some(_)) => setting("a wavelength was asked for, this material has none"),
+        (None, Some(_)) => setting(OptionError::UnusedWavelength),
         (Some(grid), Some(lambda)) => {
             let Some((below, t)) = grid.locate(lambda) else {
                 let (first, last) = grid.range();
-                return setting(format!("wavelength {lambda} nm, expected {first} to {last} nm"));
+                return setting(OptionError::Wavelength { found: lambda, first, last });
             };
             let mut weights = vec![0.0; count];
             weights[below] = 1.0 - t;

@@ -1,6 +1,6 @@
 //! How densely a material is written: rules over its own axes, and what options say instead.
 
-use super::error::{ExportError, setting};
+use super::error::{ExportError, OptionError, setting};
 use super::options::{ExportOptions, check_size};
 use crate::domain::Axis;
 use crate::evaluate::Material;
@@ -19,6 +19,8 @@ const WIDEST_AZIMUTHS: f64 = 22.5;
 const SIDES: (usize, usize) = (32, 128);
 /// Nodes and polar angles that may be asked for.
 const ASKED_SIDES: std::ops::RangeInclusive<usize> = 2..=1024;
+/// Upper bound on the cosines of a phase function: a table of 16 MiB.
+const MOST_COSINES: usize = 1 << 20;
 
 /// The level of the outgoing triangles.
 pub(super) fn outgoing_level(material: &Material) -> u8 {
@@ -38,8 +40,8 @@ pub(super) fn side(material: &Material, options: &ExportOptions) -> Result<usize
     match options.side {
         Some(side) if ASKED_SIDES.contains(&side) => Ok(side),
         Some(side) => {
-            let (low, high) = (ASKED_SIDES.start(), ASKED_SIDES.end());
-            setting(format!("side {side}, expected {low} to {high}"))
+            let (low, high) = (*ASKED_SIDES.start(), *ASKED_SIDES.end());
+            setting(OptionError::Side { found: side, low, high })
         }
         None => Ok((4_usize << outgoing_level(material)).clamp(SIDES.0, SIDES.1)),
     }
@@ -137,8 +139,8 @@ pub(super) fn planes(material: &Material, options: &ExportOptions) -> (f64, f64)
 /// Cosines of a phase function.
 pub(super) fn cosines(material: &Material, options: &ExportOptions) -> Result<usize, ExportError> {
     match options.side {
-        Some(count) if (2..=1 << 20).contains(&count) => Ok(count),
-        Some(count) => setting(format!("side {count}, expected 2 to {} cosines", 1 << 20)),
+        Some(count) if (2..=MOST_COSINES).contains(&count) => Ok(count),
+        Some(count) => setting(OptionError::Cosines { found: count, most: MOST_COSINES }),
         None => Ok(((8_usize << (2 * outgoing_level(material))) + 1).clamp(257, 16_385)),
     }
 }

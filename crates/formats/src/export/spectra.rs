@@ -1,6 +1,6 @@
 //! Spectra without directions: two columns, or CSV.
 
-use super::error::{ExportError, setting};
+use super::error::{ExportError, OptionError, setting};
 use super::exported::{Exported, Summary};
 use super::format::ExportFormat;
 use super::measure::AddedError;
@@ -45,7 +45,7 @@ pub(super) fn csv(material: &Material, options: &ExportOptions) -> Result<Export
 }
 
 fn grid(material: &Material) -> Result<&WavelengthGrid, ExportError> {
-    wavelengths(material).map_or_else(|| setting("no wavelengths"), Ok)
+    wavelengths(material).map_or_else(|| setting(OptionError::NoWavelengths), Ok)
 }
 
 fn spectrum(material: &Material, index: &[usize]) -> Result<Vec<f32>, ExportError> {

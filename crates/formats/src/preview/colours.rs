@@ -1,6 +1,6 @@
 //! The colour of a material at a place: XYZ, CIELAB, sRGB, and the temperature of lights.
 
-use super::error::{PreviewError, unfit};
+use super::error::{PreviewError, QuestionError, unfit};
 use crate::appearance::{JOULES_PER_MICROMOLE, Viewing, counts_photons, emits};
 use crate::domain::colour::{
     Adaptation, ColourError, ColourTemperature, Lab, Xyz, in_gamut, linear_to_bytes, linear_to_xyz, map_to_gamut,
@@ -79,13 +79,13 @@ pub fn colours(material: &Material, asked: &Question<'_>, viewing: &Viewing) -> 
     // Normal incidence, in which half the incoming directions are.
     let wi = asked.wi.or_else(|| layout.incoming.map(|axis| normal(&material.axes()[axis])));
     if asked.wi.is_none() && asked.wo.is_some() && layout.incoming.is_some() {
-        return unfit(format!("wo was given without wi, but this {} has an incoming axis", material.quantity()));
+        return unfit(QuestionError::LoneWo { quantity: material.quantity() });
     }
     let axes = &material.axes()[..layout.indices];
     let entries = match asked.index {
         Some(index) => vec![index.to_vec()],
         None if layout.incoming.or(layout.outgoing).is_some() && layout.indices > 0 => {
-            return unfit(format!("no index was given, expected {}: one for each index axis", layout.indices));
+            return unfit(QuestionError::MissingIndex { expected: layout.indices });
         }
         None => every(material, axes)?,
     };
@@ -156,10 +156,7 @@ impl<'a> Look<'a> {
                 let white = linear_to_xyz([1.0; 3]);
                 Ok(Self { material, viewing, weights: None, lambdas: Vec::new(), white, adaptation: None })
             }
-            Some(Axis::Rgb) => unfit(format!(
-                "these are RGB data, which have no spectrum to see under {}, expected D65",
-                viewing.illuminant()
-            )),
+            Some(Axis::Rgb) => unfit(QuestionError::RgbIlluminant { illuminant: viewing.illuminant().to_owned() }),
             _ => Err(ColourError::NoWavelengths.into()),
         }
     }
@@ -270,7 +267,7 @@ fn watts(unit: Unit) -> Option<f64> {
 fn every(material: &Material, axes: &[Axis]) -> Result<Vec<Vec<usize>>, PreviewError> {
     let count: usize = axes.iter().map(Axis::len).product();
     if count > MOST_COLOURS {
-        return unfit(format!("{count} entries, expected at most {MOST_COLOURS} colours in one answer: give an index"));
+        return unfit(QuestionError::TooMany { found: count, most: MOST_COLOURS });
     }
     Ok((0..count).map(|entry| material.index_of(entry)).collect())
 }

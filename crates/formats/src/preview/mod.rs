@@ -24,7 +24,7 @@ mod scale;
 
 pub use crate::appearance::Viewing;
 pub use colours::{Colour, Colours, Question, colours};
-pub use error::PreviewError;
+pub use error::{PreviewError, QuestionError};
 
 use crate::appearance::Channels;
 use crate::domain::{Axis, Quantity};
@@ -47,7 +47,8 @@ pub fn picture(
     size: usize,
 ) -> Result<Vec<u8>, PreviewError> {
     if !SIZES.contains(&size) {
-        return unfit(format!("size {size}, expected {} to {} pixels", SIZES.start(), SIZES.end()));
+        let (low, high) = (*SIZES.start(), *SIZES.end());
+        return unfit(QuestionError::Size { found: size, low, high });
     }
     let layout = material.layout();
     let axes = &material.axes()[..layout.indices];
@@ -55,7 +56,7 @@ pub fn picture(
         let fits = index.len() == axes.len() && index.iter().zip(axes).all(|(i, axis)| *i < axis.len());
         if !fits {
             let shape: Vec<usize> = axes.iter().map(Axis::len).collect();
-            return unfit(format!("index {index:?}, expected entries of the index axes of lengths {shape:?}"));
+            return unfit(QuestionError::Index { found: index.to_vec(), shape });
         }
     }
     let channels = Channels::of(material, viewing)?;

@@ -1,6 +1,6 @@
 //! A surface as a picture needs it: the material's own smooth function in linear sRGB, and what soft surroundings send by it.
 
-use super::super::error::{PreviewError, unfit};
+use super::super::error::{PreviewError, QuestionError, unfit};
 use super::lattice::{Lattice, Rgb, Vector};
 use crate::appearance::Channels;
 use crate::domain::{Axis, Direction, Domain, Quantity, TriangleMesh};
@@ -54,7 +54,7 @@ impl<'a> Surface<'a> {
     pub(super) fn of(material: &'a Material, index: &'a [usize], channels: &'a Channels) -> Result<Self, PreviewError> {
         let (layout, axes) = (material.layout(), material.axes());
         let Some(incoming) = layout.incoming.map(|axis| &axes[axis]) else {
-            return unfit("no incoming axis, expected one to light a ball");
+            return unfit(QuestionError::NoIncoming);
         };
         let outgoing = layout.outgoing.map(|axis| &axes[axis]);
         let flip = matches!(incoming, Axis::Triangles(mesh) if mesh.domain() == Domain::Lower);
