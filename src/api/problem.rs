@@ -270,8 +270,8 @@ impl From<IngestError> for Problem {
                 };
                 Self::new(kind, error.to_string())
             }
-            IngestError::Unfit(detail) => Self::new(Kind::InvalidRequest, detail),
-            IngestError::Spectrum(detail) => Self::new(Kind::Spectrum, detail),
+            IngestError::Unfit(error) => Self::new(Kind::InvalidRequest, error.to_string()),
+            IngestError::Spectrum(error) => Self::new(Kind::Spectrum, error.to_string()),
             IngestError::Maths(error) => error.into(),
             IngestError::Store(error) => error.into(),
             IngestError::Catalog(error) => error.into(),

@@ -59,11 +59,11 @@ pub enum IngestError {
     #[error("{0}")]
     Refused(FormatError),
     /// The bytes and what the client says do not fit, beyond what a parser knows.
-    #[error("{0}")]
-    Unfit(String),
-    /// The spectrum named is none.
+    #[error(transparent)]
+    Unfit(#[from] UploadError),
+    /// The referenced measurement is not a spectrum.
     #[error("spectrum: {0}")]
-    Spectrum(String),
+    Spectrum(#[from] SpectrumError),
     /// The maths.
     #[error(transparent)]
     Maths(#[from] MathsError),
@@ -73,6 +73,60 @@ pub enum IngestError {
     /// The catalog.
     #[error(transparent)]
     Catalog(#[from] CatalogError),
+}
+
+/// Uploads that are not kept, although their bytes may be read.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum UploadError {
+    /// The content does not make a measurement.
+    #[error(transparent)]
+    Content(PipelineError),
+    /// An archive whose files are over the limit of an upload together.
+    #[error("the files of the archive have {found} bytes, expected at most {most}")]
+    ArchiveLength {
+        /// Their length in bytes, decompressed.
+        found: u64,
+        /// The limit in bytes.
+        most: u64,
+    },
+    /// An archive without any file that is a measurement.
+    #[error("an archive of {} files without a measurement: {}", skipped.len(), first_of(skipped))]
+    NoMeasurement {
+        /// Names of the files, each with the reason for which it is not kept.
+        skipped: Vec<(String, String)>,
+    },
+}
+
+/// Spectra that cannot be joined.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SpectrumError {
+    /// No measurement with this identifier.
+    #[error("there is no measurement {id}")]
+    Missing {
+        /// The identifier.
+        id: Digest,
+    },
+    /// A measurement that is read with options.
+    #[error("measurement {id} was uploaded with options, which joining does not heed; expected one uploaded without")]
+    WithOptions {
+        /// Its identifier.
+        id: Digest,
+    },
+    /// A measurement that was deleted while the upload was read.
+    #[error("it was deleted meanwhile")]
+    Deleted,
+    /// Content that is no spectrum.
+    #[error(transparent)]
+    Content(FormatError),
+}
+
+/// The first few names with their reasons.
+fn first_of(skipped: &[(String, String)]) -> String {
+    const SHOWN: usize = 5;
+    let reasons: Vec<String> = skipped.iter().take(SHOWN).map(|(name, reason)| format!("{name}: {reason}")).collect();
+    reasons.join("; ")
 }
 
 impl From<PublishError> for IngestError {
@@ -154,7 +208,7 @@ impl Engine {
         loop {
             match self.archive.catalog.add_measurement(&new, published.holder()).await? {
                 Added::Row(row, new) => return Ok((row, new)),
-                Added::NoSpectrum => return Err(IngestError::Spectrum("it was deleted meanwhile".to_owned())),
+                Added::NoSpectrum => return Err(SpectrumError::Deleted.into()),
                 Added::Unpinned => published = published.again(&self.archive).await?,
             }
         }
@@ -177,8 +231,8 @@ impl Engine {
                         describe_needy(error.format, &error.message)
                     }
                     Err(PipelineError::Format(error)) => return Err(IngestError::Refused(error)),
-                    Err(PipelineError::Spectrum(error)) => return Err(IngestError::Spectrum(error.to_string())),
-                    Err(other) => return Err(IngestError::Unfit(other.to_string())),
+                    Err(PipelineError::Spectrum(error)) => return Err(SpectrumError::Content(error).into()),
+                    Err(other) => return Err(UploadError::Content(other).into()),
                 };
                 described.insert("options".to_owned(), serde_json::json!(options));
                 let text = |key: &str| described.get(key).and_then(|v| v.as_str()).map(str::to_owned);
@@ -195,11 +249,9 @@ impl Engine {
     /// The bytes of an uploaded spectrum.
     pub(crate) async fn spectrum(&self, id: Digest) -> Result<bytes::Bytes, IngestError> {
         let row = self.archive.catalog.measurement(id).await?;
-        let row = row.ok_or_else(|| IngestError::Spectrum(format!("there is no measurement {id}")))?;
+        let row = row.ok_or(SpectrumError::Missing { id })?;
         if row.content != id {
-            return Err(IngestError::Spectrum(format!(
-                "measurement {id} was uploaded with options, which joining does not heed; expected one uploaded without"
-            )));
+            return Err(SpectrumError::WithOptions { id }.into());
         }
         Ok(self.archive.store.get(row.content).await?)
     }

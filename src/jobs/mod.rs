@@ -23,7 +23,7 @@ mod worker;
 pub use archive::{Archive, ArchiveError, Fault, FsckReport, SweepReport};
 pub use config::{Limits, SETTINGS, Setting, WorkConfig};
 pub use engine::{Engine, OpenError};
-pub use ingest::{IngestError, Options, Upload};
+pub use ingest::{IngestError, Options, SpectrumError, Upload, UploadError};
 pub use maths::{Maths, MathsError};
 pub use problem::{Code, JobProblem};
 pub use request::{CompressRequest, JobRequest, Kind, KindOnly, MAX_TEXT, PaperRequest, check_text};

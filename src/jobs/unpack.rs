@@ -1,7 +1,7 @@
 //! An uploaded archive to one measurement for each of its files; what is no measurement is named with the reason.
 
 use super::engine::Engine;
-use super::ingest::{IngestError, Options, Upload};
+use super::ingest::{IngestError, Options, Upload, UploadError};
 use crate::catalog::MeasurementRow;
 use crate::formats::{Archive, FormatError, is_archive};
 use crate::store::{Staged, StoreError};
@@ -62,12 +62,7 @@ impl Engine {
             }
         }
         if items.is_empty() {
-            const SHOWN: usize = 5;
-            let reasons: Vec<String> =
-                skipped.iter().take(SHOWN).map(|(name, reason)| format!("{name}: {reason}")).collect();
-            let message =
-                format!("an archive of {} files without a measurement: {}", skipped.len(), reasons.join("; "));
-            return Err(IngestError::Unfit(message));
+            return Err(UploadError::NoMeasurement { skipped }.into());
         }
         Ok(Ingested::Several { items, skipped })
     }
@@ -89,8 +84,7 @@ impl Engine {
                 let mut members = archive.members().to_vec();
                 let total = members.iter().fold(0_u64, |total, member| total.saturating_add(member.bytes));
                 if total > most {
-                    let message = format!("the files of the archive have {total} bytes, expected at most {most}");
-                    return Err(IngestError::Unfit(message));
+                    return Err(UploadError::ArchiveLength { found: total, most }.into());
                 }
                 members.retain(|member| member.bytes > 0 && !archive.is_manifest(member));
                 let files = members.into_iter().map(|member| {
