@@ -292,8 +292,7 @@ mod tests {
     fn blank_lines_between_records_do_not_change_with_the_cut() {
         let material = material();
         for question in questions() {
-            let with_blanks: String =
-                lines(&question, |i| angles(i)[0]).iter().map(|line| format!("{line}\n")).collect();
+            let with_blanks = lines(&question, |i| angles(i)[0]).join("\n");
             let records = Records::Lines(Bytes::from(with_blanks));
             let (whole, _) = cut(&question, &material, &records, 2 * COUNT);
             assert_eq!(whole.len(), COUNT);

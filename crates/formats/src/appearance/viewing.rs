@@ -105,14 +105,13 @@ fn position(table: &Tensor, column: Option<&str>) -> Result<usize, TableError> {
         _ => (1, &[][..]),
     };
     let Some(wanted) = column.map(str::trim) else {
-        let several = || TableError::Shape(format!("{count} columns, expected one, or the name of one"));
-        return if count == 1 { Ok(0) } else { Err(several()) };
+        return if count == 1 { Ok(0) } else { Err(TableError::SeveralColumns { columns: count }) };
     };
     let by_name = labels.iter().position(|label| label == wanted);
     let by_number = || wanted.parse().ok().filter(|n| (1..=count).contains(n)).map(|n| n - 1);
     by_name.or_else(by_number).ok_or_else(|| {
-        let shown: String = wanted.chars().take(40).collect();
-        TableError::Shape(format!("no column `{shown}`, expected a number from 1 to {count} or a name in the table"))
+        let found: String = wanted.chars().take(40).collect();
+        TableError::ColumnName { found, columns: count }
     })
 }
 

@@ -59,10 +59,48 @@ pub struct Observer {
 
 /// Why a table is no curve or no observer.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum TableError {
-    /// Not the columns that were expected.
-    #[error("{0}")]
-    Shape(String),
+    /// Axes other than columns over wavelength.
+    #[error("axes {}, expected wavelengths", axes.iter().map(Axis::describe).collect::<Vec<_>>().join(" × "))]
+    Axes {
+        /// The axes found.
+        axes: Vec<Axis>,
+    },
+    /// A column beyond the last.
+    #[error("no column {found}, expected 0 to {}", columns - 1)]
+    Column {
+        /// The column asked for, from 0.
+        found: usize,
+        /// Number of columns.
+        columns: usize,
+    },
+    /// A name that no column has, and no number of one.
+    #[error("no column `{found}`, expected a number from 1 to {columns} or a name in the table")]
+    ColumnName {
+        /// The name, its first 40 characters.
+        found: String,
+        /// Number of columns.
+        columns: usize,
+    },
+    /// Several columns where none is named.
+    #[error("{columns} columns, expected one, or the name of one")]
+    SeveralColumns {
+        /// Number of columns.
+        columns: usize,
+    },
+    /// A table of an observer without its three columns.
+    #[error("{columns} columns over wavelength, expected 3: x, y and z")]
+    ObserverColumns {
+        /// Number of columns.
+        columns: usize,
+    },
+    /// A function of an observer that is never positive.
+    #[error("{function} of the observer is nowhere above 0")]
+    Dark {
+        /// Name of the function: x, y or z.
+        function: &'static str,
+    },
     /// The wavelengths are not enough for a colour.
     #[error(transparent)]
     Wavelengths(#[from] ColourError),
@@ -75,13 +113,10 @@ impl Curve {
         let (grid, columns) = match tensor.axes() {
             [Axis::Wavelength(grid)] => (grid, 1),
             [Axis::Index { count, .. }, Axis::Wavelength(grid)] => (grid, *count),
-            axes => {
-                let found: Vec<String> = axes.iter().map(Axis::describe).collect();
-                return Err(TableError::Shape(format!("axes {}, expected wavelengths", found.join(" × "))));
-            }
+            axes => return Err(TableError::Axes { axes: axes.to_vec() }),
         };
         if column >= columns {
-            return Err(TableError::Shape(format!("no column {column}, expected 0 to {}", columns - 1)));
+            return Err(TableError::Column { found: column, columns });
         }
         let samples = &tensor.samples()[column * grid.len()..][..grid.len()];
         let measured = grid.values().into_iter().zip(samples).filter(|(_, sample)| !sample.is_nan());
@@ -141,13 +176,13 @@ impl Observer {
             _ => 0,
         };
         if columns != 3 {
-            return Err(TableError::Shape(format!("{columns} columns over wavelength, expected 3: x, y and z")));
+            return Err(TableError::ObserverColumns { columns });
         }
         let observer =
             Self { x: Curve::of_tensor(tensor, 0)?, y: Curve::of_tensor(tensor, 1)?, z: Curve::of_tensor(tensor, 2)? };
-        for (name, curve) in [("x", &observer.x), ("y", &observer.y), ("z", &observer.z)] {
+        for (function, curve) in [("x", &observer.x), ("y", &observer.y), ("z", &observer.z)] {
             if !curve.values.iter().any(|v| *v > 0.0) {
-                return Err(TableError::Shape(format!("{name} of the observer is nowhere above 0")));
+                return Err(TableError::Dark { function });
             }
         }
         Ok(observer)
@@ -230,11 +265,15 @@ mod tests {
         assert_eq!(Curve::of_tensor(&holes, 1).unwrap().at(390.0), 42.0);
         let short = table(1, 20, |i| i as f32);
         assert!(matches!(Curve::of_tensor(&short, 0), Err(TableError::Wavelengths(ColourError::Uncovered { .. }))));
-        assert!(matches!(Curve::of_tensor(&holes, 2), Err(TableError::Shape(_))));
+        assert_eq!(Curve::of_tensor(&holes, 2), Err(TableError::Column { found: 2, columns: 2 }));
         let rgb = Tensor::new(vec![Axis::Rgb], vec![1.0; 3]).unwrap();
-        assert!(matches!(Curve::of_tensor(&rgb, 0), Err(TableError::Shape(_))));
-        for bad in [table(2, 41, |_| 1.0), table(3, 41, |i| if i < 41 { 0.0 } else { 1.0 }), rgb] {
-            assert!(matches!(Observer::of_tensor(&bad), Err(TableError::Shape(_))));
+        assert_eq!(Curve::of_tensor(&rgb, 0), Err(TableError::Axes { axes: vec![Axis::Rgb] }));
+        for (bad, error) in [
+            (table(2, 41, |_| 1.0), TableError::ObserverColumns { columns: 2 }),
+            (table(3, 41, |i| if i < 41 { 0.0 } else { 1.0 }), TableError::Dark { function: "x" }),
+            (rgb, TableError::ObserverColumns { columns: 0 }),
+        ] {
+            assert_eq!(Observer::of_tensor(&bad), Err(error));
         }
     }
 
