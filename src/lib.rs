@@ -28,7 +28,7 @@ pub mod jobs;
 pub mod store;
 
 use wavelume_core::numeric;
-pub use wavelume_core::{algebra, codec, compress, domain, evaluate, transform};
+pub use wavelume_core::{algebra, compress, domain, evaluate, transform};
 pub use wavelume_formats::{export, formats, pipeline, preview, projection};
 pub use wavelume_paper as paper;
 

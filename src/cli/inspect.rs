@@ -8,7 +8,6 @@ use super::report::{
     axes_lines, coefficient_line, coverage_lines, error_lines, labelled, level_lines, note_lines, sample_lines,
 };
 use super::request::AxesArgs;
-use crate::codec;
 use crate::compress::{self, LevelInfo, Summary};
 use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
 use crate::formats::{self, Angles, AzimuthExtent, Note, NoteKind, Samples};
@@ -32,7 +31,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let loaded = args.measurement.load(request.wavelengths.clone())?;
     let about = |failure: Failure| failure.about(&args.measurement.input);
     let name = args.measurement.input.display().to_string();
-    if loaded.bytes().starts_with(&codec::MAGIC) {
+    if compress::is_material(loaded.bytes()) {
         let material = Material::read(loaded.bytes()).map_err(about)?;
         return if args.json { print_json(&material) } else { print(&material.sheet().render(&name)) };
     }

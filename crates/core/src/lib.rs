@@ -20,10 +20,10 @@
 //! any query itself ([`evaluate`]).
 //!
 //! Data flow downward; nothing imports upward:
-//! tensor ([`domain`]) → [`transform`] → [`codec`] → [`compress`] → [`algebra`] and [`evaluate`] → [`roles`].
+//! tensor ([`domain`]) → [`transform`] → `codec` → [`compress`] → [`algebra`] and [`evaluate`] → [`roles`].
 
 pub mod algebra;
-pub mod codec;
+mod codec;
 pub mod compress;
 pub mod domain;
 pub mod evaluate;

@@ -21,8 +21,7 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::sync::Arc;
 use wavelume_core::domain::{Direction, Domain, TriangleMesh};
-use wavelume_core::evaluate::warp::{Measure, WarpMesh, Warps};
-use wavelume_core::evaluate::{Density, SampleOptions};
+use wavelume_core::evaluate::{Density, Measure, SampleOptions, WarpMesh, Warps};
 
 const SURFACE: Gloss = Gloss { alpha: 0.2, diffuse: 0.5 };
 const LEVEL: u8 = 4;

@@ -34,7 +34,7 @@ const CURVED: usize = 64;
 const LIST_LIMIT: f64 = 268_435_456.0;
 
 /// Writes axes without their number and labels.
-pub fn write_axes(w: &mut Writer, axes: &[Axis]) {
+pub(crate) fn write_axes(w: &mut Writer, axes: &[Axis]) {
     for axis in axes {
         match axis {
             Axis::Triangles(mesh) => w.u8(TRIANGLES | mesh.domain().code() << 5 | mesh.level()),
@@ -62,7 +62,7 @@ pub fn write_axes(w: &mut Writer, axes: &[Axis]) {
 }
 
 /// Reads `count` axes; their own limits are checked, the product of their lengths is not.
-pub fn read_axes(r: &mut Reader<'_>, count: usize) -> Result<Vec<Axis>, CodecError> {
+pub(crate) fn read_axes(r: &mut Reader<'_>, count: usize) -> Result<Vec<Axis>, CodecError> {
     (0..count).map(|_| read_axis(r)).collect()
 }
 

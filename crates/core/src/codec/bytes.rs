@@ -4,28 +4,28 @@ use super::error::CodecError;
 
 /// Appends fields to a byte vector.
 #[derive(Debug, Default)]
-pub struct Writer {
+pub(crate) struct Writer {
     bytes: Vec<u8>,
 }
 
 impl Writer {
     /// The bytes written so far.
-    pub fn into_bytes(self) -> Vec<u8> {
+    pub(crate) fn into_bytes(self) -> Vec<u8> {
         self.bytes
     }
 
     /// One byte.
-    pub fn u8(&mut self, value: u8) {
+    pub(crate) fn u8(&mut self, value: u8) {
         self.bytes.push(value);
     }
 
     /// Bytes as they are.
-    pub fn raw(&mut self, bytes: &[u8]) {
+    pub(crate) fn raw(&mut self, bytes: &[u8]) {
         self.bytes.extend_from_slice(bytes);
     }
 
     /// Seven bits a byte, least significant first, the high bit set on all but the last (LEB128).
-    pub fn varint(&mut self, mut value: u64) {
+    pub(crate) fn varint(&mut self, mut value: u64) {
         while value >= 0x80 {
             self.bytes.push(value as u8 | 0x80);
             value >>= 7;
@@ -34,24 +34,24 @@ impl Writer {
     }
 
     /// The `count` low bytes of `value`.
-    pub fn low_bytes(&mut self, value: u32, count: usize) {
+    pub(crate) fn low_bytes(&mut self, value: u32, count: usize) {
         self.bytes.extend(value.to_le_bytes().into_iter().take(count));
     }
 
     /// IEEE 754 single precision.
-    pub fn f32(&mut self, value: f32) {
+    pub(crate) fn f32(&mut self, value: f32) {
         self.raw(&value.to_le_bytes());
     }
 
     /// IEEE 754 double precision.
-    pub fn f64(&mut self, value: f64) {
+    pub(crate) fn f64(&mut self, value: f64) {
         self.raw(&value.to_le_bytes());
     }
 }
 
 /// Reads fields from bytes; `base` is the offset of the first byte in the file, for messages.
 #[derive(Clone, Debug)]
-pub struct Reader<'a> {
+pub(crate) struct Reader<'a> {
     bytes: &'a [u8],
     position: usize,
     base: usize,
@@ -59,17 +59,17 @@ pub struct Reader<'a> {
 
 impl<'a> Reader<'a> {
     /// Reads `bytes`, which lie at `base` in the file.
-    pub fn new(bytes: &'a [u8], base: usize) -> Self {
+    pub(crate) fn new(bytes: &'a [u8], base: usize) -> Self {
         Self { bytes, position: 0, base }
     }
 
     /// The offset in the file of the next byte.
-    pub fn offset(&self) -> usize {
+    pub(crate) fn offset(&self) -> usize {
         self.base + self.position
     }
 
     /// How many bytes are left.
-    pub fn remaining(&self) -> usize {
+    pub(crate) fn remaining(&self) -> usize {
         self.bytes.len() - self.position
     }
 
@@ -79,12 +79,12 @@ impl<'a> Reader<'a> {
     }
 
     /// An error about the field that was just read.
-    pub fn malformed(&self, reason: impl Into<String>) -> CodecError {
+    pub(crate) fn malformed(&self, reason: impl Into<String>) -> CodecError {
         CodecError::Malformed { at: self.offset(), reason: reason.into() }
     }
 
     /// The next `count` bytes.
-    pub fn take(&mut self, count: usize, expected: &'static str) -> Result<&'a [u8], CodecError> {
+    pub(crate) fn take(&mut self, count: usize, expected: &'static str) -> Result<&'a [u8], CodecError> {
         let end = self.position.checked_add(count).filter(|&end| end <= self.bytes.len());
         let end = end.ok_or(CodecError::Truncated { at: self.offset(), expected })?;
         let bytes = &self.bytes[self.position..end];
@@ -99,30 +99,30 @@ impl<'a> Reader<'a> {
     }
 
     /// One byte.
-    pub fn u8(&mut self, expected: &'static str) -> Result<u8, CodecError> {
+    pub(crate) fn u8(&mut self, expected: &'static str) -> Result<u8, CodecError> {
         Ok(self.array::<1>(expected)?[0])
     }
 
     /// An integer of `count` bytes, at most 4.
-    pub fn low_bytes(&mut self, count: usize, expected: &'static str) -> Result<u32, CodecError> {
+    pub(crate) fn low_bytes(&mut self, count: usize, expected: &'static str) -> Result<u32, CodecError> {
         let bytes = self.take(count.min(4), expected)?;
         Ok(bytes.iter().rev().fold(0, |value, &byte| value << 8 | u32::from(byte)))
     }
 
     /// IEEE 754 single precision, finite.
-    pub fn f32(&mut self, expected: &'static str) -> Result<f32, CodecError> {
+    pub(crate) fn f32(&mut self, expected: &'static str) -> Result<f32, CodecError> {
         let value = f32::from_le_bytes(self.array(expected)?);
         if value.is_finite() { Ok(value) } else { Err(self.malformed(format!("{expected} is {value}"))) }
     }
 
     /// IEEE 754 double precision, finite.
-    pub fn f64(&mut self, expected: &'static str) -> Result<f64, CodecError> {
+    pub(crate) fn f64(&mut self, expected: &'static str) -> Result<f64, CodecError> {
         let value = f64::from_le_bytes(self.array(expected)?);
         if value.is_finite() { Ok(value) } else { Err(self.malformed(format!("{expected} is {value}"))) }
     }
 
     /// A variable-length integer in its shortest form.
-    pub fn varint(&mut self, expected: &'static str) -> Result<u64, CodecError> {
+    pub(crate) fn varint(&mut self, expected: &'static str) -> Result<u64, CodecError> {
         let mut value = 0_u64;
         for shift in (0..64).step_by(7) {
             let byte = self.u8(expected)?;
@@ -139,7 +139,7 @@ impl<'a> Reader<'a> {
     }
 
     /// A variable-length integer of at most `limit`.
-    pub fn size(&mut self, limit: usize, expected: &'static str) -> Result<usize, CodecError> {
+    pub(crate) fn size(&mut self, limit: usize, expected: &'static str) -> Result<usize, CodecError> {
         let value = self.varint(expected)?;
         usize::try_from(value)
             .ok()
@@ -148,7 +148,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Fails unless every byte was read.
-    pub fn end(&self, what: &'static str) -> Result<(), CodecError> {
+    pub(crate) fn end(&self, what: &'static str) -> Result<(), CodecError> {
         match self.remaining() {
             0 => Ok(()),
             n => Err(self.malformed(format!("{n} bytes after the end of the {what}"))),

@@ -6,7 +6,7 @@ use super::range::BitCoder;
 /// What a sample is, before its magnitude.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Class {
+pub(crate) enum Class {
     /// Above 0.
     #[default]
     Positive = 0,
@@ -40,7 +40,7 @@ impl Class {
 ///
 /// # Panics
 /// If the number of classes is not a multiple of `lanes`.
-pub fn code_classes<C: BitCoder>(coder: &mut C, lanes: usize, classes: &mut [Class]) {
+pub(crate) fn code_classes<C: BitCoder>(coder: &mut C, lanes: usize, classes: &mut [Class]) {
     assert_eq!(classes.len() % lanes, 0, "classes come in rows");
     let mut model = Model::new(SLOTS, 3);
     let mut above = vec![Class::Positive; lanes];

@@ -10,11 +10,11 @@ use super::range::BitCoder;
 use super::symbols::{COARSE, FINE, LEVELS, MagnitudeSlots, NONZERO, coarse, code_magnitude, fine};
 
 /// "No such row or lane."
-pub const NONE: u32 = u32::MAX;
+pub(crate) const NONE: u32 = u32::MAX;
 
 /// The order of coding and the neighbours of every row and lane.
 #[derive(Clone, Debug, Default)]
-pub struct Rows {
+pub(crate) struct Rows {
     /// The rows that are coded, in coding order; the others are 0.
     pub order: Vec<u32>,
     /// By row: its level, 0 = smooth part.
@@ -31,7 +31,7 @@ pub struct Rows {
 
 /// What follows a zero flag that is set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Payload {
+pub(crate) enum Payload {
     /// A signed integer.
     Integer,
     /// The bits of a float32 that is not zero.
@@ -54,7 +54,7 @@ const SETS: usize = MAGNITUDE_SET + MagnitudeSlots::SETS;
 ///
 /// # Panics
 /// If `rows` does not describe `values`.
-pub fn code_coefficients<C: BitCoder>(coder: &mut C, rows: &Rows, payload: Payload, values: &mut [i32]) {
+pub(crate) fn code_coefficients<C: BitCoder>(coder: &mut C, rows: &Rows, payload: Payload, values: &mut [i32]) {
     let lanes = rows.lane_neighbours.len();
     assert_eq!(rows.neighbours.len() * lanes, values.len(), "rows and lanes describe the values");
     let mut state = State::new(lanes, payload);
@@ -72,13 +72,13 @@ pub fn code_coefficients<C: BitCoder>(coder: &mut C, rows: &Rows, payload: Paylo
 }
 
 /// Codes `values` in natural order, rows of `lanes`: the second layer of a pointwise guarantee.
-pub fn code_corrections<C: BitCoder>(coder: &mut C, lanes: usize, values: &mut [i32]) {
+pub(crate) fn code_corrections<C: BitCoder>(coder: &mut C, lanes: usize, values: &mut [i32]) {
     code_coefficients(coder, &Rows::natural(values.len() / lanes, lanes), Payload::Integer, values);
 }
 
 impl Rows {
     /// Rows and lanes without trees: each has its predecessor as neighbour.
-    pub fn natural(rows: usize, lanes: usize) -> Self {
+    pub(crate) fn natural(rows: usize, lanes: usize) -> Self {
         let before = |i: usize| if i == 0 { NONE } else { i as u32 - 1 };
         Self {
             order: (0..rows as u32).collect(),

@@ -22,15 +22,15 @@ use super::bytes::{Reader, Writer};
 use super::error::CodecError;
 
 /// The first bytes of every material.
-pub const MAGIC: [u8; 4] = [0x89, b'W', b'L', b'M'];
+pub(crate) const MAGIC: [u8; 4] = [0x89, b'W', b'L', b'M'];
 /// The version written and read.
-pub const VERSION: u8 = 1;
+pub(crate) const VERSION: u8 = 1;
 /// Bytes of a checksum.
 const CHECKSUM: usize = 4;
 
 /// The kinds of chunk, in the order of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum ChunkKind {
+pub(crate) enum ChunkKind {
     /// What the material is, and its error report.
     Header,
     /// Positive, negative, zero or masked.
@@ -83,7 +83,7 @@ impl ChunkKind {
 
 /// A chunk that a header announces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Announced {
+pub(crate) struct Announced {
     /// Its kind.
     pub kind: ChunkKind,
     /// How long its payload is, where the header says so.
@@ -92,7 +92,7 @@ pub struct Announced {
 
 /// One chunk of a file.
 #[derive(Clone, Copy, Debug)]
-pub struct Chunk<'a> {
+pub(crate) struct Chunk<'a> {
     /// Its kind.
     pub kind: ChunkKind,
     /// Its payload; of a prefix, what is there of it.
@@ -107,25 +107,25 @@ pub struct Chunk<'a> {
 
 impl<'a> Chunk<'a> {
     /// Reads the payload's fields.
-    pub fn reader(&self) -> Reader<'a> {
+    pub(crate) fn reader(&self) -> Reader<'a> {
         Reader::new(self.payload, self.offset)
     }
 
     /// The offset in the file of what follows the chunk, beyond the bytes where it is cut.
-    pub fn end(&self) -> usize {
+    pub(crate) fn end(&self) -> usize {
         self.span.1
     }
 }
 
 /// A file taken apart, every checksum verified; or a prefix of one, every checksum of a whole chunk verified.
 #[derive(Clone, Debug)]
-pub struct Container<'a> {
+pub(crate) struct Container<'a> {
     bytes: &'a [u8],
     chunks: Vec<Chunk<'a>>,
 }
 
 /// Puts a file together; `chunks` in the order of a file, the header and those that it announces, then metadata.
-pub fn write_container(chunks: &[(ChunkKind, Vec<u8>)]) -> Vec<u8> {
+pub(crate) fn write_container(chunks: &[(ChunkKind, Vec<u8>)]) -> Vec<u8> {
     let mut w = Writer::default();
     w.raw(&MAGIC);
     w.u8(VERSION);
@@ -150,7 +150,7 @@ fn checksum(kind: ChunkKind, covered: &[u8]) -> [u8; CHECKSUM] {
 
 impl<'a> Container<'a> {
     /// Takes `bytes` apart and verifies every checksum; `header` reads the header and says which chunks it announces.
-    pub fn read<H>(
+    pub(crate) fn read<H>(
         bytes: &'a [u8],
         header: impl FnOnce(&mut Reader<'a>) -> Result<(H, Vec<Announced>), CodecError>,
     ) -> Result<(H, Self), CodecError> {
@@ -169,7 +169,7 @@ impl<'a> Container<'a> {
     }
 
     /// The same for the first bytes of a file: the header must be whole, the last chunk may be cut.
-    pub fn prefix<H>(
+    pub(crate) fn prefix<H>(
         bytes: &'a [u8],
         header: impl FnOnce(&mut Reader<'a>) -> Result<(H, Vec<Announced>), CodecError>,
     ) -> Result<(H, Self), CodecError> {
@@ -194,23 +194,23 @@ impl<'a> Container<'a> {
     }
 
     /// The chunk of this kind, if there is one.
-    pub fn get(&self, kind: ChunkKind) -> Option<Chunk<'a>> {
+    pub(crate) fn get(&self, kind: ChunkKind) -> Option<Chunk<'a>> {
         self.chunks.iter().find(|chunk| chunk.kind == kind).copied()
     }
 
     /// The chunk of this kind, or an error that names it.
-    pub fn require(&self, kind: ChunkKind) -> Result<Chunk<'a>, CodecError> {
+    pub(crate) fn require(&self, kind: ChunkKind) -> Result<Chunk<'a>, CodecError> {
         self.get(kind).ok_or(CodecError::Truncated { at: self.bytes.len(), expected: kind.name() })
     }
 
     /// Where the metadata chunk starts or would start; of a prefix, at least where its last chunk ends.
-    pub fn payload_end(&self) -> usize {
+    pub(crate) fn payload_end(&self) -> usize {
         let before = self.chunks.iter().rfind(|chunk| chunk.kind != ChunkKind::Metadata);
         before.map_or(0, Chunk::end)
     }
 
     /// The BLAKE3 digest of the file without its metadata chunk.
-    pub fn payload_digest(&self) -> blake3::Hash {
+    pub(crate) fn payload_digest(&self) -> blake3::Hash {
         blake3::hash(&self.bytes[..self.payload_end().min(self.bytes.len())])
     }
 }

@@ -6,7 +6,7 @@ use super::symbols::{FINE, GOLOMB_SLOTS, LEVELS, MagnitudeSlots, NONZERO, code_g
 
 /// Magnitudes around a detail, in sixteenths; `None` where there is nothing known.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Surroundings {
+pub(crate) struct Surroundings {
     /// The level of the detail, 1 = the children of the coarsest triangles.
     pub level: u8,
     /// The mean magnitude of the parent's details.
@@ -28,7 +28,7 @@ const SLOTS: usize = ROOT + 2 * GOLOMB_SLOTS;
 const SETS: usize = LEVELS + MagnitudeSlots::SETS;
 
 /// The adaptive models of a pyramid.
-pub struct DetailCoder {
+pub(crate) struct DetailCoder {
     model: Model,
 }
 
@@ -51,7 +51,7 @@ impl Default for DetailCoder {
 
 impl DetailCoder {
     /// Codes the difference of a coarsest mean from what was coded before it; `first` if nothing was.
-    pub fn code_root<C: BitCoder>(&mut self, coder: &mut C, first: bool, difference: i32) -> i32 {
+    pub(crate) fn code_root<C: BitCoder>(&mut self, coder: &mut C, first: bool, difference: i32) -> i32 {
         let slots = ROOT + usize::from(first) * GOLOMB_SLOTS;
         let magnitude = code_golomb(coder, &mut self.model, slots, difference.unsigned_abs()) as i32;
         if magnitude != 0 && coder.even(difference < 0) { -magnitude } else { magnitude }
@@ -59,7 +59,7 @@ impl DetailCoder {
 
     /// Codes a detail.
     #[inline]
-    pub fn code<C: BitCoder>(&mut self, coder: &mut C, around: &Surroundings, detail: i32) -> i32 {
+    pub(crate) fn code<C: BitCoder>(&mut self, coder: &mut C, around: &Surroundings, detail: i32) -> i32 {
         let level = usize::from(around.level).min(LEVELS - 1);
         let mut sum = 0;
         let mut weight = 0;

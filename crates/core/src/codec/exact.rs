@@ -26,7 +26,7 @@ fn unordered(value: u32) -> u32 {
 ///
 /// # Panics
 /// If the number of samples is not a multiple of `lanes`.
-pub fn code_exact<C: BitCoder>(coder: &mut C, lanes: usize, samples: &mut [f32]) {
+pub(crate) fn code_exact<C: BitCoder>(coder: &mut C, lanes: usize, samples: &mut [f32]) {
     assert_eq!(samples.len() % lanes, 0, "samples come in rows");
     let mut model = Model::new(SLOTS, 1);
     let mut above: Vec<i64> = vec![0; lanes];

@@ -1,7 +1,7 @@
 //! A binary range coder (Martin 1979, in the carry-propagating form of LZMA): one definition of every model codes both ways.
 
 /// Codes binary decisions: an encoder writes `bit`, a decoder ignores it and returns the bit it read.
-pub trait BitCoder {
+pub(crate) trait BitCoder {
     /// Codes one decision whose probability of being 1 is `p1 / 65536`, `0 < p1 < 65536`.
     fn bit(&mut self, bit: bool, p1: u32) -> bool;
 
@@ -21,7 +21,7 @@ pub trait BitCoder {
 
 /// Writes decisions to bytes.
 #[derive(Clone, Debug)]
-pub struct Encoder {
+pub(crate) struct Encoder {
     low: u64,
     range: u32,
     /// The last byte not yet written, because a carry may still reach it, and the number of 0xFF bytes after it.
@@ -57,7 +57,7 @@ impl Encoder {
     }
 
     /// The bytes; trailing zeros are left out, because a decoder reads zeros past the end.
-    pub fn finish(mut self) -> Vec<u8> {
+    pub(crate) fn finish(mut self) -> Vec<u8> {
         // Any value in [low, low + range) will do: the one with the most trailing zero bits is the shortest.
         let high = self.low + u64::from(self.range) - 1;
         let shared = (0..33).rev().find(|&k| (high >> k) << k >= self.low).unwrap_or(0);
@@ -94,7 +94,7 @@ impl BitCoder for Encoder {
 
 /// Reads decisions from bytes; past their end it reads zeros.
 #[derive(Clone, Debug)]
-pub struct Decoder<'a> {
+pub(crate) struct Decoder<'a> {
     bytes: &'a [u8],
     position: usize,
     range: u32,
@@ -103,7 +103,7 @@ pub struct Decoder<'a> {
 
 impl<'a> Decoder<'a> {
     /// Starts reading `bytes`.
-    pub fn new(bytes: &'a [u8]) -> Self {
+    pub(crate) fn new(bytes: &'a [u8]) -> Self {
         let mut decoder = Self { bytes, position: 0, range: u32::MAX, code: 0 };
         for _ in 0..4 {
             decoder.code = decoder.code << 8 | decoder.next();
@@ -118,12 +118,13 @@ impl<'a> Decoder<'a> {
     }
 
     /// How many bytes the decisions so far depend on, zeros past the end among them.
-    pub fn position(&self) -> usize {
+    pub(crate) fn position(&self) -> usize {
         self.position
     }
 
     /// Whether all bytes were used and no more than an encoder leaves out were missing.
-    pub fn is_exhausted(&self) -> bool {
+    #[cfg(test)]
+    pub(crate) fn is_exhausted(&self) -> bool {
         self.position >= self.bytes.len()
     }
 }

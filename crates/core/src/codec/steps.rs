@@ -14,7 +14,7 @@ const USUALLY_NONZERO: u32 = 13_107;
 ///
 /// # Panics
 /// If the number of integers is not a multiple of `lanes`.
-pub fn code_steps<C: BitCoder>(coder: &mut C, lanes: usize, steps: &mut [i32]) {
+pub(crate) fn code_steps<C: BitCoder>(coder: &mut C, lanes: usize, steps: &mut [i32]) {
     assert_eq!(steps.len() % lanes, 0, "steps come in rows");
     let mut model = Model::new(MAGNITUDE + GOLOMB_SLOTS, 1);
     for context in 0..9 {

@@ -74,7 +74,7 @@ impl BitCoder for Listener {
 }
 
 /// The coded form of `text`.
-pub fn write_text(text: &str) -> Vec<u8> {
+pub(crate) fn write_text(text: &str) -> Vec<u8> {
     let mut w = Writer::default();
     w.varint(text.len() as u64);
     let mut models = TextCoder::new();
@@ -89,7 +89,7 @@ pub fn write_text(text: &str) -> Vec<u8> {
 }
 
 /// Reads a text of at most `limit` bytes to the end of `r`.
-pub fn read_text(r: &mut Reader<'_>, limit: usize) -> Result<String, CodecError> {
+pub(crate) fn read_text(r: &mut Reader<'_>, limit: usize) -> Result<String, CodecError> {
     let length = r.size(limit, "length of the metadata")?;
     let coded = r.take(r.remaining(), "metadata")?;
     let least = length / MOST_PER_BYTE;

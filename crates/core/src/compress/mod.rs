@@ -32,6 +32,7 @@ mod refusal;
 mod rows;
 mod scales;
 mod search;
+#[doc(hidden)]
 pub mod selection;
 mod setting_error;
 mod settings;
@@ -55,6 +56,7 @@ pub(crate) use kept::Kept;
 pub use light::LightReport;
 pub use noise::{Noise, estimate as estimate_noise};
 pub use policy::Policy;
+#[doc(hidden)]
 pub use promise::shortfall;
 pub use setting_error::{AlbedoConflict, RandomAccessConflict, RdOption, SettingError};
 pub use settings::Settings;

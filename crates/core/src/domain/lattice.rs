@@ -9,7 +9,7 @@ use super::triangles::{Domain, TriangleMesh};
 type Point = [i32; 3];
 
 /// The triangles around a triangle at most: three vertices of valence six.
-pub const MOST_NEIGHBOURS: usize = 12;
+pub(crate) const MOST_NEIGHBOURS: usize = 12;
 
 /// The octants of the octahedron: z, then the two other axes in the order of the mesh.
 const OCTANTS: [[Point; 2]; 4] =
@@ -71,14 +71,14 @@ impl Symmetry {
 
 /// The triangles that share a vertex with each one, itself left out, in ascending order.
 #[derive(Clone, Debug)]
-pub struct Neighbours {
+pub(crate) struct Neighbours {
     of: Vec<[u32; MOST_NEIGHBOURS]>,
     count: Vec<u8>,
 }
 
 impl Neighbours {
     /// Those of every triangle of `mesh`.
-    pub fn new(mesh: TriangleMesh) -> Self {
+    pub(crate) fn new(mesh: TriangleMesh) -> Self {
         let size = 1_i32 << mesh.level();
         let side = 2 * size as usize + 1;
         let id = |[x, y, z]: Point| (((x + size) as usize * side) + (y + size) as usize) * 2 + usize::from(z < 0);
@@ -111,12 +111,12 @@ impl Neighbours {
     }
 
     /// Those of triangle `i`.
-    pub fn around(&self, i: usize) -> &[u32] {
+    pub(crate) fn around(&self, i: usize) -> &[u32] {
         &self.of[i][..usize::from(self.count[i])]
     }
 
     /// Those of triangle `i`, filled up with `i` itself.
-    pub fn padded(&self, i: usize) -> &[u32; MOST_NEIGHBOURS] {
+    pub(crate) fn padded(&self, i: usize) -> &[u32; MOST_NEIGHBOURS] {
         &self.of[i]
     }
 }

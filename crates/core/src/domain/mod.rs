@@ -26,15 +26,18 @@ pub mod vector;
 mod views;
 mod wavelengths;
 
+#[doc(hidden)]
 pub use axis::check_axes;
 pub use axis::{Axis, AxisError, Layout};
 pub use direction::Direction;
 pub use errors::{ErrorAccumulator, ErrorReport};
-pub use lattice::{MOST_NEIGHBOURS, Neighbours, Symmetry};
+pub use lattice::Symmetry;
+pub(crate) use lattice::{MOST_NEIGHBOURS, Neighbours};
 pub use progress::{Cancelled, Progress, Silent};
 #[doc(hidden)]
 pub use quantity::named;
 pub use quantity::{Quantity, Sampling, Unit, UnknownName};
+#[doc(hidden)]
 pub use tensor::first_where;
 pub use tensor::{Measurement, Tensor, TensorError};
 pub use triangles::{Domain, TriangleMesh};

@@ -69,7 +69,7 @@ mod smooth;
 mod spectrum;
 mod staged;
 mod trees;
-pub mod warp;
+mod warp;
 mod wavelength_sampler;
 
 pub use albedo::Side;
@@ -82,6 +82,8 @@ pub use place::{Beyond, Interpolation, Place};
 pub use report::OpenedReport;
 pub use sampler::DirectionSample;
 pub use warp::{Density, SampleOptions};
+#[doc(hidden)]
+pub use warp::{Drawn, Measure, WarpMesh, Warps};
 pub use wavelength_sampler::WavelengthSampler;
 
 #[cfg(test)]

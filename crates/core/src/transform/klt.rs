@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Entries of a row: the covariance of more would take gigabytes and hours.
-pub const MAX_KLT_LENGTH: usize = 1024;
+const MAX_KLT_LENGTH: usize = 1024;
 
 /// Vectors carried along beside those wanted, so that the wanted ones converge.
 const SPARE: usize = 8;

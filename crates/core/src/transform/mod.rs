@@ -34,11 +34,11 @@ mod tree;
 pub use basis::{AxisTransform, SphereBasis, Weights, bases};
 pub use basis_info::{BasisInfo, Space};
 pub use boundary::Boundary;
-pub use klt::{Klt, KltError, MAX_KLT_LENGTH};
+pub use klt::{Klt, KltError};
 pub use lines::LineBasis;
 pub use partial::Part;
 pub use plan::{Plan, PlanError};
-pub use prediction::{Householder, Prediction};
+pub(crate) use prediction::{Householder, Prediction};
 pub use tree::AxisTree;
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ const RIDGE: f64 = 1e-4;
 
 /// The prediction at every node of one level.
 #[derive(Clone, Debug)]
-pub struct Prediction {
+pub(crate) struct Prediction {
     neighbours: Neighbours,
     /// By node: the weight of each neighbour's difference from the node in the means of corner children 0, 1 and 2; a zero.
     weights: Vec<[[f32; 4]; MOST_NEIGHBOURS]>,
@@ -62,7 +62,7 @@ impl Moments {
 
 impl Prediction {
     /// Those of the levels 0 … `mesh.level() − 1` of a mesh, coarse first.
-    pub fn levels(mesh: TriangleMesh) -> Vec<Self> {
+    pub(crate) fn levels(mesh: TriangleMesh) -> Vec<Self> {
         let mut children: Vec<Moments> = (0..mesh.len()).map(|i| Moments::of_point(mesh.centroid(i).xyz())).collect();
         let mut levels = Vec::new();
         let mut level = mesh.coarser();
@@ -86,13 +86,13 @@ impl Prediction {
     }
 
     /// The triangles around node `i`.
-    pub fn around(&self, i: usize) -> &[u32] {
+    pub(crate) fn around(&self, i: usize) -> &[u32] {
         self.neighbours.around(i)
     }
 
     /// The four children of node `i` as deviations from its mean, given the means of all nodes of its level.
     #[inline]
-    pub fn children(&self, i: usize, means: &[f32]) -> [f32; 4] {
+    pub(crate) fn children(&self, i: usize, means: &[f32]) -> [f32; 4] {
         let own = means[i];
         let mut corners = [0.0_f32; 4];
         for (&n, weights) in self.neighbours.padded(i).iter().zip(&self.weights[i]) {
@@ -162,7 +162,7 @@ fn weights(i: usize, around: &[u32], nodes: &[Moments], children: &[Moments]) ->
 /// The orthonormal basis of the deviations of two, three or four siblings from their mean: the reflection that takes
 /// (1, …, 1)/√n to the last of them, without its last row.
 #[derive(Clone, Copy, Debug)]
-pub struct Householder {
+pub(crate) struct Householder {
     siblings: usize,
     /// The reflection's vector has `alpha` at all siblings but the last, and `beta` there; `scale` is 2 / its square.
     alpha: f32,
@@ -172,7 +172,7 @@ pub struct Householder {
 
 impl Householder {
     /// For `siblings` children, 2, 3 or 4.
-    pub fn new(siblings: usize) -> Self {
+    pub(crate) fn new(siblings: usize) -> Self {
         let n = siblings as f64;
         let alpha = 1.0 / n.sqrt();
         let beta = alpha - 1.0;
@@ -180,13 +180,13 @@ impl Householder {
     }
 
     /// Details there are: one less than siblings.
-    pub fn details(self) -> usize {
+    pub(crate) fn details(self) -> usize {
         self.siblings - 1
     }
 
     /// The details of the values of the siblings; what they have in common does not count.
     #[inline]
-    pub fn analyse(self, values: &[f32; 4]) -> [f32; 3] {
+    pub(crate) fn analyse(self, values: &[f32; 4]) -> [f32; 3] {
         let n = self.siblings;
         let mut along = self.beta * values[n - 1];
         for &value in &values[..n - 1] {
@@ -198,7 +198,7 @@ impl Householder {
 
     /// The deviations of the siblings from their mean.
     #[inline]
-    pub fn synthesise(self, details: &[f32; 3]) -> [f32; 4] {
+    pub(crate) fn synthesise(self, details: &[f32; 3]) -> [f32; 4] {
         let n = self.siblings;
         let mut along = 0.0;
         for &detail in &details[..n - 1] {

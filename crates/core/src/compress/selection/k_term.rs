@@ -55,7 +55,7 @@ fn weights(samples: &[f64]) -> Vec<f64> {
 
 /// Plain selection: the `count` coefficients of largest effect on the relative error, |c|·‖ψ/s‖, or if not `relative` of
 /// largest L2 norm, |c|·‖ψ‖; values as they are.
-pub fn largest(dictionary: &Dictionary, samples: &[f64], count: usize, relative: bool) -> Approximation {
+pub(super) fn largest(dictionary: &Dictionary, samples: &[f64], count: usize, relative: bool) -> Approximation {
     let c = dictionary.coefficients(samples);
     let w = if relative { weights(samples) } else { vec![1.0; samples.len()] };
     let magnitude = |k: usize| {
@@ -72,7 +72,7 @@ pub fn largest(dictionary: &Dictionary, samples: &[f64], count: usize, relative:
 
 /// The functions `kept` with the coefficients of least er(L2) that meet every constraint exactly; `None` if there are
 /// none, or the functions depend on each other.
-pub fn refitted(
+pub(super) fn refitted(
     dictionary: &Dictionary,
     samples: &[f64],
     kept: &[usize],
@@ -92,7 +92,7 @@ pub fn refitted(
 
 /// Greedy selection for er(L2), refitted: orthogonal least squares (Chen, Billings & Luo 1989), which adds the function
 /// that lowers the error most with all coefficients free. Constraints count as samples of great weight while selecting.
-pub fn greedy(
+pub(super) fn greedy(
     dictionary: &Dictionary,
     samples: &[f64],
     count: usize,
@@ -107,7 +107,7 @@ pub fn greedy(
 }
 
 /// Betters `start` by exchanging one function at a time, until no exchange lowers the error or after `rounds` rounds.
-pub fn exchange(
+pub(super) fn exchange(
     dictionary: &Dictionary,
     samples: &[f64],
     start: Approximation,

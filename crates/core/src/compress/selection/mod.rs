@@ -2,7 +2,7 @@
 //!
 //! * [`Dictionary`]: a basis on a line as dense matrices, for spectra of a few dozen samples, where everything can be tried.
 //! * [`GenericTransform`]: a tensor's coefficients with the norms of each space, for the policies of \[CPB06\] section 4.2.
-//! * [`effects`]: what each coefficient does to the relative error. [`refit`]: the best values of those kept.
+//! * `effects`: what each coefficient does to the relative error. `refit`: the best values of those kept.
 
 mod best_basis;
 mod dictionary;
@@ -15,5 +15,5 @@ pub use best_basis::{Choice, Ranked, best_basis, line_dictionaries};
 pub use dictionary::Dictionary;
 pub use effects::effects;
 pub use generic::{GenericTransform, Rule, Search};
-pub use k_term::{Approximation, Constraint, RelativeErrors, exchange, greedy, largest, refitted};
+pub use k_term::{Approximation, Constraint, RelativeErrors};
 pub use refit::refit;

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 /// Betters the kept coefficients (those that are not 0) in place: minimises Σ (w·(Sc − s))² over them by preconditioned
 /// conjugate gradients on the normal equations (CGLS, Björck 1996, section 7.4), `iterations` at most. `effects` are the
-/// norms of the weighted synthesis functions ([`super::effects`]), which precondition. Returns the root of the sum reached.
+/// norms of the weighted synthesis functions (`effects`), which precondition. Returns the root of the sum reached.
 ///
 /// # Panics
 /// If the lengths differ.
@@ -80,7 +80,8 @@ fn zip3(out: &mut [f32], a: &[f32], b: &[f32], f: impl Fn(f32, f32, f32) -> f32 
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Dictionary, effects, largest, refitted};
+    use super::super::k_term::{largest, refitted};
+    use super::super::{Dictionary, effects};
     use super::*;
     use crate::domain::Axis;
     use crate::transform::{AxisTransform, LineBasis};
