@@ -10,7 +10,7 @@ const OWN: u64 = 128;
 const UPLOAD: u64 = 2;
 
 /// Raises the soft limit on descriptors of this process to its hard limit.
-pub fn raise_descriptor_limit() {
+pub(crate) fn raise_descriptor_limit() {
     let limit = getrlimit(Resource::Nofile);
     if limit.current == limit.maximum {
         return;

@@ -34,6 +34,7 @@ mod upload;
 mod words;
 mod zstd;
 
-pub use descriptors::raise_descriptor_limit;
+pub use crate::jobs::{ArchiveError, Limits, WorkConfig};
+pub(crate) use descriptors::raise_descriptor_limit;
 pub use router::openapi;
 pub use server::{ServeConfig, ServeError, Server, Stop, serve};

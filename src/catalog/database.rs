@@ -15,7 +15,7 @@ use tokio::sync::{Mutex, OwnedMutexGuard};
 
 /// The catalog; cheap to clone.
 #[derive(Clone, Debug)]
-pub struct Catalog {
+pub(crate) struct Catalog {
     pub(super) pool: AnyPool,
     /// One writer of this process at a time: waiting here is fair, SQLite's busy handler is not.
     turn: Arc<Mutex<()>>,
@@ -32,12 +32,13 @@ pub(super) struct Write {
 
 impl Catalog {
     /// Opens the SQLite catalog in `file`, makes it if it is missing, and brings its schema up to date.
-    pub async fn open(file: &Path) -> Result<Self, CatalogError> {
+    #[cfg(test)]
+    pub(crate) async fn open(file: &Path) -> Result<Self, CatalogError> {
         Ok(Self::migrate(file).await?.0)
     }
 
     /// Opens it, brings the schema up to date and says how many migrations that took.
-    pub async fn migrate(file: &Path) -> Result<(Self, usize), CatalogError> {
+    pub(crate) async fn migrate(file: &Path) -> Result<(Self, usize), CatalogError> {
         install_default_drivers();
         let url = url(file)?;
         check(file, &url).await?;
@@ -78,7 +79,7 @@ impl Catalog {
     }
 
     /// Ends all connections.
-    pub async fn close(&self) {
+    pub(crate) async fn close(&self) {
         self.pool.close().await;
     }
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 /// Where a job is in its life.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum JobState {
+pub(crate) enum JobState {
     /// Waits for a worker. → running when claimed, → cancelled when asked.
     Queued,
     /// Belongs to a worker. → succeeded, failed or cancelled by its worker; → queued when the lease runs out or the
@@ -25,7 +25,7 @@ pub enum JobState {
 
 /// A job to queue.
 #[derive(Clone, Debug)]
-pub struct NewJob {
+pub(crate) struct NewJob {
     /// Its id.
     pub id: String,
     /// Its arguments.
@@ -38,7 +38,7 @@ pub struct NewJob {
 
 /// A job remembered.
 #[derive(Clone, Debug)]
-pub struct JobRow {
+pub(crate) struct JobRow {
     /// Its id.
     pub id: String,
     /// What it reads, if it reads a measurement.
@@ -63,7 +63,7 @@ pub struct JobRow {
 
 /// What became of a wish to queue.
 #[derive(Clone, Debug)]
-pub enum Enqueued {
+pub(crate) enum Enqueued {
     /// A new job.
     New(JobRow),
     /// The job that the same key and body made before.
@@ -78,7 +78,7 @@ pub enum Enqueued {
 
 /// A job in the hands of a worker.
 #[derive(Clone, Debug)]
-pub struct Claimed {
+pub(crate) struct Claimed {
     /// Its id.
     pub id: String,
     /// Its arguments.
@@ -91,7 +91,7 @@ pub struct Claimed {
 
 /// What a worker hears when it says that it lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Beat {
+pub(crate) enum Beat {
     /// Go on.
     Yours,
     /// Somebody asked to cancel.
@@ -102,7 +102,7 @@ pub enum Beat {
 
 /// How a worker ends its attempt.
 #[derive(Clone, Debug)]
-pub enum Ended {
+pub(crate) enum Ended {
     /// With a material, published and pinned under this holder.
     Material(Box<NewMaterial>, String),
     /// With the bytes of a report, published and pinned under this holder.
@@ -126,7 +126,7 @@ pub enum Ended {
 
 /// Outcome of ending an attempt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ending {
+pub(crate) enum Ending {
     /// The attempt has ended and the job is in this state.
     Now(JobState),
     /// The job was another worker's already; nothing was written.
@@ -140,7 +140,7 @@ impl JobState {
         [Self::Queued, Self::Running, Self::Succeeded, Self::Failed, Self::Dead, Self::Cancelled];
 
     /// The stable name.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Queued => "queued",
             Self::Running => "running",
@@ -152,7 +152,7 @@ impl JobState {
     }
 
     /// Whether nothing follows.
-    pub fn is_final(self) -> bool {
+    pub(crate) fn is_final(self) -> bool {
         !matches!(self, Self::Queued | Self::Running)
     }
 }

@@ -22,7 +22,7 @@ macro_rules! columns {
 
 impl Catalog {
     /// Queues a job, unless its key says it was queued before.
-    pub async fn enqueue(&self, new: &NewJob, most: u64) -> Result<Enqueued, CatalogError> {
+    pub(crate) async fn enqueue(&self, new: &NewJob, most: u64) -> Result<Enqueued, CatalogError> {
         let mut write = self.write().await?;
         if let Some((key, body)) = &new.idempotency {
             let known = sqlx::query("SELECT body, job FROM idempotency_keys WHERE name = $1")
@@ -78,7 +78,7 @@ impl Catalog {
     }
 
     /// One job.
-    pub async fn job(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
+    pub(crate) async fn job(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
         sqlx::query(concat!("SELECT ", columns!(), " FROM jobs WHERE id = $1"))
             .bind(id.to_owned())
             .fetch_optional(&self.pool)
@@ -88,14 +88,19 @@ impl Catalog {
     }
 
     /// How many jobs are in each state, for the metrics.
-    pub async fn job_counts(&self) -> Result<Vec<(JobState, u64)>, CatalogError> {
+    pub(crate) async fn job_counts(&self) -> Result<Vec<(JobState, u64)>, CatalogError> {
         let rows = sqlx::query("SELECT state, COUNT(*) FROM jobs GROUP BY state").fetch_all(&self.pool).await?;
         rows.iter().map(|row| Ok((state("", row.try_get(0)?)?, row.try_get::<i64, _>(1)?.max(0) as u64))).collect()
     }
 
     /// Takes the job that has waited longest and may begin, if there is one. Those whose ids are in `but` are left to
     /// other workers.
-    pub async fn claim(&self, worker: &str, lease: Duration, but: &[String]) -> Result<Option<Claimed>, CatalogError> {
+    pub(crate) async fn claim(
+        &self,
+        worker: &str,
+        lease: Duration,
+        but: &[String],
+    ) -> Result<Option<Claimed>, CatalogError> {
         let but = serde_json::json!(but).to_string();
         // A look without the write lock first: an idle worker must not disturb writers.
         let any = format!("SELECT 1 FROM jobs WHERE state = 'queued' AND id NOT IN ({}) LIMIT 1", each("$1"));
@@ -135,7 +140,7 @@ impl Catalog {
     }
 
     /// A sign of life: renews the lease, keeps the progress and hears what the world wants.
-    pub async fn beat(&self, job: &Claimed, progress: f64, lease: Duration) -> Result<Beat, CatalogError> {
+    pub(crate) async fn beat(&self, job: &Claimed, progress: f64, lease: Duration) -> Result<Beat, CatalogError> {
         let mut write = self.write().await?;
         let renewed = sqlx::query(
             "UPDATE jobs SET lease_until = $3, progress = $4 WHERE id = $1 AND epoch = $2 AND state = 'running'",
@@ -159,7 +164,7 @@ impl Catalog {
     }
 
     /// Ends an attempt.
-    pub async fn end(&self, job: &Claimed, ended: &Ended) -> Result<Ending, CatalogError> {
+    pub(crate) async fn end(&self, job: &Claimed, ended: &Ended) -> Result<Ending, CatalogError> {
         let mut write = self.write().await?;
         let owned = sqlx::query("SELECT cancel_requested FROM jobs WHERE id = $1 AND epoch = $2 AND state = 'running'")
             .bind(job.id.clone())
@@ -223,7 +228,7 @@ impl Catalog {
 
     /// Asks a job to stop: a queued one is cancelled at once, a running one by its worker. The job afterwards, if there
     /// is one.
-    pub async fn cancel(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
+    pub(crate) async fn cancel(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
         let mut write = self.write().await?;
         sqlx::query("UPDATE jobs SET state = 'cancelled', updated_at = $2 WHERE id = $1 AND state = 'queued'")
             .bind(id.to_owned())
@@ -248,7 +253,12 @@ impl Catalog {
     ///
     /// A worker that vanished may have been killed by the job itself, so the attempt counts: `problem` (JSON) is what a
     /// job dies of after `attempts`.
-    pub async fn reap(&self, gone: &[String], attempts: u32, problem: &str) -> Result<Vec<String>, CatalogError> {
+    pub(crate) async fn reap(
+        &self,
+        gone: &[String],
+        attempts: u32,
+        problem: &str,
+    ) -> Result<Vec<String>, CatalogError> {
         let running = sqlx::query("SELECT 1 FROM jobs WHERE state = 'running' LIMIT 1").fetch_optional(&self.pool);
         if running.await?.is_none() {
             return Ok(Vec::new());

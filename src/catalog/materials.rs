@@ -12,7 +12,7 @@ use sqlx::any::AnyRow;
 
 /// A material to remember.
 #[derive(Clone, Debug)]
-pub struct NewMaterial {
+pub(crate) struct NewMaterial {
     /// The digest of the file.
     pub id: Digest,
     /// The digest without the metadata chunk.
@@ -33,7 +33,7 @@ pub struct NewMaterial {
 
 /// A material remembered.
 #[derive(Clone, Debug)]
-pub struct MaterialRow {
+pub(crate) struct MaterialRow {
     /// Its id.
     pub id: Digest,
     /// What the user calls it: the last name that a job gave.
@@ -50,7 +50,7 @@ pub struct MaterialRow {
 
 /// Which materials to list.
 #[derive(Clone, Debug, Default)]
-pub struct MaterialFilter {
+pub(crate) struct MaterialFilter {
     /// Of this quantity.
     pub quantity: Option<Quantity>,
     /// Made of this measurement.
@@ -69,7 +69,7 @@ macro_rules! columns {
 
 impl Catalog {
     /// One material.
-    pub async fn material(&self, id: Digest) -> Result<Option<MaterialRow>, CatalogError> {
+    pub(crate) async fn material(&self, id: Digest) -> Result<Option<MaterialRow>, CatalogError> {
         let row = sqlx::query(concat!("SELECT ", columns!(), " FROM materials WHERE id = $1"))
             .bind(id.to_string())
             .fetch_optional(&self.pool)
@@ -81,7 +81,7 @@ impl Catalog {
     }
 
     /// The name of a material, if there is such a material: the question before any cached answer about it.
-    pub async fn material_name(&self, id: Digest) -> Result<Option<Option<String>>, CatalogError> {
+    pub(crate) async fn material_name(&self, id: Digest) -> Result<Option<Option<String>>, CatalogError> {
         let row = sqlx::query("SELECT name FROM materials WHERE id = $1")
             .bind(id.to_string())
             .fetch_optional(&self.pool)
@@ -90,7 +90,7 @@ impl Catalog {
     }
 
     /// Materials, newest first.
-    pub async fn materials(
+    pub(crate) async fn materials(
         &self,
         filter: &MaterialFilter,
         after: Option<Cursor>,
@@ -123,7 +123,7 @@ impl Catalog {
     }
 
     /// Forgets a material; nothing stands on one.
-    pub async fn delete_material(&self, id: Digest) -> Result<Deleted, CatalogError> {
+    pub(crate) async fn delete_material(&self, id: Digest) -> Result<Deleted, CatalogError> {
         let mut write = self.write().await?;
         let id = id.to_string();
         for statement in

@@ -11,7 +11,7 @@ use sqlx::any::AnyRow;
 
 /// A measurement to remember.
 #[derive(Clone, Debug)]
-pub struct NewMeasurement {
+pub(crate) struct NewMeasurement {
     /// The digest of the content, or of the content and its interpretation.
     pub id: Digest,
     /// The digest of the bytes.
@@ -34,13 +34,11 @@ pub struct NewMeasurement {
 
 /// A measurement remembered.
 #[derive(Clone, Debug)]
-pub struct MeasurementRow {
+pub(crate) struct MeasurementRow {
     /// Its id.
     pub id: Digest,
     /// The digest of the bytes.
     pub content: Digest,
-    /// The measurement whose content is the spectrum joined with this one.
-    pub spectrum: Option<Digest>,
     /// What the user calls it.
     pub name: Option<String>,
     /// What the file was called.
@@ -55,7 +53,7 @@ pub struct MeasurementRow {
 
 /// Which measurements to list.
 #[derive(Clone, Debug, Default)]
-pub struct MeasurementFilter {
+pub(crate) struct MeasurementFilter {
     /// Of this quantity.
     pub quantity: Option<Quantity>,
     /// Of this format.
@@ -66,7 +64,7 @@ pub struct MeasurementFilter {
 
 /// Outcome of remembering a measurement.
 #[derive(Clone, Debug)]
-pub enum Added {
+pub(crate) enum Added {
     /// The row, and whether it is new.
     Row(MeasurementRow, bool),
     /// The spectrum it stands on was deleted meanwhile; nothing was written.
@@ -77,7 +75,7 @@ pub enum Added {
 
 /// Outcome of a deletion.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Deleted {
+pub(crate) enum Deleted {
     /// It is gone; its bytes go with the next sweep.
     Done,
     /// There was none.
@@ -88,13 +86,13 @@ pub enum Deleted {
 
 macro_rules! columns {
     () => {
-        "id, content, spectrum, name, file_name, bytes, document, created_at"
+        "id, content, name, file_name, bytes, document, created_at"
     };
 }
 
 impl Catalog {
     /// Remembers a measurement whose content is published and pinned by `pin_holder`; the pin ends.
-    pub async fn add_measurement(&self, new: &NewMeasurement, pin_holder: &str) -> Result<Added, CatalogError> {
+    pub(crate) async fn add_measurement(&self, new: &NewMeasurement, pin_holder: &str) -> Result<Added, CatalogError> {
         let mut write = self.write().await?;
         if !unpin(&mut write, new.content, pin_holder).await? {
             return Ok(Added::Unpinned);
@@ -143,7 +141,7 @@ impl Catalog {
     }
 
     /// One measurement.
-    pub async fn measurement(&self, id: Digest) -> Result<Option<MeasurementRow>, CatalogError> {
+    pub(crate) async fn measurement(&self, id: Digest) -> Result<Option<MeasurementRow>, CatalogError> {
         sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE id = $1"))
             .bind(id.to_string())
             .fetch_optional(&self.pool)
@@ -153,7 +151,7 @@ impl Catalog {
     }
 
     /// Measurements, newest first.
-    pub async fn measurements(
+    pub(crate) async fn measurements(
         &self,
         filter: &MeasurementFilter,
         after: Option<Cursor>,
@@ -180,7 +178,7 @@ impl Catalog {
     }
 
     /// Forgets a measurement, unless a material, another measurement or unfinished work stands on it.
-    pub async fn delete_measurement(&self, id: Digest) -> Result<Deleted, CatalogError> {
+    pub(crate) async fn delete_measurement(&self, id: Digest) -> Result<Deleted, CatalogError> {
         let mut write = self.write().await?;
         let id = id.to_string();
         let used = sqlx::query(
@@ -214,7 +212,6 @@ fn read(row: &AnyRow) -> Result<MeasurementRow, CatalogError> {
     Ok(MeasurementRow {
         id: digest(id.clone())?,
         content: digest(row.try_get("content")?)?,
-        spectrum: row.try_get::<Option<String>, _>("spectrum")?.map(digest).transpose()?,
         name: row.try_get("name")?,
         file_name: row.try_get("file_name")?,
         bytes: row.try_get::<i64, _>("bytes")?.max(0) as u64,

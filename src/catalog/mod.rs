@@ -21,13 +21,13 @@ mod ready;
 mod result_code;
 mod schema;
 
-pub use database::Catalog;
+pub(crate) use database::Catalog;
 pub use error::CatalogError;
-pub use job::{Beat, Claimed, Ended, Ending, Enqueued, JobRow, JobState, NewJob};
-pub use materials::{MaterialFilter, MaterialRow, NewMaterial};
-pub use measurements::{Added, Deleted, MeasurementFilter, MeasurementRow, NewMeasurement};
-pub use page::{Cursor, NotACursor, Page};
-pub use pins::Namer;
+pub(crate) use job::{Beat, Claimed, Ended, Ending, Enqueued, JobRow, JobState, NewJob};
+pub(crate) use materials::{MaterialFilter, MaterialRow, NewMaterial};
+pub(crate) use measurements::{Added, Deleted, MeasurementFilter, MeasurementRow, NewMeasurement};
+pub(crate) use page::{Cursor, NotACursor};
+pub(crate) use pins::Namer;
 
 #[cfg(test)]
 pub(crate) mod testing {

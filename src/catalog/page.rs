@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 /// The place after a row: its time and its id.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Cursor {
+pub(crate) struct Cursor {
     pub(super) created_at: i64,
     pub(super) id: String,
 }
@@ -13,11 +13,11 @@ pub struct Cursor {
 /// Text that is no cursor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("not a cursor, expected the `next` of an earlier answer")]
-pub struct NotACursor;
+pub(crate) struct NotACursor;
 
 /// Rows and where to go on, if there are more.
 #[derive(Clone, Debug)]
-pub struct Page<T> {
+pub(crate) struct Page<T> {
     /// The rows.
     pub items: Vec<T>,
     /// The cursor of the next page.

@@ -20,7 +20,7 @@ use std::time::Duration;
 
 /// Kind of row that refers to the bytes of a digest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Namer {
+pub(crate) enum Namer {
     /// A material, whose file they are.
     Material,
     /// A job, whose report they are.
@@ -32,7 +32,7 @@ pub enum Namer {
 impl Catalog {
     /// Keeps sweeps away from `digest` for `time`, or until [`Catalog::add_measurement`] or [`Catalog::end`] names it. A pin
     /// of the same holder is renewed.
-    pub async fn pin(&self, digest: Digest, holder: &str, time: Duration) -> Result<(), CatalogError> {
+    pub(crate) async fn pin(&self, digest: Digest, holder: &str, time: Duration) -> Result<(), CatalogError> {
         let mut write = self.write().await?;
         let until = write.now.saturating_add(time.as_millis() as i64);
         sqlx::query(
@@ -51,7 +51,7 @@ impl Catalog {
     ///
     /// Every writer waits for `retire`, so it must be short. It is a plain call and not a future: it can neither be
     /// dropped half-way nor outlive the transaction.
-    pub async fn unless_named<T>(
+    pub(crate) async fn unless_named<T>(
         &self,
         digest: Digest,
         retire: impl FnOnce() -> T + Send,
@@ -74,7 +74,7 @@ impl Catalog {
     }
 
     /// Forgets idempotency keys older than `age`, and pins that have run out.
-    pub async fn forget_keys(&self, age: Duration) -> Result<(), CatalogError> {
+    pub(crate) async fn forget_keys(&self, age: Duration) -> Result<(), CatalogError> {
         let mut write = self.write().await?;
         sqlx::query("DELETE FROM pins WHERE expires_at <= $1").bind(write.now).execute(&mut *write.transaction).await?;
         sqlx::query("DELETE FROM idempotency_keys WHERE created_at < $1")
@@ -85,7 +85,7 @@ impl Catalog {
     }
 
     /// The kind of row that names `digest`, if there is one: the bytes of any other digest are nobody's to read.
-    pub async fn namer(&self, digest: Digest) -> Result<Option<Namer>, CatalogError> {
+    pub(crate) async fn namer(&self, digest: Digest) -> Result<Option<Namer>, CatalogError> {
         let row = sqlx::query(
             "SELECT 1 AS kind FROM materials WHERE id = $1 \
              UNION ALL SELECT 2 FROM jobs WHERE report = $1 \
@@ -103,7 +103,7 @@ impl Catalog {
     }
 
     /// Every digest that a row names, with what names it.
-    pub async fn named(&self) -> Result<BTreeMap<Digest, String>, CatalogError> {
+    pub(crate) async fn named(&self) -> Result<BTreeMap<Digest, String>, CatalogError> {
         let rows = sqlx::query(
             "SELECT content, 'measurement ' || id FROM measurements UNION ALL SELECT id, 'material ' || id FROM materials \
              UNION ALL SELECT report, 'job ' || id FROM jobs WHERE report IS NOT NULL",

@@ -15,7 +15,7 @@ impl Catalog {
     ///
     /// Never waits for a writer and delays none: a write of this process within the last 5 s is proof enough. Without
     /// one, a connection of its own asks for the write lock without waiting and gives it back at once.
-    pub async fn ping(&self) -> Result<(), CatalogError> {
+    pub(crate) async fn ping(&self) -> Result<(), CatalogError> {
         let read = sqlx::query("SELECT 1 FROM pins LIMIT 1").fetch_optional(&self.pool);
         timeout(PATIENCE, read).await.map_err(|_| CatalogError::Locked)??;
         let looking = async {

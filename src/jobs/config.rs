@@ -26,7 +26,7 @@ impl WorkConfig {
 
 /// One number that a person may set, declared once in [`SETTINGS`].
 #[derive(Clone, Copy, Debug)]
-pub struct Setting {
+pub(crate) struct Setting {
     /// Name in `snake_case`; flag and environment variable follow from it.
     pub field: &'static str,
     /// Group under which help and documentation list it.
@@ -45,7 +45,7 @@ pub struct Setting {
 
 impl Setting {
     /// Reads text as a value of this setting.
-    pub fn parse(&self, text: &str) -> Result<u64, String> {
+    pub(crate) fn parse(&self, text: &str) -> Result<u64, String> {
         let expected = self.unit.expected();
         let value = self.unit.parse(text.trim()).ok_or_else(|| format!("expected {expected}"))?;
         if value < self.least {
@@ -75,7 +75,7 @@ macro_rules! limits {
         }
 
         /// Every number that a person may set, in the order of the documentation.
-        pub const SETTINGS: &[Setting] = &[
+        pub(crate) const SETTINGS: &[Setting] = &[
             Setting {
                 field: "workers",
                 heading: "Work",

@@ -16,7 +16,7 @@ use std::time::Duration;
 
 /// What the workers and the HTTP handlers of one process share.
 #[derive(Debug)]
-pub struct Engine {
+pub(crate) struct Engine {
     pub(crate) archive: Archive,
     pub(crate) limits: Limits,
     /// Compression: as many pieces at once as there are workers.
@@ -36,7 +36,7 @@ pub struct Engine {
 
 /// Why a material was not opened.
 #[derive(Debug, thiserror::Error)]
-pub enum OpenError {
+pub(crate) enum OpenError {
     /// The blobs.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -53,7 +53,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 
 impl Engine {
     /// Opens the data directory and starts the threads. Nothing runs yet.
-    pub async fn open(config: &WorkConfig) -> Result<Arc<Self>, ArchiveError> {
+    pub(crate) async fn open(config: &WorkConfig) -> Result<Arc<Self>, ArchiveError> {
         let archive = Archive::open(&config.data).await?;
         let limits = config.limits.clone();
         let presence = Presence::enter(&archive.data.join("workers"))
@@ -95,7 +95,7 @@ impl Engine {
     }
 
     /// Queues a job. `idempotency` is the client's key and the digest of its body.
-    pub async fn enqueue(
+    pub(crate) async fn enqueue(
         &self,
         request: &JobRequest,
         idempotency: Option<(String, Digest)>,
@@ -118,7 +118,7 @@ impl Engine {
     }
 
     /// A job with its progress as of now.
-    pub async fn job(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
+    pub(crate) async fn job(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
         let mut row = self.archive.catalog.job(id).await?;
         if let Some(row) = &mut row
             && row.state == crate::catalog::JobState::Running
@@ -130,7 +130,7 @@ impl Engine {
     }
 
     /// Asks a job to stop; the job afterwards, if there is one.
-    pub async fn cancel(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
+    pub(crate) async fn cancel(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
         let row = self.archive.catalog.cancel(id).await?;
         self.hub.stop(id);
         self.hub.changed(id);
@@ -139,7 +139,7 @@ impl Engine {
 
     /// Opened form of a material, opened once however many ask at the same time; one larger than the whole cache is opened
     /// for each request. The caller has asked the catalog whether the material is still there: the cache does not know.
-    pub async fn material(&self, id: Digest) -> Result<Arc<Material>, Arc<OpenError>> {
+    pub(crate) async fn material(&self, id: Digest) -> Result<Arc<Material>, Arc<OpenError>> {
         let opened = self.opened.entry(id).or_try_insert_with(async move {
             let bytes = self.archive.store.get(id).await?;
             let material = self.queries.run(move || Material::open(&bytes)).await??;
@@ -155,13 +155,13 @@ impl Engine {
     }
 
     /// How many materials are open, and the bytes of memory they take.
-    pub async fn open_materials(&self) -> (u64, u64) {
+    pub(crate) async fn open_materials(&self) -> (u64, u64) {
         self.opened.run_pending_tasks().await;
         (self.opened.entry_count(), self.opened.weighted_size() * 1024)
     }
 
     /// A material decoded to all its samples, which nothing keeps.
-    pub async fn decoded(&self, id: Digest) -> Result<Decoded, OpenError> {
+    pub(crate) async fn decoded(&self, id: Digest) -> Result<Decoded, OpenError> {
         let bytes = self.archive.store.get(id).await?;
         Ok(self.queries.run(move || decode(&bytes)).await?.map_err(EvaluateError::from)?)
     }

@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 /// What a client says about the bytes it uploads.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Upload {
+pub(crate) struct Upload {
     /// What the file is called.
     pub file_name: Option<String>,
     /// What the user calls the measurement.
@@ -28,7 +28,7 @@ pub struct Upload {
 /// bytes read without it would be read wrongly.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Options {
+pub(crate) struct Options {
     /// The measurement whose content is the spectrum to join.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spectrum: Option<Digest>,
@@ -54,7 +54,7 @@ pub struct Options {
 
 /// Why an upload did not become a measurement.
 #[derive(Debug, thiserror::Error)]
-pub enum IngestError {
+pub(crate) enum IngestError {
     /// The bytes were refused.
     #[error("{0}")]
     Refused(FormatError),
@@ -159,7 +159,7 @@ impl Options {
 
     /// The identity of `content` read with these options: the content's digest if there are none, else the digest of
     /// `{"content":"b3-…","options":{…}}`: JSON without white space, keys in alphabetical order, values as text.
-    pub fn identity(&self, content: Digest) -> Digest {
+    pub(crate) fn identity(&self, content: Digest) -> Digest {
         if self.is_default() {
             return content;
         }
@@ -180,7 +180,7 @@ impl Options {
 
 impl Engine {
     /// Makes a measurement of staged bytes: the row, and whether it is new. What is refused leaves nothing behind.
-    pub async fn ingest(
+    pub(crate) async fn ingest(
         self: &Arc<Self>,
         staged: Staged,
         upload: Upload,

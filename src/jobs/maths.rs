@@ -9,7 +9,7 @@ use tokio::sync::{Semaphore, oneshot};
 
 /// A bounded pool for work that must not run on the threads of the async runtime.
 #[derive(Clone, Debug)]
-pub struct Maths {
+pub(crate) struct Maths {
     pool: Arc<ThreadPool>,
     /// Turns to compute, handed out client by client.
     running: Turns,
@@ -20,7 +20,7 @@ pub struct Maths {
 
 /// Why work gave no answer.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum MathsError {
+pub(crate) enum MathsError {
     /// Too much other work is waiting.
     #[error("too much work is waiting")]
     Busy,
@@ -32,7 +32,7 @@ pub enum MathsError {
 impl Maths {
     /// `threads` threads (0: one per core) that begin `at_once` pieces of work while `waiting` more may wait for up to
     /// `patience`.
-    pub fn new(
+    pub(crate) fn new(
         name: &'static str,
         threads: usize,
         at_once: usize,
@@ -50,7 +50,10 @@ impl Maths {
     }
 
     /// Runs `work` on the pool. If the caller goes away the work still ends, and holds its place until then.
-    pub async fn run<T: Send + 'static>(&self, work: impl FnOnce() -> T + Send + 'static) -> Result<T, MathsError> {
+    pub(crate) async fn run<T: Send + 'static>(
+        &self,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, MathsError> {
         let admission = Arc::clone(&self.admitted).try_acquire_owned().map_err(|_| MathsError::Busy)?;
         let turn = tokio::time::timeout(self.patience, self.running.take()).await.map_err(|_| MathsError::Busy)?;
         self.spawn((turn, admission), work).await
@@ -58,7 +61,7 @@ impl Maths {
 
     /// Runs `work` on the pool when its turn comes, however long that takes: for callers that bound by themselves how many
     /// wait. Whoever calls must go on polling, because a turn that has come is held until it is taken.
-    pub async fn run_in_turn<T: Send + 'static>(
+    pub(crate) async fn run_in_turn<T: Send + 'static>(
         &self,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, MathsError> {

@@ -20,33 +20,17 @@ mod unit;
 mod unpack;
 mod worker;
 
+pub use crate::catalog::CatalogError;
 pub use archive::{Archive, ArchiveError, Fault, FsckReport, SweepReport};
-pub use config::{Limits, SETTINGS, Setting, WorkConfig};
-pub use engine::{Engine, OpenError};
-pub use ingest::{IngestError, Options, SpectrumError, Upload, UploadError};
-pub use maths::{Maths, MathsError};
-pub use problem::{Code, JobProblem};
-pub use request::{CompressRequest, JobRequest, Kind, KindOnly, MAX_TEXT, PaperRequest, check_text};
-pub use unit::Unit;
-pub use unpack::Ingested;
+pub use config::{Limits, WorkConfig};
 
+pub(crate) use config::{SETTINGS, Setting};
+pub(crate) use engine::{Engine, OpenError};
+pub(crate) use ingest::{IngestError, Options, SpectrumError, Upload, UploadError};
+pub(crate) use maths::MathsError;
 pub(crate) use maths::message as panic_message;
+pub(crate) use problem::{Code, JobProblem};
+pub(crate) use request::{JobRequest, Kind, KindOnly, MAX_TEXT, check_text};
 pub(crate) use turns::CLIENT;
+pub(crate) use unpack::Ingested;
 pub(crate) use worker::run as run_workers;
-
-use tokio_util::sync::CancellationToken;
-
-/// Runs jobs of the archive until `shutdown`; what `wavelume worker` does.
-///
-/// A running job is finished if it ends within the drain time, else its lease is handed back.
-pub async fn work(config: WorkConfig, shutdown: impl Future<Output = ()> + Send) -> Result<(), ArchiveError> {
-    let engine = Engine::open(&config).await?;
-    let stop = CancellationToken::new();
-    let signal = async {
-        shutdown.await;
-        stop.cancel();
-    };
-    tracing::info!(workers = config.workers.max(1), worker = engine.presence.id(), "working");
-    tokio::join!(signal, run_workers(&engine, config.workers.max(1), &stop));
-    Ok(())
-}

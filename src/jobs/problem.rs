@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// Why a job made nothing.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct JobProblem {
+pub(crate) struct JobProblem {
     /// The kind, stable.
     pub code: Code,
     /// One sentence for the user.
@@ -14,7 +14,7 @@ pub struct JobProblem {
 /// The kinds of reasons.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Code {
+pub(crate) enum Code {
     /// The measurement (or its spectrum) was refused.
     UnreadableMeasurement,
     /// The measurement cannot be put on the axes asked for.
@@ -44,7 +44,7 @@ impl JobProblem {
     }
 
     /// Reads what was kept.
-    pub fn from_json(text: &str) -> Self {
+    pub(crate) fn from_json(text: &str) -> Self {
         serde_json::from_str(text).unwrap_or_else(|_| Self::new(Code::Internal, "the reason was lost"))
     }
 }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// What a client asks for.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
-pub enum JobRequest {
+pub(crate) enum JobRequest {
     /// A material of a measurement.
     Compress(Box<CompressRequest>),
     /// The report on the paper's tables.
@@ -20,7 +20,7 @@ pub enum JobRequest {
 /// The kinds of jobs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Kind {
+pub(crate) enum Kind {
     /// A measurement to a material.
     #[default]
     Compress,
@@ -30,7 +30,7 @@ pub enum Kind {
 
 /// The kind in any request: it decides what else may be said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-pub struct KindOnly {
+pub(crate) struct KindOnly {
     /// `compress` if nothing is said.
     #[serde(default)]
     pub kind: Kind,
@@ -39,7 +39,7 @@ pub struct KindOnly {
 /// A wish to compress; everything but `measurement` and `target` has a default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct CompressRequest {
+pub(crate) struct CompressRequest {
     /// `compress`, also if nothing is said.
     #[serde(default)]
     pub kind: Kind,
@@ -94,7 +94,7 @@ pub struct CompressRequest {
 /// A wish for tables of the paper.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PaperRequest {
+pub(crate) struct PaperRequest {
     /// `paper`.
     pub kind: Kind,
     /// Their numbers in the order wanted, each once; all tables if nothing is said.
@@ -103,7 +103,7 @@ pub struct PaperRequest {
 }
 
 /// Characters in a name, file name, licence or tag.
-pub const MAX_TEXT: usize = 200;
+pub(crate) const MAX_TEXT: usize = 200;
 /// Tags on one material.
 const MAX_TAGS: usize = 32;
 
@@ -117,7 +117,7 @@ fn yes() -> bool {
 
 impl JobRequest {
     /// What is wrong with it before anything is looked at.
-    pub fn check(&self) -> Result<(), String> {
+    pub(crate) fn check(&self) -> Result<(), String> {
         match self {
             Self::Compress(request) => request.check(),
             Self::Paper(request) => request.numbers().map(|_| ()),
@@ -125,7 +125,7 @@ impl JobRequest {
     }
 
     /// The measurement that it reads.
-    pub fn measurement(&self) -> Option<Digest> {
+    pub(crate) fn measurement(&self) -> Option<Digest> {
         match self {
             Self::Compress(request) => Some(request.measurement),
             Self::Paper(_) => None,
@@ -135,7 +135,7 @@ impl JobRequest {
 
 impl PaperRequest {
     /// The numbers of the tables, or what is wrong with them.
-    pub fn numbers(&self) -> Result<Vec<u8>, String> {
+    pub(crate) fn numbers(&self) -> Result<Vec<u8>, String> {
         let Some(wanted) = &self.tables else { return Ok(TABLES.to_vec()) };
         if wanted.is_empty() {
             return Err("tables: none, expected some of 1 to 7, or no `tables` for all".to_owned());
@@ -155,7 +155,7 @@ impl PaperRequest {
 
 impl CompressRequest {
     /// What is wrong with it before any measurement is looked at.
-    pub fn check(&self) -> Result<(), String> {
+    pub(crate) fn check(&self) -> Result<(), String> {
         for (what, text) in [("name", &self.name), ("licence", &self.licence)] {
             if let Some(text) = text {
                 check_text(what, text)?;
@@ -168,7 +168,7 @@ impl CompressRequest {
     }
 
     /// The scientific part.
-    pub fn pipeline(&self) -> Request {
+    pub(crate) fn pipeline(&self) -> Request {
         Request {
             target: self.target,
             policy: self.policy,
@@ -185,7 +185,7 @@ impl CompressRequest {
 }
 
 /// Whether a user's own word may be kept.
-pub fn check_text(what: &str, text: &str) -> Result<(), String> {
+pub(crate) fn check_text(what: &str, text: &str) -> Result<(), String> {
     let length = text.chars().count();
     if length == 0 || length > MAX_TEXT {
         return Err(format!("a {what} of {length} characters, expected 1 to {MAX_TEXT}"));

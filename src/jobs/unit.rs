@@ -4,7 +4,7 @@ use std::time::Duration;
 
 /// Unit of a setting, which decides how its text is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unit {
+pub(crate) enum Unit {
     /// A plain number.
     Count,
     /// Bytes: `4096`, `64KiB`, `256MiB`, `1GiB`.
@@ -44,7 +44,7 @@ impl Unit {
     }
 
     /// Text that [`Setting::parse`](super::Setting::parse) reads as `value`.
-    pub fn show(self, value: u64) -> String {
+    pub(crate) fn show(self, value: u64) -> String {
         let largest = |suffixes: &[(&str, u64)]| {
             let fits = suffixes.iter().find(|(_, factor)| value >= *factor && value.is_multiple_of(*factor));
             fits.map(|(name, factor)| format!("{}{name}", value / factor))
@@ -57,7 +57,7 @@ impl Unit {
     }
 
     /// Placeholder of a value in help.
-    pub fn placeholder(self) -> &'static str {
+    pub(crate) fn placeholder(self) -> &'static str {
         match self {
             Self::Count => "N",
             Self::Bytes => "BYTES",

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 /// What became of an upload.
 #[derive(Debug)]
-pub enum Ingested {
+pub(crate) enum Ingested {
     /// One measurement, and whether it is new.
     One(MeasurementRow, bool),
     /// An archive: measurements, and files that are none with the reason.
@@ -33,7 +33,7 @@ struct Unpacked {
 
 impl Engine {
     /// Makes a measurement of staged bytes, or one for each file of a zip archive; the archive itself is not kept.
-    pub async fn ingest_any(self: &Arc<Self>, staged: Staged, upload: Upload) -> Result<Ingested, IngestError> {
+    pub(crate) async fn ingest_any(self: &Arc<Self>, staged: Staged, upload: Upload) -> Result<Ingested, IngestError> {
         let (staged, files) = self.unpack(staged).await?;
         let Some(files) = files else {
             let (row, new) = self.ingest(staged, upload).await?;

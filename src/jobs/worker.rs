@@ -276,7 +276,8 @@ mod tests {
     use super::*;
     use crate::catalog::{Enqueued, NewJob};
     use crate::compress::Target;
-    use crate::jobs::{CompressRequest, JobRequest};
+    use crate::jobs::JobRequest;
+    use crate::jobs::request::CompressRequest;
     use crate::store::StoreExt;
     use serde_json::json;
 

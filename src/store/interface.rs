@@ -25,7 +25,7 @@ use std::ops::Range;
 ///   the two leaves bytes without a name, which [`Staging::sweep`](super::Staging::sweep) removes. Readers that have
 ///   begun may fail afterwards, but never get other bytes.
 /// * All calls may be made at any time from any thread or process.
-pub trait Store: Send + Sync + fmt::Debug {
+pub(crate) trait Store: Send + Sync + fmt::Debug {
     /// Makes staged bytes durable under their digest.
     fn publish<'a>(&'a self, staged: &'a Staged) -> BoxFuture<'a, Result<(), StoreError>>;
     /// The size of a blob in bytes, if it is there.

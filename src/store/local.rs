@@ -20,7 +20,7 @@ const STAGING: &str = "staging";
 
 /// Blobs in a local directory.
 #[derive(Clone, Debug)]
-pub struct LocalStore {
+pub(crate) struct LocalStore {
     objects: LocalFileSystem,
     root: PathBuf,
     staging: Staging,
@@ -28,7 +28,7 @@ pub struct LocalStore {
 
 impl LocalStore {
     /// Opens the store inside `root`, which must exist, and the staging directory beside it. Blocking.
-    pub fn new(root: &Path) -> Result<(Self, Staging), StoreError> {
+    pub(crate) fn new(root: &Path) -> Result<(Self, Staging), StoreError> {
         std::fs::create_dir_all(root.join(PREFIX))?;
         std::fs::create_dir_all(root.join(STAGING))?;
         let objects = LocalFileSystem::new_with_prefix(root)?.with_fsync(true);

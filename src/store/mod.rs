@@ -14,10 +14,13 @@ mod verified;
 
 pub use digest::{Digest, NotADigest};
 pub use error::StoreError;
-pub use interface::Store;
-pub use local::LocalStore;
-pub use staging::{Retired, Staged, StagedWriter, Staging};
-pub use verified::{StoreExt, WHOLE};
+pub(crate) use interface::Store;
+pub(crate) use local::LocalStore;
+#[cfg(test)]
+pub(crate) use staging::Retired;
+pub(crate) use staging::{Staged, StagedWriter, Staging};
+pub(crate) use verified::StoreExt;
+pub use verified::WHOLE;
 
 #[cfg(test)]
 pub(crate) mod contract {

@@ -9,13 +9,13 @@ use std::time::{Duration, SystemTime};
 
 /// The directory of files on their way in; on the file system of the store, so that publishing is a rename.
 #[derive(Clone, Debug)]
-pub struct Staging {
+pub(crate) struct Staging {
     directory: PathBuf,
 }
 
 /// A file being written. Dropping it removes the file.
 #[derive(Debug)]
-pub struct StagedWriter {
+pub(crate) struct StagedWriter {
     file: File,
     hasher: blake3::Hasher,
     bytes: u64,
@@ -24,7 +24,7 @@ pub struct StagedWriter {
 
 /// A whole file with its digest, not yet published. Dropping it removes the file, unless it was published.
 #[derive(Debug)]
-pub struct Staged {
+pub(crate) struct Staged {
     file: File,
     digest: Digest,
     bytes: u64,
@@ -33,7 +33,7 @@ pub struct Staged {
 
 /// A blob that has lost its name and waits to be removed. Forgetting it is safe: [`Staging::sweep`] removes it as stale.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Retired(PathBuf);
+pub(crate) struct Retired(PathBuf);
 
 #[derive(Debug)]
 struct TemporaryPath(PathBuf);
@@ -47,26 +47,26 @@ impl Drop for TemporaryPath {
 
 impl Staging {
     /// Opens the directory; it must exist.
-    pub fn new(directory: impl Into<PathBuf>) -> Self {
+    pub(crate) fn new(directory: impl Into<PathBuf>) -> Self {
         Self { directory: directory.into() }
     }
 
     /// Starts a file. Blocking, like everything on it.
-    pub fn begin(&self) -> Result<StagedWriter, StoreError> {
+    pub(crate) fn begin(&self) -> Result<StagedWriter, StoreError> {
         let path = self.directory.join(uuid::Uuid::now_v7().simple().to_string());
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(&path)?;
         Ok(StagedWriter { file, hasher: blake3::Hasher::new(), bytes: 0, path: TemporaryPath(path) })
     }
 
     /// Stages bytes that are in memory. Blocking.
-    pub fn stage(&self, bytes: &[u8]) -> Result<Staged, StoreError> {
+    pub(crate) fn stage(&self, bytes: &[u8]) -> Result<Staged, StoreError> {
         let mut writer = self.begin()?;
         writer.write(bytes)?;
         writer.finish()
     }
 
     /// Stages the bytes of `staged` again, also after it was published and its blob removed. Blocking.
-    pub fn stage_again(&self, staged: &Staged) -> Result<Staged, StoreError> {
+    pub(crate) fn stage_again(&self, staged: &Staged) -> Result<Staged, StoreError> {
         // The open file keeps its bytes whatever became of its name.
         let mut from = staged.file.try_clone()?;
         from.rewind()?;
@@ -92,7 +92,7 @@ impl Staging {
     }
 
     /// Removes files that were last written more than `older_than` ago and returns how many. Blocking.
-    pub fn sweep(&self, older_than: Duration) -> Result<u64, StoreError> {
+    pub(crate) fn sweep(&self, older_than: Duration) -> Result<u64, StoreError> {
         let now = SystemTime::now();
         let mut removed = 0;
         for entry in fs::read_dir(&self.directory)? {
@@ -119,20 +119,15 @@ impl Retired {
 
 impl StagedWriter {
     /// Appends and hashes.
-    pub fn write(&mut self, piece: &[u8]) -> Result<(), StoreError> {
+    pub(crate) fn write(&mut self, piece: &[u8]) -> Result<(), StoreError> {
         self.file.write_all(piece)?;
         self.hasher.update(piece);
         self.bytes += piece.len() as u64;
         Ok(())
     }
 
-    /// Bytes written so far.
-    pub fn bytes(&self) -> u64 {
-        self.bytes
-    }
-
     /// Ends the file. It becomes durable when it is published.
-    pub fn finish(mut self) -> Result<Staged, StoreError> {
+    pub(crate) fn finish(mut self) -> Result<Staged, StoreError> {
         self.file.flush()?;
         let digest = Digest::from(self.hasher.finalize());
         Ok(Staged { file: self.file, digest, bytes: self.bytes, path: self.path })
@@ -141,22 +136,22 @@ impl StagedWriter {
 
 impl Staged {
     /// The digest of the bytes.
-    pub fn digest(&self) -> Digest {
+    pub(crate) fn digest(&self) -> Digest {
         self.digest
     }
 
     /// How many bytes there are.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         self.bytes
     }
 
     /// Where the file is.
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.path.0
     }
 
     /// All bytes. Blocking.
-    pub fn read(&self) -> Result<Vec<u8>, StoreError> {
+    pub(crate) fn read(&self) -> Result<Vec<u8>, StoreError> {
         let mut bytes = Vec::new();
         File::open(self.path())?.read_to_end(&mut bytes)?;
         Ok(bytes)
@@ -185,7 +180,7 @@ mod tests {
         let mut writer = staging.begin().unwrap();
         writer.write(b"wave").unwrap();
         writer.write(b"lume").unwrap();
-        assert_eq!(writer.bytes(), 8);
+        assert_eq!(writer.bytes, 8);
         let staged = writer.finish().unwrap();
         assert_eq!((staged.digest(), staged.read().unwrap()), (Digest::of(b"wavelume"), b"wavelume".to_vec()));
         let path = staged.path().to_owned();

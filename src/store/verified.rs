@@ -14,7 +14,7 @@ pub const WHOLE: u64 = 8 << 20;
 const PIECE: u64 = 4 << 20;
 
 /// What every store can do by its contract.
-pub trait StoreExt: Store {
+pub(crate) trait StoreExt: Store {
     /// All bytes of a blob, verified.
     fn get(&self, digest: Digest) -> impl Future<Output = Result<Bytes, StoreError>> + Send {
         async move {

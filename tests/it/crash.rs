@@ -15,7 +15,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
-use wavelume::jobs::Archive;
+use wavelume::Archive;
 use wavelume::store::Digest;
 
 /// Rounds, each with two kills, and the seed of their times.

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpSocket, TcpStream};
-use wavelume::jobs::Limits;
+use wavelume::api::Limits;
 
 /// The address that takes what it can, and the one that asks for a little.
 const GREEDY: Ipv4Addr = Ipv4Addr::LOCALHOST;

@@ -4,7 +4,7 @@ use crate::service::{CHECKER, D65, LAMP, LONG_SHAPE, Service, config, long_reque
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
 use std::time::Duration;
-use wavelume::jobs::Archive;
+use wavelume::Archive;
 use wavelume::store::Digest;
 
 #[tokio::test(flavor = "multi_thread")]

@@ -61,7 +61,7 @@ struct Asked {
 }
 
 impl Asked {
-    async fn start(data: &std::path::Path, limits: impl FnOnce(&mut wavelume::jobs::Limits)) -> Self {
+    async fn start(data: &std::path::Path, limits: impl FnOnce(&mut wavelume::api::Limits)) -> Self {
         let mut config = config(data);
         limits(&mut config.work.limits);
         let service = Service::start(config).await;
