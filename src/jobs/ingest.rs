@@ -78,7 +78,7 @@ pub(crate) enum IngestError {
 /// Uploads that are not kept, although their bytes may be read.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum UploadError {
+pub(crate) enum UploadError {
     /// The content does not make a measurement.
     #[error(transparent)]
     Content(PipelineError),
@@ -101,7 +101,7 @@ pub enum UploadError {
 /// Spectra that cannot be joined.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum SpectrumError {
+pub(crate) enum SpectrumError {
     /// No measurement with this identifier.
     #[error("there is no measurement {id}")]
     Missing {

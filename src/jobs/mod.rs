@@ -26,7 +26,7 @@ pub use config::{Limits, WorkConfig};
 
 pub(crate) use config::{SETTINGS, Setting};
 pub(crate) use engine::{Engine, OpenError};
-pub(crate) use ingest::{IngestError, Options, SpectrumError, Upload, UploadError};
+pub(crate) use ingest::{IngestError, Options, Upload};
 pub(crate) use maths::MathsError;
 pub(crate) use maths::message as panic_message;
 pub(crate) use problem::{Code, JobProblem};

@@ -18,7 +18,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     match bsdf.sample(wi, [0.3, 0.6]) {
         Some(sample) => {
             let [theta, phi] = [sample.wo.theta_degrees(), sample.wo.phi_degrees()];
-            println!("drawn: theta {theta:.1}°, phi {phi:.1}°, pdf {:.4} 1/sr, weights {:?}", sample.pdf, sample.weight);
+            println!(
+                "drawn: theta {theta:.1}°, phi {phi:.1}°, pdf {:.4} 1/sr, weights {:?}",
+                sample.pdf, sample.weight
+            );
         }
         None => println!("nothing is drawn: no light is reflected for this incoming direction"),
     }
