@@ -1,12 +1,13 @@
 //! The table of formats, and the reader of it that recognises a file by its content.
 
 use super::acquisition::Acquisition;
+use super::archive::about::ABOUT as ARCHIVES;
 use super::error::{FormatError, FormatErrorKind};
 use super::interpretation::Interpretation;
 use super::reader::{Format, HEAD_BYTES, Reader, Sample, refuse_idle_options};
 use super::{
-    alta, analytic, archive, eulumdat, foreign, lm63, mbsdf, merl, npy, phase_table, radiometric_csv, rgl,
-    spectral_table, tabphase, text, tm27,
+    alta, analytic, eulumdat, foreign, lm63, mbsdf, merl, npy, phase_table, radiometric_csv, rgl, spectral_table,
+    tabphase, text, tm27,
 };
 
 /// Every format of single files that is read, in the order of probing. A new one is its file and its line here.
@@ -39,7 +40,7 @@ pub fn formats() -> Vec<Format> {
 
 /// Formats that are read: archives, which are probed before all others, then those of the table.
 fn readable() -> impl Iterator<Item = Format> {
-    std::iter::once(archive::ABOUT).chain(TABLE.iter().map(|reader| reader.about))
+    std::iter::once(ARCHIVES).chain(TABLE.iter().map(|reader| reader.about))
 }
 
 /// Reads the measurement of `bytes` that are no archive, whatever their format.

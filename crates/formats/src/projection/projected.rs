@@ -1,6 +1,6 @@
 //! A projected measurement, and what its cells stand on.
 
-use super::scattered::ScatterReport;
+use super::scattered::report::ScatterReport;
 use crate::domain::Measurement;
 use serde::Serialize;
 

@@ -3,10 +3,9 @@
 //! Members are unpacked into memory, one at a time, and never under their names. What an archive holds beside
 //! measurements (documents, pictures, the description of a GLDF luminaire) is named with the reason why it is not read.
 
-mod about;
+pub(super) mod about;
 mod container;
 
-pub(super) use about::ABOUT;
 pub use container::{Archive, Member, is_archive};
 
 use super::acquisition::{Acquisition, NoteKind};
@@ -15,6 +14,7 @@ use super::interpretation::Interpretation;
 use super::probing;
 use super::reader::refuse_idle_options;
 use super::text::snippet;
+use about::ABOUT;
 use container::{listed, refused};
 
 /// The options that a file of an archive may understand, and the one that names it.

@@ -13,7 +13,7 @@ pub use describe::manifest_of;
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::FormatError;
 use super::interpretation::Interpretation;
-use super::npy;
+use super::npy::about::NAME;
 use super::stated::{StatedQuantity, divide_by_pi};
 use super::text::snippet;
 use crate::domain::{Layout, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
@@ -97,7 +97,7 @@ pub(super) fn interpret(
         Samples::OnAxes { tensor, sampling }
     };
     let dialect = format!("NumPy array of shape {shape:?}");
-    Ok(Acquisition { format: npy::NAME, dialect, quantity, unit, samples, spectral_factor: None, report })
+    Ok(Acquisition { format: NAME, dialect, quantity, unit, samples, spectral_factor: None, report })
 }
 
 fn quantity(

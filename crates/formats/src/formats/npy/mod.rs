@@ -1,6 +1,6 @@
 //! `NumPy` arrays (`.npy`, versions 1 to 3) with a manifest of their axes, read and written.
 
-mod about;
+pub(super) mod about;
 mod array;
 mod element;
 mod header;

@@ -25,7 +25,7 @@ mod gathering;
 mod nearby;
 mod plan;
 mod regions;
-mod report;
+pub(super) mod report;
 mod rows;
 mod system;
 #[cfg(test)]
