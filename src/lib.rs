@@ -16,7 +16,7 @@
 //! # }
 //! ```
 //!
-//! The science is in crates of its own, whose rooms are named here again: `wavelume_core` is what a renderer links,
+//! The science is in separate crates, whose modules are exported here again: `wavelume_core` is what a renderer links,
 //! `wavelume_formats` reads, projects and exports files, `wavelume_paper` makes the tables of the paper again.
 //! The service stands on these: `store` (bytes under their digest) → `catalog` (what is known of them) → `jobs` →
 //! [`api`] and `cli`.

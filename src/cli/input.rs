@@ -7,11 +7,7 @@ use crate::pipeline::Input;
 use std::fs::File;
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
-
-/// The largest file that is read: a float64 array of the largest tensor.
-const MAX_FILE_BYTES: u64 = 2 << 30;
-/// The largest manifest that is read.
-const MAX_MANIFEST_BYTES: u64 = 16 << 20;
+use wavelume_formats::{MAX_FILE_BYTES, MAX_MANIFEST_BYTES, manifest_beside};
 
 /// A measurement and what the user says about it.
 #[derive(Debug, clap::Args)]
@@ -69,7 +65,7 @@ impl MeasurementArgs {
     fn interpretation(&self, wavelengths: Option<String>) -> Result<Interpretation, Failure> {
         let manifest = match &self.axes {
             Some(path) => Some(path.clone()),
-            None => side_car(&self.input).filter(|path| path.exists()),
+            None => manifest_beside(&self.input).filter(|path| path.exists()),
         };
         Ok(Interpretation {
             quantity: self.quantity,
@@ -99,12 +95,6 @@ impl Loaded {
     pub(crate) fn input(&self) -> Input<'_> {
         Input { bytes: &self.bytes, spectrum: self.spectrum.as_deref(), interpretation: &self.interpretation }
     }
-}
-
-/// The manifest's place beside an array: `NAME.axes.json` beside `NAME.npy`.
-pub(crate) fn side_car(array: &Path) -> Option<PathBuf> {
-    let is_array = array.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"));
-    is_array.then(|| array.with_extension("axes.json"))
 }
 
 /// Reads a whole file within the limit.
@@ -168,12 +158,5 @@ mod tests {
         let missing = read_file(&dir.path().join("none.ies")).unwrap_err();
         assert!(missing.to_string().ends_with("none.ies: no such file or directory"));
         assert!(read_file(dir.path()).unwrap_err().to_string().ends_with("is a directory, expected a file"));
-    }
-
-    #[test]
-    fn only_arrays_have_a_side_car() {
-        assert_eq!(side_car(Path::new("a/b.npy")), Some(PathBuf::from("a/b.axes.json")));
-        assert_eq!(side_car(Path::new("a/b.v2.npy")), Some(PathBuf::from("a/b.v2.axes.json")));
-        assert_eq!(side_car(Path::new("lamp.ies")), None);
     }
 }

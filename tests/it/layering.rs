@@ -26,7 +26,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("export", &["appearance", "preview", "evaluate", "formats", "domain", "numeric"]),
     ("paper", &["projection", "formats", "compress", "codec", "transform", "domain", "numeric"]),
     ("pipeline", SCIENCE),
-    ("read", &["pipeline", "formats"]),
+    ("reading", &["pipeline", "formats"]),
     ("store", &[]),
     ("catalog", &["store", "domain", "numeric"]),
     ("jobs", BELOW_JOBS),

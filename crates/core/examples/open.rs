@@ -1,6 +1,6 @@
 //! Opens a compressed BRDF, evaluates it for a pair of directions, and draws a direction from it.
 //!
-//! `cargo run --release -p wavelume-core --example open -- PLASTIC.wlm`
+//! `cargo run --release -p wavelume-core --example open -- crates/core/examples/materials/plastic.wlm`
 
 #![allow(clippy::print_stdout, reason = "a program that prints what it finds")]
 

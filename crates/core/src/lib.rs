@@ -3,7 +3,7 @@
 //!
 //! ```
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! use wavelume_core::domain::Direction;
+//! use wavelume_core::Direction;
 //! # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/materials/plastic.wlm");
 //! let material = wavelume_core::open(path)?;
 //! let bsdf = material.bsdf()?.at([450.0, 550.0, 650.0])?;
@@ -16,8 +16,8 @@
 //! # }
 //! ```
 //!
-//! [`open`] and [`open_bytes`] give a [`Material`](evaluate::Material), which plays one of the [`roles`] of a scene, or answers
-//! any query itself ([`evaluate`]).
+//! [`open`] and [`open_bytes`] give a [`Material`], which can be viewed as a surface, a light, a medium or a spectrum
+//! ([`roles`]), or answers any query itself ([`evaluate`]).
 //!
 //! Data flow downward; nothing imports upward:
 //! tensor ([`domain`]) → [`transform`] → `codec` → [`compress`] → [`algebra`] and [`evaluate`] → [`roles`].
@@ -33,4 +33,7 @@ mod open;
 pub mod roles;
 pub mod transform;
 
+pub use domain::Direction;
+pub use evaluate::{EvaluateError, Material};
 pub use open::{OpenError, open, open_bytes};
+pub use roles::{Bsdf, BsdfAt, Emitter, EmitterAt, Phase, PhaseAt, RoleError, Sample, Spectrum};

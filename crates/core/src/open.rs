@@ -7,6 +7,15 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 /// Why a file is not opened as a material.
+///
+/// ```
+/// use wavelume_core::OpenError;
+/// match wavelume_core::open("no-such-file.wlm") {
+///     Err(OpenError::Read { path, error }) => println!("{}: {error}", path.display()),
+///     Err(OpenError::Material { error, .. }) => panic!("a file that is damaged, or of another kind: {error}"),
+///     _ => panic!("there is no such file"),
+/// }
+/// ```
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OpenError {

@@ -19,8 +19,11 @@ pub mod formats;
 pub mod pipeline;
 pub mod preview;
 pub mod projection;
-mod read;
+mod reading;
 
-pub use read::{ReadError, read, read_bytes};
+pub use pipeline::{Outcome, Report, Request, Source};
+#[doc(hidden)]
+pub use reading::{MAX_FILE_BYTES, MAX_MANIFEST_BYTES, manifest_beside};
+pub use reading::{ReadError, read, read_bytes};
 
 use wavelume_core::{compress, domain, evaluate, numeric};

@@ -5,6 +5,14 @@ use super::vector::{self, Vector};
 const RADIANS_PER_DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 /// A unit vector in the surface or luminaire frame (see [`crate::domain`]).
+///
+/// ```
+/// use wavelume_core::domain::Direction;
+/// // theta from the normal, phi counter-clockwise from +x.
+/// let d = Direction::from_degrees(90.0, 90.0);
+/// assert_eq!(d.xyz(), [0.0, 1.0, 0.0]);
+/// assert!(Direction::new(0.0, 0.0, 0.0).is_none());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Direction(Vector);
 

@@ -43,7 +43,7 @@ impl Arrived {
             lookup.locate_block(&self.wi, &mut self.entries);
             self.entries[..count].contains(&OUTSIDE)
         } else {
-            smooth.is_none() || !geometry.is_isotropic() || self.wi[2].iter().any(|&z| z < 0.0)
+            smooth.is_none() || !geometry.is_isotropic() || !self.wi[2].iter().all(|&z| z >= 0.0)
         };
         if needs_each {
             // One by one, which tells what is wrong.

@@ -31,7 +31,8 @@ pub struct ChosenSample {
     pub direction: Direction,
     /// Its density in sr⁻¹.
     pub pdf: f64,
-    /// f · |cos θo| / pdf at the chosen wavelengths, in their order; 0 where f is masked.
+    /// f · |cos θo| / pdf at the chosen wavelengths, in their order; 0 where f is masked, NaN outside the measured
+    /// range under [`Beyond::Masked`].
     pub weights: [f32; Chosen::MOST],
 }
 
@@ -247,7 +248,7 @@ impl Chosen<'_> {
         if lengths != [count; 5] || out.weights.len() != count * self.count {
             return unfit(QueryError::Drawings {
                 points: [count, u[1].len()],
-                directions: out.pdf.len(),
+                directions: lengths.into_iter().find(|&length| length != count).unwrap_or(count),
                 weights: out.weights.len(),
                 expected: count * self.count,
             });

@@ -11,6 +11,8 @@ use crate::numeric::wide;
 #[derive(Clone, Copy, Debug)]
 pub struct Directions<'a> {
     source: Source<'a>,
+    /// The position of the first one in the batch that this is a part of.
+    first: usize,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -23,12 +25,12 @@ impl<'a> Directions<'a> {
     /// Directions by their coordinates: `x` towards the reference direction, `z` along the normal, `y` at a right angle to
     /// both. Any length is normalised.
     pub fn new(x: &'a [f32], y: &'a [f32], z: &'a [f32]) -> Self {
-        Self { source: Source::Coordinates([x, y, z]) }
+        Self { source: Source::Coordinates([x, y, z]), first: 0 }
     }
 
     /// Directions that are unit vectors already, which keep all digits.
     pub fn of(directions: &'a [Direction]) -> Self {
-        Self { source: Source::Units(directions) }
+        Self { source: Source::Units(directions), first: 0 }
     }
 
     /// How many.
@@ -53,7 +55,7 @@ impl<'a> Directions<'a> {
             Source::Units(directions) => return Ok(directions[i]),
         };
         Direction::new(f64::from(x), f64::from(y), f64::from(z))
-            .map_or_else(|| unfit(QueryError::Direction { index: i, found: [x, y, z] }), Ok)
+            .map_or_else(|| unfit(QueryError::Direction { index: self.first + i, found: [x, y, z] }), Ok)
     }
 
     pub(super) fn part(&self, from: usize, to: usize) -> Directions<'a> {
@@ -61,7 +63,7 @@ impl<'a> Directions<'a> {
             Source::Coordinates(arrays) => Source::Coordinates(arrays.map(|coordinates| &coordinates[from..to])),
             Source::Units(directions) => Source::Units(&directions[from..to]),
         };
-        Self { source }
+        Self { source, first: self.first + from }
     }
 
     /// Writes up to [`BLOCK`] of them as unit vectors, and the last one again in what is left.

@@ -5,6 +5,16 @@ use crate::domain::limits::MAX_LEVEL;
 use crate::domain::{AxisError, Domain, Quantity, TensorError};
 
 /// Kinds of refusals, to be told apart by a caller: damaged bytes, or a question that the material has no answer to.
+///
+/// ```
+/// use wavelume_core::domain::Direction;
+/// use wavelume_core::evaluate::{EvaluateError, Interpolation, Place, QueryError};
+/// let material = wavelume_core::open_bytes(include_bytes!("../../examples/materials/plastic.wlm"))?;
+/// let place = Place { index: &[], wi: None, wo: Some(Direction::from_degrees(0.0, 0.0)) };
+/// let refused = material.evaluate(place, Interpolation::Smooth, &mut vec![0.0; material.lambdas()]);
+/// assert!(matches!(refused, Err(EvaluateError::Query(QueryError::MissingDirection { .. }))));
+/// # Ok::<(), EvaluateError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EvaluateError {
     /// The bytes are no material.
@@ -70,7 +80,7 @@ pub enum QueryError {
     /// A direction of a batch that cannot be normalised.
     #[error("direction {index} is ({}, {}, {}), expected finite coordinates that are not all 0", found[0], found[1], found[2])]
     Direction {
-        /// Position in its block, from 0.
+        /// Position in the batch, from 0.
         index: usize,
         /// Coordinates x, y and z.
         found: [f32; 3],
@@ -193,7 +203,7 @@ pub enum QueryError {
         /// Its coordinates.
         u: [f64; 2],
     },
-    /// A defensive part that leaves nothing to the trees, or less than nothing to itself.
+    /// A defensive part outside 0 ≤ δ < 1.
     #[error("a defensive part of {found}, expected 0 or more and less than 1")]
     Defensive {
         /// The part, as a fraction of all samples.

@@ -102,7 +102,7 @@ impl Function {
         let plane = self.geometry.wi_in_plane(wi);
         let around =
             incoming.map_or_else(|| smooth.nodes().around(plane), |incoming| smooth.nodes().around_in(incoming, plane));
-        match around.filter(|_| !(self.geometry.is_isotropic() && plane[2] < 0.0)) {
+        match around.filter(|_| !(self.geometry.is_isotropic() && !is_above(plane[2]))) {
             Some(around) => Ok((around, plane)),
             None => self.geometry.refuse_incoming(wi),
         }
@@ -122,4 +122,9 @@ impl Function {
     pub(super) fn knows_entry(smooth: &Smooth) -> bool {
         matches!(smooth.nodes(), Nodes::Triangles(_))
     }
+}
+
+/// Returns true on the upper side and on the horizon; a height that is no number is on neither side.
+fn is_above(z: f64) -> bool {
+    z >= 0.0
 }

@@ -19,6 +19,20 @@ use crate::domain::{Axis, Direction, Layout, Measurement, Quantity, Unit, Wavele
 use std::sync::{Arc, OnceLock};
 
 /// An opened material; share it between threads by reference.
+///
+/// ```
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// use wavelume_core::domain::Direction;
+/// use wavelume_core::evaluate::{Interpolation, Place};
+/// let material = wavelume_core::open_bytes(include_bytes!("../../examples/materials/plastic.wlm"))?;
+/// let (wi, wo) = (Direction::from_degrees(30.0, 0.0), Direction::from_degrees(45.0, 180.0));
+/// let place = Place { index: &[], wi: Some(wi), wo: Some(wo) };
+/// let mut spectrum = vec![0.0; material.lambdas()];
+/// material.evaluate(place, Interpolation::Smooth, &mut spectrum)?;
+/// assert_eq!(spectrum, material.bsdf()?.eval(wi, wo));
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug)]
 pub struct Material {
     function: Function,
@@ -253,6 +267,12 @@ impl Material {
         options: impl Into<SampleOptions>,
     ) -> Result<Option<[f64; 2]>, EvaluateError> {
         self.sampler()?.invert(index, wi, wo, options.into())
+    }
+
+    /// Builds the sampling trees now, which the first query that draws a direction or asks for a density would do: for
+    /// renderers that want no query to allocate or to wait.
+    pub fn prepare_sampling(&self) -> Result<(), EvaluateError> {
+        self.sampler().map(|_| ())
     }
 
     /// Builds the trees of one wavelength in nm, linear between the samples of the spectra. Refused outside the measured range.

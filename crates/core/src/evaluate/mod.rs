@@ -1,4 +1,5 @@
-//! A material in use: spectra, pdf, importance samples and albedo; no allocation per query.
+//! A material in use: spectra, pdf, importance samples and albedo. No query allocates, but the first that draws a direction
+//! or asks for a density builds the sampling trees ([`Material::prepare_sampling`]).
 //!
 //! # Rules
 //! * **Piecewise constant** is what was measured: a sample holds over its whole triangle.
@@ -9,7 +10,8 @@
 //!   a direction lies barycentrically between three; that never leaves the range of the samples around.
 //! * **Masked** cells are left out and the others weigh more; where all are masked the answer is NaN.
 //! * **Outside**: `wi` outside the incoming domain is refused. `wo` outside the outgoing domain has value 0 and pdf 0: the
-//!   material sends nothing there. Wavelengths outside the measured range are masked.
+//!   material sends nothing there. Wavelengths outside the measured range are as
+//!   [`Beyond`] says: masked unless asked otherwise.
 //! * **Isotropic** data (incoming elevations): the azimuth of `wi` is taken from `wo` too. Elevations beyond the ends of
 //!   the axis take the value of its end.
 //! * **The horizon** (z = 0 exactly) belongs to every domain it bounds: to the upper hemisphere, to the lower one, and on the

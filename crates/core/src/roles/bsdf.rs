@@ -40,7 +40,7 @@ impl Material {
     }
 
     /// As [`Material::bsdf`], at an entry of the index axes.
-    pub fn bsdf_at<'a>(&'a self, index: &'a [usize]) -> Result<Bsdf<'a>, RoleError> {
+    pub fn bsdf_at(&self, index: &[usize]) -> Result<Bsdf<'_>, RoleError> {
         Ok(Bsdf(View::new(self, index, &NEEDS)?))
     }
 }
@@ -79,7 +79,8 @@ impl<'a> Bsdf<'a> {
         self.0.pdf(Some(wi), wo)
     }
 
-    /// The spectrum of the directional albedo ∫ f · |cos θo| dωo, of reflection and transmission together.
+    /// The spectrum of the directional albedo ∫ f · |cos θo| dωo, of reflection and transmission together, as it is stored.
+    /// Masked cells add nothing; NaN where all are masked. [`Material::integrated`] integrates what is evaluated.
     pub fn albedo(&self, wi: Direction) -> Vec<f32> {
         self.0.albedo(Some(wi))
     }
@@ -91,7 +92,7 @@ impl<'a> Bsdf<'a> {
     }
 }
 
-/// A surface at chosen wavelengths; no query allocates.
+/// A surface at chosen wavelengths; no query allocates but the first sample or density of a material, which builds its trees.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -33,7 +33,7 @@ impl Material {
     }
 
     /// As [`Material::emitter`], at an entry of the index axes.
-    pub fn emitter_at<'a>(&'a self, index: &'a [usize]) -> Result<Emitter<'a>, RoleError> {
+    pub fn emitter_at(&self, index: &[usize]) -> Result<Emitter<'_>, RoleError> {
         Ok(Emitter(View::new(self, index, &NEEDS)?))
     }
 }
@@ -72,7 +72,8 @@ impl<'a> Emitter<'a> {
         self.0.pdf(None, wo)
     }
 
-    /// The spectrum of the flux: the intensity over all directions.
+    /// The spectrum of the flux as it is stored: the intensity over all directions. Masked cells add nothing; NaN where all are
+    /// masked.
     pub fn flux(&self) -> Vec<f32> {
         self.0.albedo(None)
     }
@@ -84,7 +85,7 @@ impl<'a> Emitter<'a> {
     }
 }
 
-/// A light at chosen wavelengths; no query allocates.
+/// A light at chosen wavelengths; no query allocates but the first sample or density of a material, which builds its trees.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -4,6 +4,19 @@ use crate::domain::Quantity;
 use crate::evaluate::EvaluateError;
 
 /// Why a material cannot be viewed in a role.
+///
+/// ```
+/// use wavelume_core::domain::Quantity;
+/// use wavelume_core::roles::RoleError;
+/// let lamp = wavelume_core::open_bytes(include_bytes!("../../examples/materials/led.wlm"))?;
+/// match lamp.bsdf() {
+///     Err(RoleError::Quantity { found, expected }) => {
+///         assert_eq!((found, expected), (Quantity::Edf, "a brdf, btdf or bsdf"));
+///     }
+///     _ => panic!("a lamp reflects nothing"),
+/// }
+/// # Ok::<(), wavelume_core::evaluate::EvaluateError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RoleError {

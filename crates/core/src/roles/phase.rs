@@ -35,7 +35,7 @@ impl Material {
     }
 
     /// As [`Material::phase`], at an entry of the index axes.
-    pub fn phase_at<'a>(&'a self, index: &'a [usize]) -> Result<Phase<'a>, RoleError> {
+    pub fn phase_at(&self, index: &[usize]) -> Result<Phase<'_>, RoleError> {
         Ok(Phase(View::new(self, index, &NEEDS)?))
     }
 }
@@ -74,7 +74,8 @@ impl<'a> Phase<'a> {
         self.0.pdf(Some(wi), wo)
     }
 
-    /// The spectrum of ∫ p dωo, which is 1 for a phase function that is normalised.
+    /// The spectrum of ∫ p dωo as it is stored: 1 for a phase function that is normalised. Masked cells add nothing; NaN where all
+    /// are masked.
     pub fn integral(&self, wi: Direction) -> Vec<f32> {
         self.0.albedo(Some(wi))
     }
@@ -86,7 +87,7 @@ impl<'a> Phase<'a> {
     }
 }
 
-/// A phase function at chosen wavelengths; no query allocates.
+/// A phase function at chosen wavelengths; no query allocates but the first sample or density of a material, which builds its trees.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -21,8 +21,8 @@ use crate::domain::Direction;
 pub struct Sample<W> {
     /// The direction drawn.
     pub wo: Direction,
-    /// f · |cos θo| / pdf for BSDFs, f / pdf for emitters and phase functions: one number by the mean over wavelengths, or
-    /// one for each wavelength that was chosen.
+    /// f · |cos θo| / pdf for BSDFs, f / pdf for emitters and phase functions: one number by the mean over wavelengths
+    /// (0 where that is negative), or one for each wavelength that was chosen.
     pub weight: W,
     /// The probability density of the direction, sr⁻¹.
     pub pdf: f64,

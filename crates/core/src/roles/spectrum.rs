@@ -3,68 +3,65 @@
 use super::error::RoleError;
 use super::view::{Needs, View};
 use crate::domain::Quantity;
-use crate::evaluate::{Beyond, Interpolation, Material, Place};
+use crate::evaluate::Material;
 
-const NEEDS: Needs = Needs {
-    quantities: &[Quantity::Spectrum, Quantity::Reflectance],
-    named: "a spectrum or reflectance",
-    has_incoming: false,
-    has_outgoing: false,
-};
+const NEEDS: Needs =
+    Needs { quantities: Quantity::ALL, named: "any quantity", has_incoming: false, has_outgoing: false };
 
-/// A function of wavelength alone: an illuminant, a reflectance, a transmittance.
+/// A function of wavelength alone: an illuminant, a reflectance, a transmittance, or any other quantity without directions.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let material = wavelume_core::open_bytes(include_bytes!("../../examples/materials/d65.wlm"))?;
 /// let daylight = material.spectrum()?;
-/// let [blue, red] = daylight.at([450.0, 700.0])?;
+/// let [blue, red] = daylight.values_at([450.0, 700.0])?;
 /// assert!(blue > red);
 /// // Nothing was measured out there.
-/// assert!(daylight.at([5000.0])?[0].is_nan());
+/// assert!(daylight.values_at([5000.0])?[0].is_nan());
 /// # Ok(())
 /// # }
 /// ```
 #[derive(Clone, Copy, Debug)]
-pub struct Spectrum<'a> {
-    view: View<'a>,
-    index: &'a [usize],
-}
+pub struct Spectrum<'a>(View<'a>);
 
 impl Material {
-    /// This material as a spectrum; refused for other quantities, and where there are directions or index axes.
+    /// This material as a spectrum; refused where there are directions or index axes.
     pub fn spectrum(&self) -> Result<Spectrum<'_>, RoleError> {
         self.spectrum_at(&[])
     }
 
     /// As [`Material::spectrum`], at an entry of the index axes.
-    pub fn spectrum_at<'a>(&'a self, index: &'a [usize]) -> Result<Spectrum<'a>, RoleError> {
-        Ok(Spectrum { view: View::new(self, index, &NEEDS)?, index })
+    pub fn spectrum_at(&self, index: &[usize]) -> Result<Spectrum<'_>, RoleError> {
+        Ok(Spectrum(View::new(self, index, &NEEDS)?))
     }
 }
 
 impl<'a> Spectrum<'a> {
     /// The material, for questions beyond the role.
     pub fn material(&self) -> &'a Material {
-        self.view.material()
+        self.0.material()
     }
 
     /// The wavelengths of the samples; `None` for RGB and monochromatic data.
     pub fn wavelengths(&self) -> Option<Vec<f64>> {
-        self.view.material().wavelengths()
+        self.0.material().wavelengths()
+    }
+
+    /// Samples in the spectrum.
+    pub fn lambdas(&self) -> usize {
+        self.0.lambdas()
     }
 
     /// The samples in the material's unit; NaN = masked.
     pub fn samples(&self) -> Vec<f32> {
-        self.view.eval(None, None)
+        self.0.eval(None, None)
     }
 
     /// The values at wavelengths in nm, linear between samples; NaN where a sample is masked and outside those measured.
     /// Refused where there are no wavelengths.
-    pub fn at<const N: usize>(&self, wavelengths: [f64; N]) -> Result<[f32; N], RoleError> {
+    pub fn values_at<const N: usize>(&self, wavelengths: [f64; N]) -> Result<[f32; N], RoleError> {
         let mut out = [0.0; N];
-        let place = Place { index: self.index, wi: None, wo: None };
-        self.material().at_wavelengths(place, Interpolation::Smooth, Beyond::Masked, &wavelengths, &mut out)?;
+        self.0.at_wavelengths(&wavelengths, &mut out)?;
         Ok(out)
     }
 }

@@ -89,7 +89,7 @@ fn a_role_is_refused_once_and_says_why() {
     assert_eq!(refused(surface.phase().unwrap_err()), "this material is of quantity brdf, expected a phase function");
     assert_eq!(
         refused(surface.spectrum().unwrap_err()),
-        "this material is of quantity brdf, expected a spectrum or reflectance"
+        "this brdf has incoming and outgoing directions, expected no directions"
     );
     let lamp = material(Quantity::Edf, vec![triangles(Domain::Sphere, 1), wavelengths()]);
     assert_eq!(refused(lamp.bsdf().unwrap_err()), "this material is of quantity edf, expected a brdf, btdf or bsdf");
@@ -103,6 +103,10 @@ fn a_role_is_refused_once_and_says_why() {
         vec![Axis::Index { count: 3, labels: Vec::new() }, triangles(Domain::Sphere, 1), Axis::Rgb],
     );
     assert_eq!(refused(several.emitter().unwrap_err()), "0 indices, expected 1: one for each index axis");
+    let numbers = vec![1];
+    let second = several.emitter_at(&numbers).unwrap();
+    drop(numbers);
+    assert_eq!(second.lambdas(), 3);
     assert!(refused(several.emitter_at(&[3]).unwrap_err()).contains("expected 0 to 2"));
     let last = several.emitter_at(&[2]).unwrap();
     assert!(last.sample([0.2, 0.7]).unwrap().weight > 0.0);
@@ -116,7 +120,7 @@ fn a_spectrum_is_its_samples_and_lines_between() {
     let spectrum = table.spectrum().unwrap();
     let samples = spectrum.samples();
     assert_eq!(spectrum.wavelengths().unwrap(), [400.0, 500.0, 600.0, 700.0]);
-    let [first, between, outside] = spectrum.at([400.0, 550.0, 701.0]).unwrap();
+    let [first, between, outside] = spectrum.values_at([400.0, 550.0, 701.0]).unwrap();
     assert_eq!(first, samples[0]);
     assert!((between - 0.5 * (samples[1] + samples[2])).abs() < 1e-6 && outside.is_nan());
 }

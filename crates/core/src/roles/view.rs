@@ -2,6 +2,7 @@
 
 use super::error::RoleError;
 use super::sample::Sample;
+use crate::domain::limits::MAX_AXES;
 use crate::domain::{Direction, Quantity};
 use crate::evaluate::{Beyond, Chosen, Interpolation, Material, Place, SampleOptions};
 
@@ -11,7 +12,27 @@ const HOW: Interpolation = Interpolation::Smooth;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View<'a> {
     material: &'a Material,
-    index: &'a [usize],
+    index: Index,
+}
+
+/// An entry of the index axes: one number for each.
+#[derive(Clone, Copy, Debug)]
+struct Index {
+    numbers: [usize; MAX_AXES],
+    count: usize,
+}
+
+impl Index {
+    /// The index that is given, which has at most as many numbers as there are axes.
+    fn new(index: &[usize]) -> Self {
+        let mut numbers = [0; MAX_AXES];
+        numbers[..index.len()].copy_from_slice(index);
+        Self { numbers, count: index.len() }
+    }
+
+    fn numbers(&self) -> &[usize] {
+        &self.numbers[..self.count]
+    }
 }
 
 /// Quantities and directions that a role needs.
@@ -23,7 +44,7 @@ pub(super) struct Needs {
 }
 
 impl<'a> View<'a> {
-    pub(super) fn new(material: &'a Material, index: &'a [usize], needs: &Needs) -> Result<Self, RoleError> {
+    pub(super) fn new(material: &'a Material, index: &[usize], needs: &Needs) -> Result<Self, RoleError> {
         let quantity = material.quantity();
         if !needs.quantities.contains(&quantity) {
             return Err(RoleError::Quantity { found: quantity, expected: needs.named });
@@ -36,7 +57,11 @@ impl<'a> View<'a> {
             return Err(RoleError::Directions { quantity, found, expected });
         }
         material.entry(index)?;
-        Ok(Self { material, index })
+        Ok(Self { material, index: Index::new(index) })
+    }
+
+    pub(super) fn at_wavelengths(&self, wavelengths: &[f64], out: &mut [f32]) -> Result<(), RoleError> {
+        Ok(self.material.at_wavelengths(self.place(None, None), HOW, Beyond::Masked, wavelengths, out)?)
     }
 
     pub(super) fn material(&self) -> &'a Material {
@@ -64,17 +89,18 @@ impl<'a> View<'a> {
     }
 
     pub(super) fn pdf(&self, wi: Option<Direction>, wo: Direction) -> f64 {
-        self.material.pdf(self.index, wi, wo, SampleOptions::default()).unwrap_or(0.0)
+        self.material.pdf(self.index.numbers(), wi, wo, SampleOptions::default()).unwrap_or(0.0)
     }
 
     pub(super) fn sample(&self, wi: Option<Direction>, u: [f64; 2]) -> Option<Sample<f64>> {
-        let drawn = self.material.sample(self.index, wi, in_square(u), SampleOptions::default()).ok().flatten()?;
+        let drawn =
+            self.material.sample(self.index.numbers(), wi, in_square(u), SampleOptions::default()).ok().flatten()?;
         Some(Sample { wo: drawn.direction, weight: drawn.weight, pdf: drawn.pdf })
     }
 
     pub(super) fn albedo(&self, wi: Option<Direction>) -> Vec<f32> {
         let mut out = vec![0.0; self.lambdas()];
-        if self.material.albedo(self.index, wi, HOW, &mut out).is_err() {
+        if self.material.albedo(self.index.numbers(), wi, HOW, &mut out).is_err() {
             out.fill(0.0);
         }
         out
@@ -85,8 +111,8 @@ impl<'a> View<'a> {
         Ok(ViewAt { chosen: self.material.choose(&wavelengths, beyond)?, view: self })
     }
 
-    fn place(&self, wi: Option<Direction>, wo: Option<Direction>) -> Place<'a> {
-        Place { index: self.index, wi, wo }
+    fn place(&self, wi: Option<Direction>, wo: Option<Direction>) -> Place<'_> {
+        Place { index: self.index.numbers(), wi, wo }
     }
 }
 
@@ -114,7 +140,8 @@ impl<const N: usize> ViewAt<'_, N> {
 
     #[inline]
     pub(super) fn sample(&self, wi: Option<Direction>, u: [f64; 2]) -> Option<Sample<[f32; N]>> {
-        let drawn = self.chosen.sample(self.view.index, wi, in_square(u), SampleOptions::default()).ok().flatten()?;
+        let drawn =
+            self.chosen.sample(self.view.index.numbers(), wi, in_square(u), SampleOptions::default()).ok().flatten()?;
         Some(Sample { wo: drawn.direction, weight: first(drawn.weights), pdf: drawn.pdf })
     }
 }

@@ -6,6 +6,15 @@ use crate::formats::FormatError;
 use crate::projection::ProjectionError;
 
 /// Why a request was not fulfilled.
+///
+/// ```
+/// use wavelume_formats::pipeline::{PipelineError, Request};
+/// # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/illuminant_D65.csv");
+/// let source = wavelume_formats::read(path)?;
+/// let request = Request { basis: "no-such-basis".to_owned(), ..Request::er_l2(0.001) };
+/// assert!(matches!(source.compress(&request), Err(PipelineError::Compress(_))));
+/// # Ok::<(), wavelume_formats::ReadError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PipelineError {
     /// The file was refused.
@@ -14,7 +23,7 @@ pub enum PipelineError {
     /// The spectrum to join was refused.
     #[error("spectrum: {0}")]
     Spectrum(FormatError),
-    /// The wavelengths asked for are none.
+    /// The wavelengths asked for are not valid.
     #[error("wavelengths: {0}")]
     Wavelengths(#[from] WavelengthError),
     /// The measurement cannot be put on the axes asked for.

@@ -3,7 +3,8 @@
 use super::request::Request;
 use super::source::Source;
 
-/// Lengths of runs of cells that are not filled and that are, in turn; the last is left out.
+/// Lengths of runs of cells, in turn not filled and filled, the first of which may be 0; a last run of cells that are not
+/// filled is left out.
 pub fn runs(filled: &[bool]) -> Vec<usize> {
     let (mut runs, mut now, mut start) = (Vec::new(), false, 0);
     for (i, &is) in filled.iter().enumerate() {

@@ -10,6 +10,18 @@ use crate::projection::{self, Coverage};
 use serde::Serialize;
 
 /// What was achieved, in the names of `compress --json`.
+///
+/// ```
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/illuminant_D65.csv");
+/// use wavelume_formats::pipeline::Request;
+/// let report = wavelume_formats::read(path)?.compress(&Request::er_l2(0.001))?.report;
+/// // Errors are those of the decoded file.
+/// assert!(report.errors.er_l2 <= 0.001 && report.ratio_bytes > 1.0);
+/// assert!(report.digest.starts_with("b3-"));
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// `b3-` and the BLAKE3 digest of the file.

@@ -1,0 +1,128 @@
+//! Measurements read from files and from bytes, in any format that is known.
+
+use crate::formats::Interpretation;
+use crate::pipeline::{self, Input, PipelineError, Source};
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+/// Bytes of a measurement's file at most.
+pub const MAX_FILE_BYTES: u64 = 2 << 30;
+/// Bytes of a manifest at most.
+pub const MAX_MANIFEST_BYTES: u64 = 16 << 20;
+
+/// Why a file is not read as a measurement.
+///
+/// ```
+/// use wavelume_formats::ReadError;
+/// match wavelume_formats::read("no-such-file.csv") {
+///     Err(ReadError::File { path, error }) => println!("{}: {error}", path.display()),
+///     other => panic!("there is no such file: {:?}", other.map(|source| source.content_digest)),
+/// }
+/// ```
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReadError {
+    /// The file cannot be read.
+    #[error("{}: {error}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system says.
+        error: io::Error,
+    },
+    /// The manifest beside an array is no JSON.
+    #[error("{}: manifest: {error}", path.display())]
+    Manifest {
+        /// The manifest.
+        path: PathBuf,
+        /// What is wrong with its text, and where.
+        error: String,
+    },
+    /// The file holds no measurement that is known.
+    #[error("{}: {error}", path.display())]
+    Measurement {
+        /// The file.
+        path: PathBuf,
+        /// What was found in it, and where.
+        error: PipelineError,
+    },
+}
+
+/// Reads a measurement in any format that is known ([`crate::formats`]), as the file says of itself. Of an array, `NAME.npy`,
+/// the manifest `NAME.axes.json` beside it says what it is.
+///
+/// Give [`crate::pipeline::read`] what the file does not say: a quantity, a unit, a spectrum to join.
+///
+/// ```
+/// # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/illuminant_D65.csv");
+/// let source = wavelume_formats::read(path)?;
+/// assert_eq!(source.acquisition.quantity.name(), "spectrum");
+/// # Ok::<(), wavelume_formats::ReadError>(())
+/// ```
+pub fn read(path: impl AsRef<Path>) -> Result<Source, ReadError> {
+    let path = path.as_ref();
+    let bytes = read_within(path, MAX_FILE_BYTES)?;
+    let manifest = manifest_beside(path).filter(|manifest| manifest.exists());
+    let axes = manifest.map(|manifest| {
+        let text = read_within(&manifest, MAX_MANIFEST_BYTES)?;
+        serde_json::from_slice(&text).map_err(|error| ReadError::Manifest { path: manifest, error: error.to_string() })
+    });
+    let interpretation = Interpretation { axes: axes.transpose()?, ..Interpretation::default() };
+    let read = pipeline::read(&Input { bytes: &bytes, spectrum: None, interpretation: &interpretation });
+    read.map_err(|error| ReadError::Measurement { path: path.to_owned(), error })
+}
+
+/// The manifest's place beside an array: `NAME.axes.json` beside `NAME.npy`; `None` for other files.
+pub fn manifest_beside(array: &Path) -> Option<PathBuf> {
+    let is_array = array.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"));
+    is_array.then(|| array.with_extension("axes.json"))
+}
+
+/// The bytes of a file of at most `limit` bytes.
+fn read_within(path: &Path, limit: u64) -> Result<Vec<u8>, ReadError> {
+    let refuse = |error| ReadError::File { path: path.to_owned(), error };
+    let mut bytes = Vec::new();
+    File::open(path).and_then(|file| file.take(limit + 1).read_to_end(&mut bytes)).map_err(refuse)?;
+    if bytes.len() as u64 > limit {
+        let message = format!("more than the limit of {limit} bytes");
+        return Err(refuse(io::Error::new(io::ErrorKind::FileTooLarge, message)));
+    }
+    Ok(bytes)
+}
+
+/// Reads the bytes of a measurement, as [`read`] does those of a file.
+pub fn read_bytes(bytes: &[u8]) -> Result<Source, PipelineError> {
+    pipeline::read(&Input { bytes, spectrum: None, interpretation: &Interpretation::default() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_arrays_have_a_manifest_beside_them() {
+        assert_eq!(manifest_beside(Path::new("a/b.npy")), Some(PathBuf::from("a/b.axes.json")));
+        assert_eq!(manifest_beside(Path::new("a/b.v2.npy")), Some(PathBuf::from("a/b.v2.axes.json")));
+        assert_eq!(manifest_beside(Path::new("lamp.ies")), None);
+    }
+
+    #[test]
+    fn an_array_is_read_with_the_manifest_beside_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let array = folder.path().join("a.npy");
+        std::fs::write(&array, crate::formats::write_npy(&[3], &[0.25, 0.5, 0.75])).unwrap();
+        assert!(matches!(read(&array), Err(ReadError::Measurement { .. })));
+        let manifest = folder.path().join("a.axes.json");
+        std::fs::write(
+            &manifest,
+            r#"{"quantity": "spectrum", "value_unit": "relative", "axes": ["lambda:400:100:3"]}"#,
+        )
+        .unwrap();
+        let source = read(&array).unwrap();
+        assert_eq!(source.acquisition.quantity.name(), "spectrum");
+        std::fs::write(&manifest, "{").unwrap();
+        assert!(matches!(read(&array), Err(ReadError::Manifest { path, .. }) if path == manifest));
+        assert!(matches!(read(folder.path()), Err(ReadError::File { .. })));
+    }
+}
