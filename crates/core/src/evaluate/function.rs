@@ -102,7 +102,7 @@ impl Function {
         let plane = self.geometry.wi_in_plane(wi);
         let around =
             incoming.map_or_else(|| smooth.nodes().around(plane), |incoming| smooth.nodes().around_in(incoming, plane));
-        match around.filter(|_| !(self.geometry.is_isotropic() && !is_above(plane[2]))) {
+        match around.filter(|_| !self.geometry.is_isotropic() || is_above(plane[2])) {
             Some(around) => Ok((around, plane)),
             None => self.geometry.refuse_incoming(wi),
         }
