@@ -4,8 +4,7 @@ use super::failure::Failure;
 use crate::domain::Unit;
 use crate::formats::{Interpretation, Normalization, StatedQuantity};
 use crate::pipeline::Input;
-use std::fs::File;
-use std::io::{ErrorKind, Read};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use wavelume_formats::{MAX_FILE_BYTES, MAX_MANIFEST_BYTES, manifest_beside};
 
@@ -108,23 +107,7 @@ fn read_manifest(path: &Path) -> Result<serde_json::Value, Failure> {
 }
 
 fn read_within(path: &Path, limit: u64) -> Result<Vec<u8>, Failure> {
-    let refuse = |message: String| Failure::Failed(message).about(path);
-    let file = File::open(path).map_err(|error| refuse(describe(&error)))?;
-    let metadata = file.metadata().map_err(|error| refuse(describe(&error)))?;
-    if metadata.is_dir() {
-        return Err(refuse("is a directory, expected a file".to_owned()));
-    }
-    let too_large = |found: &str| refuse(format!("{found} bytes are more than the limit of {limit}"));
-    if metadata.len() > limit {
-        return Err(too_large(&metadata.len().to_string()));
-    }
-    // The size is a hint only: a pipe has none, and a file may grow while it is read.
-    let mut bytes = Vec::with_capacity(metadata.len() as usize);
-    file.take(limit + 1).read_to_end(&mut bytes).map_err(|error| refuse(describe(&error)))?;
-    if bytes.len() as u64 > limit {
-        return Err(too_large("more"));
-    }
-    Ok(bytes)
+    wavelume_formats::read_within(path, limit).map_err(|error| Failure::Failed(describe(&error)).about(path))
 }
 
 /// An I/O error in the words of a user.

@@ -36,7 +36,7 @@ pub(crate) struct KindOnly {
     pub kind: Kind,
 }
 
-/// A wish to compress; everything but `measurement` and `target` has a default.
+/// Compression request; everything but `measurement` and `target` has a default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct CompressRequest {

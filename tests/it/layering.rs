@@ -30,9 +30,12 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("store", &[]),
     ("catalog", &["store", "domain", "numeric"]),
     ("jobs", BELOW_JOBS),
-    ("api", BELOW_API),
-    ("cli", BELOW_CLI),
+    ("api", BELOW_JOBS),
+    ("cli", BELOW_JOBS),
 ];
+
+/// Rooms of the service, each of which may name those before it, too.
+const SERVICE: &[&str] = &["jobs", "api", "cli"];
 
 const SCIENCE: &[&str] = &[
     "numeric",
@@ -65,44 +68,6 @@ const BELOW_JOBS: &[&str] = &[
     "store",
     "catalog",
 ];
-const BELOW_API: &[&str] = &[
-    "numeric",
-    "domain",
-    "formats",
-    "projection",
-    "transform",
-    "codec",
-    "compress",
-    "algebra",
-    "evaluate",
-    "preview",
-    "export",
-    "paper",
-    "pipeline",
-    "store",
-    "catalog",
-    "jobs",
-];
-const BELOW_CLI: &[&str] = &[
-    "numeric",
-    "domain",
-    "formats",
-    "projection",
-    "transform",
-    "codec",
-    "compress",
-    "algebra",
-    "evaluate",
-    "preview",
-    "export",
-    "paper",
-    "pipeline",
-    "store",
-    "catalog",
-    "jobs",
-    "api",
-];
-
 /// What the scientific rooms must not name.
 const SERVICE_NAMES: &[&str] = &[
     "tokio",
@@ -251,7 +216,9 @@ fn nothing_imports_upward() {
     let mut upward = Vec::new();
     for (path, room) in all_sources() {
         let Some(room) = room else { continue };
-        let (_, allowed) = ROOMS.iter().find(|(name, _)| *name == room).unwrap();
+        let (_, listed) = ROOMS.iter().find(|(name, _)| *name == room).unwrap();
+        let place = SERVICE.iter().position(|name| *name == room).unwrap_or(0);
+        let allowed: Vec<&str> = listed.iter().chain(&SERVICE[..place]).copied().collect();
         // A room's own modules may have the name of another room (`cli/compress.rs`), but only `super::` reaches them.
         let own: BTreeSet<String> = directory_of(&room)
             .map(|directory| sources(&directory))

@@ -62,10 +62,12 @@ pub enum ReadError {
 /// ```
 pub fn read(path: impl AsRef<Path>) -> Result<Source, ReadError> {
     let path = path.as_ref();
-    let bytes = read_within(path, MAX_FILE_BYTES)?;
+    let bytes_of =
+        |path: &Path, limit| read_within(path, limit).map_err(|error| ReadError::File { path: path.to_owned(), error });
+    let bytes = bytes_of(path, MAX_FILE_BYTES)?;
     let manifest = manifest_beside(path).filter(|manifest| manifest.exists());
     let axes = manifest.map(|manifest| {
-        let text = read_within(&manifest, MAX_MANIFEST_BYTES)?;
+        let text = bytes_of(&manifest, MAX_MANIFEST_BYTES)?;
         serde_json::from_slice(&text).map_err(|error| ReadError::Manifest { path: manifest, error: error.to_string() })
     });
     let interpretation = Interpretation { axes: axes.transpose()?, ..Interpretation::default() };
@@ -79,16 +81,24 @@ pub fn manifest_beside(array: &Path) -> Option<PathBuf> {
     is_array.then(|| array.with_extension("axes.json"))
 }
 
-/// The bytes of a file of at most `limit` bytes.
-fn read_within(path: &Path, limit: u64) -> Result<Vec<u8>, ReadError> {
-    let refuse = |error| ReadError::File { path: path.to_owned(), error };
-    let mut bytes = Vec::new();
-    File::open(path).and_then(|file| file.take(limit + 1).read_to_end(&mut bytes)).map_err(refuse)?;
-    if bytes.len() as u64 > limit {
-        let message = format!("more than the limit of {limit} bytes");
-        return Err(refuse(io::Error::new(io::ErrorKind::FileTooLarge, message)));
+/// Reads a whole file of at most `limit` bytes; a pipe, whose size nobody knows, too.
+pub fn read_within(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
+    let file = File::open(path)?;
+    let metadata = file.metadata()?;
+    if metadata.is_dir() {
+        return Err(io::Error::new(io::ErrorKind::IsADirectory, "is a directory, expected a file"));
     }
-    Ok(bytes)
+    let too_large = |found: &str| {
+        let message = format!("{found} bytes are more than the limit of {limit}");
+        io::Error::new(io::ErrorKind::FileTooLarge, message)
+    };
+    if metadata.len() > limit {
+        return Err(too_large(&metadata.len().to_string()));
+    }
+    // The size is a hint only: a pipe has none, and a file may grow while it is read.
+    let mut bytes = Vec::with_capacity(metadata.len() as usize);
+    file.take(limit + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > limit { Err(too_large("more")) } else { Ok(bytes) }
 }
 
 /// Reads the bytes of a measurement, as [`read`] does those of a file.

@@ -5,9 +5,9 @@ use std::cmp::Ordering;
 /// One coefficient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entry {
-    /// Its place in the basis.
+    /// Position of the coefficient in the basis, from 0.
     pub index: u32,
-    /// Its value.
+    /// Value of the coefficient.
     pub value: f64,
 }
 

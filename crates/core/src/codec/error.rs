@@ -28,7 +28,7 @@ pub enum CodecError {
     Checksum {
         /// Where the chunk starts.
         at: usize,
-        /// Its name.
+        /// Name of the chunk.
         chunk: &'static str,
     },
     /// A field holds what it must not.

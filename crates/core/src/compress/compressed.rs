@@ -12,9 +12,9 @@ use serde::Serialize;
 pub struct Compressed {
     /// The file.
     pub bytes: Vec<u8>,
-    /// What was achieved; its errors are those of the decoded bytes, in full precision.
+    /// Summary of the file, with the errors of the decoded bytes in full precision (the header holds them rounded).
     pub summary: Summary,
-    /// How much of the light the decoded bytes keep, where there are triangles.
+    /// Comparison of the light (directional albedo, flux) of the decoded bytes with the measurement's; `None` without triangles.
     pub light: Option<LightReport>,
     /// The colours of the decoded bytes, where they were promised.
     pub colour: Option<ColourReport>,
@@ -29,10 +29,10 @@ pub struct Compressed {
 /// One basis that competed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ranked {
-    /// Its name.
+    /// Name of the basis.
     pub basis: String,
-    /// The size of its file, or of its coefficients where only those were compared.
+    /// Bytes of the file made with it; where the contest compared coefficients alone, the bytes of those.
     pub bytes: u64,
-    /// The error of its file, where it was decoded.
+    /// er(L2) of the file made with it; `None` where that was not decoded.
     pub er_l2: Option<f64>,
 }

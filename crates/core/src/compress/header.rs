@@ -31,7 +31,7 @@ use super::summary::Summary;
 use super::transform_code::{read_transform, write_transform};
 use super::values::Values;
 use crate::codec::{Announced, ChunkKind, CodecError, Reader, Writer, read_axes, write_axes};
-use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
+use crate::domain::{Axis, ErrorReport, Measurement, Quantity, Sampling, Unit};
 use crate::transform::{AxisTransform, Plan};
 
 /// Everything in the header chunk.
@@ -131,6 +131,29 @@ fn transforms_written(policy: Policy, klt: bool, predicted: bool, axes: usize) -
 }
 
 impl Header {
+    /// The header of a measurement's samples, with nothing that a policy adds to them.
+    pub(crate) fn of(measurement: &Measurement, policy: Policy) -> Self {
+        Self {
+            quantity: measurement.quantity,
+            unit: measurement.unit,
+            sampling: measurement.sampling,
+            axes: measurement.tensor.axes().to_vec(),
+            policy,
+            transforms: Vec::new(),
+            klt: false,
+            predicted: false,
+            pyramid_length: 0,
+            linear: false,
+            step: 0.0,
+            light_step: 0.0,
+            correction_step: 0.0,
+            has_classes: false,
+            floor: 0.0,
+            kept: 0,
+            errors: ErrorReport::default(),
+        }
+    }
+
     pub(crate) fn write(&self) -> Vec<u8> {
         let flags = Flags::of(self);
         let mut w = Writer::default();

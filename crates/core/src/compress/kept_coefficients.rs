@@ -23,23 +23,12 @@ pub(super) fn parts_of(
     code_coefficients(&mut encoder, rows, Payload::Float, &mut bits);
     let samples = measurement.tensor.samples();
     let header = Header {
-        quantity: measurement.quantity,
-        unit: measurement.unit,
-        sampling: measurement.sampling,
-        axes: measurement.tensor.axes().to_vec(),
-        policy,
         transforms: transforms.to_vec(),
-        klt: false,
-        predicted: false,
-        pyramid_length: 0,
-        linear: false,
-        step: 0.0,
-        light_step: 0.0,
-        correction_step: 0.0,
         has_classes: classes.is_some(),
         floor,
         kept: count,
         errors: ErrorReport::measure(samples, samples, f64::from(floor)),
+        ..Header::of(measurement, policy)
     };
     let chunks = classes.into_iter().chain([(ChunkKind::Coefficients, encoder.finish())]).collect();
     Parts { header, chunks }

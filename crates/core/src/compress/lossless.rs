@@ -11,7 +11,7 @@ use super::policy::Policy;
 use super::rows::lanes;
 use super::settings::Settings;
 use crate::codec::{ChunkKind, Class, Encoder, code_exact};
-use crate::domain::{ErrorReport, Measurement, Progress};
+use crate::domain::{Measurement, Progress};
 
 pub(crate) fn compress(
     measurement: &Measurement,
@@ -30,25 +30,7 @@ pub(crate) fn compress(
     code_exact(&mut encoder, lanes(axes), &mut samples);
     drop(samples);
     progress.step(0.6)?;
-    let header = Header {
-        quantity: measurement.quantity,
-        unit: measurement.unit,
-        sampling: measurement.sampling,
-        axes: axes.to_vec(),
-        policy: Policy::Lossless,
-        transforms: Vec::new(),
-        klt: false,
-        predicted: false,
-        pyramid_length: 0,
-        linear: false,
-        step: 0.0,
-        light_step: 0.0,
-        correction_step: 0.0,
-        has_classes: classes.is_some(),
-        floor,
-        kept: 0,
-        errors: ErrorReport::default(),
-    };
+    let header = Header { has_classes: classes.is_some(), floor, ..Header::of(measurement, Policy::Lossless) };
     let chunks = classes.into_iter().chain([(ChunkKind::Exact, encoder.finish())]).collect();
     finish(Parts { header, chunks }, measurement, settings.metadata.as_deref())
 }

@@ -1,6 +1,6 @@
 //! Policies: the ways to choose and code coefficients.
 
-/// How coefficients are chosen and coded.
+/// Policies: ways to choose coefficients and to code them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Policy {

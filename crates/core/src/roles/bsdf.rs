@@ -39,7 +39,7 @@ impl Material {
         self.bsdf_at(&[])
     }
 
-    /// As [`Material::bsdf`], at an entry of the index axes.
+    /// Views one entry of the index axes as a surface: `index` has one number for each index axis, from 0.
     pub fn bsdf_at(&self, index: &[usize]) -> Result<Bsdf<'_>, RoleError> {
         Ok(Bsdf(View::new(self, index, &NEEDS)?))
     }

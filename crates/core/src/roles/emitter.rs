@@ -32,7 +32,7 @@ impl Material {
         self.emitter_at(&[])
     }
 
-    /// As [`Material::emitter`], at an entry of the index axes.
+    /// Views one entry of the index axes as a light: `index` has one number for each index axis, from 0.
     pub fn emitter_at(&self, index: &[usize]) -> Result<Emitter<'_>, RoleError> {
         Ok(Emitter(View::new(self, index, &NEEDS)?))
     }

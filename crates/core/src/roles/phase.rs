@@ -34,7 +34,7 @@ impl Material {
         self.phase_at(&[])
     }
 
-    /// As [`Material::phase`], at an entry of the index axes.
+    /// Views one entry of the index axes as a phase function: `index` has one number for each index axis, from 0.
     pub fn phase_at(&self, index: &[usize]) -> Result<Phase<'_>, RoleError> {
         Ok(Phase(View::new(self, index, &NEEDS)?))
     }

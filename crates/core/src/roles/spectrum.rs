@@ -30,7 +30,7 @@ impl Material {
         self.spectrum_at(&[])
     }
 
-    /// As [`Material::spectrum`], at an entry of the index axes.
+    /// Views one entry of the index axes as a spectrum: `index` has one number for each index axis, from 0.
     pub fn spectrum_at(&self, index: &[usize]) -> Result<Spectrum<'_>, RoleError> {
         Ok(Spectrum(View::new(self, index, &NEEDS)?))
     }

@@ -79,7 +79,7 @@ fn probed(sample: &Sample<'_>) -> Result<Option<&'static Reader>, String> {
     Ok(best.map(|(_, reader)| reader))
 }
 
-/// Returns true where some format of the table recognises `bytes`; they may be malformed all the same.
+/// Returns true where the first bytes are those of some format of the table. The rest need not be well formed.
 pub(super) fn recognises_file(bytes: &[u8]) -> bool {
     let sample = Sample { bytes, head: text::head(bytes, HEAD_BYTES), quantity: None };
     matches!(probed(&sample), Ok(Some(_)))

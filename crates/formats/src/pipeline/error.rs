@@ -26,7 +26,7 @@ pub enum PipelineError {
     /// The wavelengths asked for are not valid.
     #[error("wavelengths: {0}")]
     Wavelengths(#[from] WavelengthError),
-    /// The measurement cannot be put on the axes asked for.
+    /// The measurement cannot be projected onto the requested axes.
     #[error(transparent)]
     Projection(#[from] ProjectionError),
     /// The measurement was not compressed.

@@ -121,7 +121,7 @@ pub enum AnglesError {
     Range {
         /// The angle concerned.
         angle: Angle,
-        /// Its value.
+        /// The value in degrees.
         found: f64,
     },
     /// Angles that do not increase.

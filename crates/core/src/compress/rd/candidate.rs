@@ -32,7 +32,7 @@ const LARGEST_CORRECTION: f64 = (1 << 30) as f64;
 /// Sizes of a candidate that are known already.
 #[derive(Default)]
 pub(super) struct Sizes {
-    /// By step: bytes without the level index, or coefficients.
+    /// Sizes by step: bytes without the level index or, where the target counts those, coefficients.
     pub(super) known: RefCell<BTreeMap<Notch, f64>>,
     /// Bytes of the level index, estimated until a file was put together.
     pub(super) index: Cell<Option<f64>>,
@@ -44,7 +44,8 @@ pub(super) struct Candidate<'a> {
     pub(super) settings: &'a Settings,
     pub(super) plane: ClassPlane<'a>,
     pub(super) layer: Counted<'a>,
-    /// What light is corrected by, and the step of its logarithms.
+    /// Correction of the light of each block and wavelength, with the step of its logarithms; `None` where no error of light
+    /// is promised.
     light: Option<(Light, f32)>,
     pub(super) floor: f32,
     /// The error or size nearest to the wanted one, where none is reached.
@@ -86,7 +87,7 @@ impl<'a> Candidate<'a> {
         self.measurement.tensor.samples()
     }
 
-    /// What a decoder has before its corrections at `fineness`.
+    /// Writes the values that a decoder has at `fineness` before it adds the corrections of single samples.
     fn approximate(&self, fineness: Fineness, values: &mut [f32]) {
         self.layer.approximate(fineness, values);
         if let Some((light, step)) = &self.light {
@@ -95,7 +96,7 @@ impl<'a> Candidate<'a> {
         }
     }
 
-    /// The same as magnitudes of samples.
+    /// Writes the magnitudes of samples that a decoder has at `fineness`.
     pub(super) fn magnitudes(&self, fineness: Fineness, values: &mut [f32]) {
         if self.light.is_none() {
             return self.layer.magnitudes(fineness, self.plane.values, values);
@@ -171,18 +172,10 @@ impl<'a> Candidate<'a> {
     }
 
     fn header(&self, steps: Steps) -> Header {
-        let measurement = self.measurement;
         Header {
-            quantity: measurement.quantity,
-            unit: measurement.unit,
-            sampling: measurement.sampling,
-            axes: measurement.tensor.axes().to_vec(),
-            policy: Policy::Rd,
             transforms: self.layer.transforms().to_vec(),
             klt: self.layer.basis() == SpectralBasis::Klt,
             predicted: self.layer.is_predicted(),
-            // Known when the file is put together.
-            pyramid_length: 0,
             linear: self.plane.values.is_linear(),
             step: steps.first.step,
             light_step: self.light.as_ref().map_or(0.0, |(_, step)| *step),
@@ -191,6 +184,8 @@ impl<'a> Candidate<'a> {
             floor: self.floor,
             kept: self.layer.kept(steps.first),
             errors: self.plane.counts,
+            // The length of the pyramid is known when the file is put together.
+            ..Header::of(self.measurement, Policy::Rd)
         }
     }
 
@@ -235,7 +230,7 @@ fn magnitude_error(original: &[f32], magnitudes: &[f32], classes: &[Class], floo
     mean(0).or(mean(1)).unwrap_or(0.0)
 }
 
-/// Of `k` and its neighbours, the correction after which the decoder's f32 sum is nearest to `wanted`.
+/// Correction among k − 1, k and k + 1 steps that brings the decoder's sum, which is rounded to f32, nearest to `wanted`.
 fn nearest_in_f32(log: f32, k: i32, step: f32, wanted: f64) -> i32 {
     let distance = |k: i32| {
         let mut sum = [log];

@@ -237,7 +237,7 @@ impl Chart {
     }
 }
 
-/// Whether a model of `kind` makes sense on `shape`.
+/// Returns true where `shape` has the directions that a model of `kind` needs.
 pub(super) fn has_chart(shape: &Shape, kind: ChartKind) -> bool {
     incoming(shape, kind).is_some()
 }

@@ -31,7 +31,7 @@ impl Dictionary {
         Ok(Self { name: name.into(), length, analysis, atoms })
     }
 
-    /// Its name.
+    /// Name of the dictionary.
     pub fn name(&self) -> &str {
         &self.name
     }

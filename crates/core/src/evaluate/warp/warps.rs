@@ -302,7 +302,7 @@ impl Warps {
         Drawn { direction, pdf: density * factor, leaf, coordinates }
     }
 
-    /// The inverse of [`Warps::draw`]: the tree's point for a leaf and coordinates in it.
+    /// Returns the point of the unit square that [`Warps::draw`] takes to these barycentric coordinates in a leaf.
     fn place(&self, cell: usize, leaf: usize, coordinates: [f64; 3], options: &SampleOptions) -> [f64; 2] {
         let (last, end) = (self.mesh.mesh().level(), self.end(options));
         let place = self.mesh.place(last, leaf);

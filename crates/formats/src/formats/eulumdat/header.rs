@@ -180,7 +180,7 @@ impl Header {
     }
 }
 
-/// A number for metadata; nothing where the line is blank.
+/// Text of a number for the metadata; empty for a blank line.
 fn written(value: Option<f64>) -> String {
     value.map_or_else(String::new, |value| Brief(value).to_string())
 }

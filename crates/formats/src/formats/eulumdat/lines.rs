@@ -150,10 +150,10 @@ pub(super) fn decimal(text: &str) -> Option<f64> {
 
 /// One set of lamps that the luminaire may hold; several are alternatives.
 pub(super) struct LampSet {
-    /// Negative: absolute photometry.
+    /// Number of lamps in the set; negative where the file states absolute intensities (candela).
     pub(super) count: f64,
     pub(super) kind: String,
-    /// Of all lamps of the set; with a negative count, of the luminaire.
+    /// Luminous flux in lm of all lamps of the set together; of the whole luminaire where the count is negative.
     pub(super) lumens: f64,
     pub(super) colour: String,
     pub(super) rendering: String,

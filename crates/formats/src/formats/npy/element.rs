@@ -40,7 +40,7 @@ macro_rules! whole {
 type Convert = fn(&[u8], bool, &mut [f32]);
 type Value = fn(&[u8], bool) -> f64;
 
-/// Each number of `N` bytes as a sample; all of NaN is one.
+/// Writes a sample for each number of `N` bytes. Every NaN becomes the one that masks a sample.
 fn convert<const N: usize>(body: &[u8], big_endian: bool, samples: &mut [f32], sample: impl Fn([u8; N]) -> f32) {
     let masked = |sample: f32| if sample.is_nan() { f32::NAN } else { sample };
     let (words, _) = body.as_chunks::<N>();

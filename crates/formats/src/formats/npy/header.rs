@@ -6,7 +6,7 @@ use super::refusal::malformed;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::snippet;
 
-/// Longest header taken; `NumPy` itself writes about 120 bytes.
+/// Longest header that is read, in bytes; longer ones are refused. `NumPy` writes about 120.
 const MAX_HEADER: usize = 1 << 16;
 
 /// The header's text and where the data start.

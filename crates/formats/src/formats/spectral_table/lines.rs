@@ -2,7 +2,8 @@
 
 use crate::formats::text::{Source, Token};
 
-/// The part of a line before a `#` comment, and the comment. In a header `#` may be part of a name.
+/// Splits a line of numbers at the first `#`: content and comment. A line that begins with a letter is a header, in which
+/// `#` may be part of a name: it is not split.
 pub(super) fn split_comment(line: Token<'_>) -> (Token<'_>, Option<&str>) {
     let header =
         line.text.trim_start().starts_with(|c: char| !c.is_ascii_digit() && !matches!(c, '#' | '+' | '-' | '.'));
