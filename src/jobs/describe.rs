@@ -84,6 +84,14 @@ fn axis(axis: &Axis) -> Value {
         Axis::Triangles(mesh) => {
             json!({ "kind": "triangles", "domain": mesh.domain(), "level": mesh.level(), "count": mesh.len() })
         }
+        Axis::Grid(grid) => {
+            let [polar, azimuths] = grid.shape();
+            let (first, last) = grid.covers();
+            json!({
+                "kind": "directions", "frame": grid.frame(), "count": grid.len(), "polar": polar, "azimuths": azimuths,
+                "first": first, "last": last, "unit": "degree",
+            })
+        }
         Axis::Elevation(values) => angles("elevation", values),
         Axis::Wavelength(grid) => wavelengths(grid),
         Axis::Index { count, labels } => json!({ "kind": "index", "count": count, "labels": labels }),

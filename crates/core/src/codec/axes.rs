@@ -7,6 +7,13 @@
 //!   2 elevation   list (degrees)
 //!   3 index       varint count
 //!   4 rgb         nothing
+//!   5 polar       list (degrees), then u8 frame + 4 · dark + 8 · mirrored + 16 · azimuths + 32 · low + 64 · high;
+//!                 low: an f64, the least polar angle that is covered, without it the first; high: an f64, the largest one,
+//!                 without it the last; azimuths: an axis of kind 6 follows, which is the same axis of the tensor
+//!   6 azimuth     list (degrees), then u8 extent
+//!                 frames: 0 surface, 1 type C, 2 type B, 3 type A; dark: 0 beyond what is covered, else masked; mirrored:
+//!                 latitudes H have the values of -H; extents: 0 circle, 1 closed, 2 sector, 3 mirrored across 0 and 180°,
+//!                 4 mirrored across 90° and 270°, 5 quadrant
 //! number   form d ≤ 9: a varint k, which stands for k / 10^d;  form 15: an f64
 //! list     varint count; then
 //!          form 15: `count` f64
@@ -22,7 +29,9 @@ use super::polynomial::{MAX_DEGREE, Polynomial};
 use super::range::{BitCoder, Decoder, Encoder};
 use super::symbols::{GOLOMB_SLOTS, code_golomb};
 use crate::domain::limits::{MAX_ENTRIES, MAX_WAVELENGTHS};
-use crate::domain::{Axis, Domain, TriangleMesh, WavelengthGrid};
+use crate::domain::{
+    Axis, AzimuthExtent, Azimuths, DirectionGrid, Domain, Frame, Outside, TriangleMesh, WavelengthGrid,
+};
 
 const MAX_DECIMALS: u8 = 9;
 const FORM_F32: u8 = 14;
@@ -57,7 +66,38 @@ pub(crate) fn write_axes(w: &mut Writer, axes: &[Axis]) {
                 w.varint(*count as u64);
             }
             Axis::Rgb => w.u8(4),
+            Axis::Grid(grid) => write_grid(w, grid),
         }
+    }
+}
+
+const DARK: u8 = 4;
+const MIRRORED: u8 = 8;
+const AZIMUTHS: u8 = 16;
+const LOW: u8 = 32;
+const HIGH: u8 = 64;
+
+fn write_grid(w: &mut Writer, grid: &DirectionGrid) {
+    let polar = grid.polar();
+    write_list(w, 5, polar);
+    let (low, high) = grid.covers();
+    let ends =
+        [(low, polar.first(), LOW), (high, polar.last(), HIGH)].map(|(end, own, flag)| (end, own != Some(&end), flag));
+    let flags = [
+        (grid.outside() == Outside::Dark, DARK),
+        (grid.is_polar_mirrored(), MIRRORED),
+        (grid.azimuths().is_some(), AZIMUTHS),
+    ];
+    let flags = flags.into_iter().chain(ends.map(|(_, stated, flag)| (stated, flag)));
+    w.u8(grid.frame().code() + flags.filter(|(set, _)| *set).map(|(_, flag)| flag).sum::<u8>());
+    for (end, stated, _) in ends {
+        if stated {
+            w.f64(end);
+        }
+    }
+    if let Some(azimuths) = grid.azimuths() {
+        write_list(w, 6, &azimuths.angles);
+        w.u8(azimuths.extent.code());
     }
 }
 
@@ -77,10 +117,10 @@ fn read_axis(r: &mut Reader<'_>) -> Result<Axis, CodecError> {
     }
     let (kind, form) = (first & 7, first >> 3);
     match (kind, form) {
-        (0..=2, 0..=MAX_DECIMALS | FORM_F64) | (1..=2, FORM_F32) | (3..=4, 0) => {}
+        (0..=2 | 5, 0..=MAX_DECIMALS | FORM_F64) | (1..=2 | 5, FORM_F32) | (3..=4, 0) => {}
         _ => {
             return Err(
-                r.malformed(format!("axis kind {kind} in form {form}, expected kind 0 to 4 in a form of its own"))
+                r.malformed(format!("axis kind {kind} in form {form}, expected kind 0 to 5 in a form of its own"))
             );
         }
     }
@@ -96,9 +136,45 @@ fn read_axis(r: &mut Reader<'_>) -> Result<Axis, CodecError> {
             Ok(Axis::Wavelength(WavelengthGrid::listed(values).map_err(|e| r.malformed(e.to_string()))?))
         }
         2 => Ok(Axis::Elevation(read_list(r, form, MAX_ENTRIES, "elevations")?)),
+        5 => read_grid(r, form).map(Axis::Grid),
         3 => Ok(Axis::Index { count: r.size(MAX_ENTRIES, "index axis length")?, labels: Vec::new() }),
         _ => Ok(Axis::Rgb),
     }
+}
+
+fn read_grid(r: &mut Reader<'_>, form: u8) -> Result<DirectionGrid, CodecError> {
+    let polar = read_list(r, form, MAX_ENTRIES, "polar angles")?;
+    let flags = r.u8("frame and flags of polar angles")?;
+    let has = |flag: u8| flags & flag != 0;
+    if has(0x80) {
+        return Err(r.malformed(format!("flags {flags:#04x} of polar angles are unknown")));
+    }
+    let frame = Frame::from_code(flags & 3).unwrap_or(Frame::Surface);
+    let mut end = |flag, what| if has(flag) { r.f64(what).map(Some) } else { Ok(None) };
+    let (low, high) = (end(LOW, "least polar angle covered")?, end(HIGH, "largest polar angle covered")?);
+    let azimuths = if has(AZIMUTHS) { Some(read_azimuths(r)?) } else { None };
+    let made = DirectionGrid::new(frame, polar, azimuths).and_then(|grid| {
+        let (first, last) = grid.covers();
+        let grid = grid.covering(low.unwrap_or(first), high.unwrap_or(last))?;
+        let grid = grid.with_outside(if has(DARK) { Outside::Dark } else { Outside::Masked });
+        if has(MIRRORED) { grid.mirrored() } else { Ok(grid) }
+    });
+    made.map_err(|e| r.malformed(e.to_string()))
+}
+
+fn read_azimuths(r: &mut Reader<'_>) -> Result<Azimuths, CodecError> {
+    let first = r.u8("azimuths")?;
+    let (kind, form) = (first & 7, first >> 3);
+    if kind != 6 || !matches!(form, 0..=MAX_DECIMALS | FORM_F32 | FORM_F64) {
+        return Err(
+            r.malformed(format!("axis kind {kind} in form {form} after polar angles, expected azimuths, kind 6"))
+        );
+    }
+    let angles = read_list(r, form, MAX_ENTRIES, "azimuths")?;
+    let code = r.u8("extent of azimuths")?;
+    let extent =
+        AzimuthExtent::from_code(code).ok_or_else(|| r.malformed(format!("extent of azimuths {code} is unknown")))?;
+    Ok(Azimuths { angles, extent })
 }
 
 /// `value · 10^decimals` if that is an integer from which `value` comes back exactly.
@@ -264,6 +340,32 @@ mod tests {
 
     fn wavelengths(values: Vec<f64>) -> Axis {
         Axis::Wavelength(WavelengthGrid::listed(values).unwrap())
+    }
+
+    #[test]
+    fn grids_of_angles_round_trip_in_few_bytes() {
+        let every = |step: f64, count: usize| (0..count).map(|i| i as f64 * step).collect::<Vec<f64>>();
+        let azimuths = |angles, extent| Some(Azimuths { angles, extent });
+        let lamp =
+            DirectionGrid::new(Frame::TypeC, every(2.5, 37), azimuths(every(10.0, 37), AzimuthExtent::Closed)).unwrap();
+        assert!(round_trip(&[Axis::Grid(lamp.with_outside(Outside::Dark))]) <= 20);
+        let polar = every(2.0, 45);
+        let paint = DirectionGrid::new(
+            Frame::Surface,
+            polar.clone(),
+            azimuths(every(180.0 / 89.0, 90), AzimuthExtent::Mirrored),
+        );
+        let paint = paint.unwrap().covering(0.0, 90.0).unwrap();
+        round_trip(&[Axis::Elevation(polar), Axis::Grid(paint), Axis::Rgb]);
+        for frame in [Frame::TypeA, Frame::TypeB] {
+            let listed = azimuths(vec![-30.5, 0.125, 7.0], AzimuthExtent::Sector);
+            let grid = DirectionGrid::new(frame, vec![0.0, 0.1, 1.0 / 3.0, 80.0], listed).unwrap();
+            round_trip(&[Axis::Grid(grid.clone())]);
+            round_trip(&[Axis::Grid(grid.covering(-1.5, 90.0).unwrap())]);
+            let south = DirectionGrid::new(frame, vec![-90.0, -22.5, 17.25], None).unwrap();
+            round_trip(&[Axis::Grid(south)]);
+            round_trip(&[Axis::Grid(DirectionGrid::new(frame, vec![0.0, 22.5], None).unwrap().mirrored().unwrap())]);
+        }
     }
 
     #[test]

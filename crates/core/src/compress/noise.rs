@@ -156,7 +156,7 @@ fn fit(axis: usize, what: &Axis) -> Option<(u8, Fit)> {
         Axis::Triangles(mesh) if mesh.level() >= 2 => (OUTGOING, Place::Plane(*mesh)),
         Axis::Wavelength(grid) => (WAVELENGTH, line(grid.values())),
         Axis::Elevation(values) => (INCOMING, line(values.clone())),
-        Axis::Triangles(_) | Axis::Rgb | Axis::Index { .. } => (UNORDERED, Place::Unordered),
+        Axis::Triangles(_) | Axis::Grid(_) | Axis::Rgb | Axis::Index { .. } => (UNORDERED, Place::Unordered),
     };
     let rank = if matches!(place, Place::Unordered) { UNORDERED } else { rank };
     let blocks = match (&place, what) {

@@ -34,7 +34,7 @@ impl SpectralBasis {
                 Self::Identity | Self::Klt => AxisTransform::Identity,
             },
             Axis::Rgb => AxisTransform::line(LineBasis::HAAR),
-            Axis::Index { .. } => AxisTransform::Identity,
+            Axis::Grid(_) | Axis::Index { .. } => AxisTransform::Identity,
         }
     }
 

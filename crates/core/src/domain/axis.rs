@@ -1,5 +1,6 @@
 //! The axes of a tensor, and which of them are directions, wavelength or plain indices for a quantity.
 
+use super::direction_grid::DirectionGrid;
 use super::limits::{MAX_AXES, MAX_ENTRIES, MAX_SAMPLES};
 use super::quantity::Quantity;
 use super::triangles::TriangleMesh;
@@ -10,6 +11,8 @@ use super::wavelengths::WavelengthGrid;
 pub enum Axis {
     /// Directions: the triangles of a mesh.
     Triangles(TriangleMesh),
+    /// Directions: a grid of polar angles and azimuths, `[polar, azimuth]` row-major.
+    Grid(DirectionGrid),
     /// Incoming elevations of isotropic data: theta in degrees, strictly increasing, 0..=90. The incoming azimuth is 0.
     Elevation(Vec<f64>),
     /// Wavelengths in nm.
@@ -64,6 +67,7 @@ impl Axis {
     pub fn len(&self) -> usize {
         match self {
             Self::Triangles(mesh) => mesh.len(),
+            Self::Grid(grid) => grid.len(),
             Self::Elevation(values) => values.len(),
             Self::Wavelength(grid) => grid.len(),
             Self::Index { count, .. } => *count,
@@ -73,7 +77,7 @@ impl Axis {
 
     /// Whether an entry is a direction.
     pub fn is_directional(&self) -> bool {
-        matches!(self, Self::Triangles(_) | Self::Elevation(_))
+        matches!(self, Self::Triangles(_) | Self::Grid(_) | Self::Elevation(_))
     }
 
     /// Whether an entry is a wavelength or colour channel.
@@ -85,6 +89,7 @@ impl Axis {
     pub fn describe(&self) -> String {
         match self {
             Self::Triangles(mesh) => format!("{}:{} ({} triangles)", mesh.domain(), mesh.level(), mesh.len()),
+            Self::Grid(grid) => grid.describe(),
             Self::Elevation(values) if values.len() == 1 => "1 elevation".to_owned(),
             Self::Elevation(values) => format!("{} elevations", values.len()),
             Self::Wavelength(grid) => {
@@ -122,7 +127,8 @@ impl Axis {
                 }
                 Ok(())
             }
-            Self::Triangles(_) | Self::Wavelength(_) | Self::Rgb => Ok(()),
+            // Checked when they are made.
+            Self::Triangles(_) | Self::Grid(_) | Self::Wavelength(_) | Self::Rgb => Ok(()),
         }
     }
 }

@@ -15,6 +15,7 @@
 mod axis;
 pub mod colour;
 mod direction;
+mod direction_grid;
 mod errors;
 mod lattice;
 pub mod limits;
@@ -30,6 +31,7 @@ mod wavelengths;
 pub use axis::check_axes;
 pub use axis::{Axis, AxisError, Layout};
 pub use direction::Direction;
+pub use direction_grid::{AzimuthExtent, Azimuths, DirectionGrid, DirectionGridError, Frame, Outside};
 pub use errors::{ErrorAccumulator, ErrorReport};
 pub use lattice::Symmetry;
 pub(crate) use lattice::{MOST_NEIGHBOURS, Neighbours};

@@ -78,7 +78,7 @@ pub(super) fn schemes(
 /// Whether the last axis is no spectrum, but triangles, colours or some index.
 fn short(axes: &[Axis]) -> bool {
     axes.last().is_some_and(|axis| match axis {
-        Axis::Triangles(_) | Axis::Rgb => true,
+        Axis::Triangles(_) | Axis::Grid(_) | Axis::Rgb => true,
         Axis::Index { count, .. } => *count <= MOST_INDICES,
         Axis::Wavelength(_) | Axis::Elevation(_) => false,
     })

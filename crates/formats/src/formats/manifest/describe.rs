@@ -1,6 +1,6 @@
 //! Axes → their manifest, which reads back as the same axes.
 
-use crate::domain::{Axis, Measurement, WavelengthGrid};
+use crate::domain::{Axis, DirectionGrid, Measurement, WavelengthGrid};
 use serde_json::{Value, json};
 
 /// The manifest of a tensor, which reads back as the same axes: `quantity`, `value_unit`, `sampling` and `axes`, and
@@ -22,6 +22,7 @@ pub fn manifest_of(measurement: &Measurement) -> Value {
 fn describe(axis: &Axis) -> Value {
     match axis {
         Axis::Triangles(mesh) => json!({"kind": "triangles", "domain": mesh.domain(), "level": mesh.level()}),
+        Axis::Grid(grid) => directions(grid),
         Axis::Elevation(values) => json!({"kind": "elevation", "values": values}),
         Axis::Wavelength(WavelengthGrid::Even { start, step, count }) => {
             json!({"kind": "wavelength", "start": start, "step": step, "count": count})
@@ -31,4 +32,21 @@ fn describe(axis: &Axis) -> Value {
         Axis::Index { count, labels } => json!({"kind": "index", "count": count, "labels": labels}),
         Axis::Rgb => json!("rgb"),
     }
+}
+
+/// A grid of directions; what is as it would be without being said is left out.
+fn directions(grid: &DirectionGrid) -> Value {
+    let polar = grid.polar();
+    let mut axis = json!({"kind": "directions", "frame": grid.frame(), "polar": polar, "outside": grid.outside()});
+    if let Some(azimuths) = grid.azimuths() {
+        axis["azimuths"] = json!(azimuths.angles);
+        axis["extent"] = json!(azimuths.extent);
+    }
+    if (Some(&grid.covers().0), Some(&grid.covers().1)) != (polar.first(), polar.last()) {
+        axis["covers"] = json!(grid.covers());
+    }
+    if grid.is_polar_mirrored() {
+        axis["mirrored"] = json!(true);
+    }
+    axis
 }

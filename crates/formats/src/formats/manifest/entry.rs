@@ -1,9 +1,9 @@
 //! One axis of a manifest: a short form or an object, checked against the array's length there.
 
-use super::fields::text;
+use super::fields::{named, text};
 use super::refusal::{over_limit, unfit};
 use crate::domain::limits::{MAX_ENTRIES, MAX_LEVEL};
-use crate::domain::{Axis, Domain, TriangleMesh, WavelengthError, WavelengthGrid};
+use crate::domain::{Axis, Azimuths, DirectionGrid, Domain, Outside, TriangleMesh, WavelengthError, WavelengthGrid};
 use crate::formats::acquisition::AzimuthExtent;
 use crate::formats::error::FormatError;
 use crate::formats::interpretation::Interpretation;
@@ -63,7 +63,7 @@ impl Role {
 }
 
 const KINDS: &str = "\"hemi:LEVEL\", \"lower:LEVEL\", \"sphere:LEVEL\", \"lambda:START:STEP:COUNT\", \"rgb\", \"index\", or \
-                     an object with `kind` triangles, wavelength, elevation, theta_i, phi_i, theta_o, phi_o or index";
+                     an object with `kind` triangles, directions, wavelength, elevation, theta_i, phi_i, theta_o, phi_o or index";
 
 /// Reads axis number `axis` of a manifest for an array of `length` there.
 pub(super) fn parse(axis: usize, value: &Value, length: usize, how: &Interpretation) -> Result<Entry, FormatError> {
@@ -229,6 +229,7 @@ fn full_form(
             let domain = domain.ok_or_else(|| object.unfit("no `domain`, expected hemisphere, lower or sphere"))?;
             triangles(object.axis, domain, object.whole("level")?).map(Some)
         }
+        "directions" => directions(object).map(|grid| Some(Axis::Grid(grid))),
         "wavelength" | "lambda" => {
             object.only(&["start", "step", "count", "values"])?;
             let factor = object.unit(NANOMETRES)?;
@@ -270,6 +271,48 @@ fn full_form(
     }
 }
 
+/// A grid of directions as one axis of the array, `[polar, azimuth]` row-major.
+fn directions(object: &Object<'_>) -> Result<DirectionGrid, FormatError> {
+    object.only(&["frame", "polar", "azimuths", "extent", "covers", "outside", "mirrored"])?;
+    object.unit(DEGREES)?;
+    let need = |key: &str| {
+        Ok::<_, FormatError>(
+            text(object.fields, key)?.ok_or_else(|| object.unfit(format!("no `{key}`, expected one")))?,
+        )
+    };
+    let azimuths = if object.has("azimuths") {
+        Some(Azimuths { angles: object.numbers("azimuths")?, extent: named(need("extent")?)? })
+    } else {
+        None
+    };
+    let made = |made: Result<DirectionGrid, _>| made.map_err(|e| object.unfit(e));
+    let mut grid = made(DirectionGrid::new(named(need("frame")?)?, object.numbers("polar")?, azimuths))?;
+    if let Some((low, high)) = covers(object)? {
+        grid = made(grid.covering(low, high))?;
+    }
+    if let Some(outside) = text(object.fields, "outside")? {
+        grid = grid.with_outside(named::<Outside>(outside)?);
+    }
+    match object.fields.get("mirrored") {
+        None | Some(Value::Bool(false)) => Ok(grid),
+        Some(Value::Bool(true)) => made(grid.mirrored()),
+        Some(other) => {
+            Err(object.unfit(format!("`mirrored` is {}, expected true or false", snippet(&other.to_string()))))
+        }
+    }
+}
+
+/// The two angles of `covers`, where there are any.
+fn covers(object: &Object<'_>) -> Result<Option<(f64, f64)>, FormatError> {
+    if !object.has("covers") {
+        return Ok(None);
+    }
+    match object.numbers("covers")?.as_slice() {
+        &[low, high] => Ok(Some((low, high))),
+        _ => Err(object.unfit("`covers`, expected [first, last]")),
+    }
+}
+
 fn angle(object: &Object<'_>, role: Role) -> Result<Angle, FormatError> {
     object.only(if role.is_azimuth() { &["values", "extent"] } else { &["values", "covers"] })?;
     object.unit(DEGREES)?;
@@ -284,14 +327,7 @@ fn angle(object: &Object<'_>, role: Role) -> Result<Angle, FormatError> {
             b = Brief(b)
         )));
     }
-    let covers = if object.has("covers") {
-        let &[low, high] = object.numbers("covers")?.as_slice() else {
-            return Err(object.unfit("`covers`, expected [first, last]"));
-        };
-        Some((low, high))
-    } else {
-        None
-    };
+    let covers = covers(object)?;
     let extent = match text(object.fields, "extent")? {
         None => None,
         Some("circle") => Some(AzimuthExtent::Circle),

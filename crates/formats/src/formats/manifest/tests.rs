@@ -1,7 +1,7 @@
 //! Manifests: their forms, their round trips, cosines, and every refusal.
 
 use super::*;
-use crate::domain::{Axis, Domain, Measurement, TriangleMesh};
+use crate::domain::{Axis, Azimuths, DirectionGrid, Domain, Frame, Measurement, Outside, TriangleMesh};
 use crate::formats::{AngleGrid, AzimuthExtent, FormatErrorKind};
 use serde_json::json;
 
@@ -209,6 +209,12 @@ fn unfit_manifests_are_refused_with_their_reason() {
         (brdf(json!([{"kind": "wavelength", "values": "lambda.npy"}])), vec![3], NeedsOption, "not opened"),
         (brdf(json!([{"kind": "wavelength", "unit": "ft", "values": [1]}])), vec![1], NeedsOption, "unit"),
         (brdf(json!([{"kind": "elevation", "values": [0, 30, 100]}, "hemi:0"])), vec![3, 4], NeedsOption, "100"),
+        (brdf(json!([{"kind": "directions", "polar": [0, 30]}])), vec![2], NeedsOption, "`frame`"),
+        (brdf(json!([directions(json!({"polar": [0, 200]}))])), vec![2], NeedsOption, "0 to 180"),
+        (brdf(json!([directions(json!({"azimuths": [0, 90]}))])), vec![4], NeedsOption, "`extent`"),
+        (brdf(json!([directions(json!({"covers": [1, 90]}))])), vec![2], NeedsOption, "cover 1 to 90"),
+        (brdf(json!([directions(json!({"outside": "black"}))])), vec![2], NeedsOption, "masked, dark"),
+        (brdf(json!([directions(json!({"mirrored": 1}))])), vec![2], NeedsOption, "true or false"),
         (brdf(json!([{"kind": "index", "count": 3, "labels": ["a"]}])), vec![3], NeedsOption, "labels"),
         (brdf(json!(["hemi:0", "rgb"])), vec![4, 3], NeedsOption, "directions"),
         (brdf(json!([angles("theta_i", &[0.0, 30.0]), "hemi:0"])), vec![2, 4], NeedsOption, "beside angles"),
@@ -230,6 +236,34 @@ fn unfit_manifests_are_refused_with_their_reason() {
         let error = plain(&manifest, &shape).unwrap_err();
         assert_eq!(error.kind, kind, "{manifest}: {error}");
         assert!(error.message.contains(word), "{manifest}: {error}");
+    }
+}
+
+/// A grid of two polar angles with other fields in place of or beside its own.
+fn directions(fields: Value) -> Value {
+    let mut axis = json!({"kind": "directions", "frame": "surface", "polar": [0, 30]});
+    for (key, value) in fields.as_object().unwrap() {
+        axis[key] = value.clone();
+    }
+    axis
+}
+
+#[test]
+fn grids_of_directions_read_back_as_they_were_described() {
+    let azimuths =
+        |angles: &[f64], extent: &str| Some(Azimuths { angles: angles.to_vec(), extent: extent.parse().unwrap() });
+    let lamp = DirectionGrid::new(Frame::TypeC, vec![0.0, 22.5, 90.0], azimuths(&[0.0, 45.0, 90.0], "quadrant"));
+    let beam = DirectionGrid::new(Frame::TypeB, vec![0.0, 0.1, 30.0], azimuths(&[-20.0, 20.0], "sector"));
+    for grid in [
+        lamp.unwrap().with_outside(Outside::Dark),
+        beam.unwrap().mirrored().unwrap().covering(0.0, 90.0).unwrap(),
+        DirectionGrid::new(Frame::Surface, vec![5.0, 50.0], None).unwrap(),
+    ] {
+        let samples = (0..grid.len()).map(|i| i as f32).collect();
+        let tensor = Tensor::new(vec![Axis::Grid(grid.clone())], samples).unwrap();
+        let measurement = Measurement::new(Quantity::Edf, Unit::Candela, Sampling::Point, tensor).unwrap();
+        let manifest = manifest_of(&measurement);
+        assert_eq!(axes_of(&plain(&manifest, &[grid.len()]).unwrap()), [Axis::Grid(grid)], "{manifest}");
     }
 }
 

@@ -1,0 +1,556 @@
+//! Directions on a grid of polar angles and azimuths, as the instrument stepped through them.
+//!
+//! The sphere as the product of two lines (\[CPB06\] section 4 takes an axis of directions as any sequence of them): the
+//! entries are `[polar, azimuth]`, row-major, and every angle is the number that the file states. A [`Frame`] says which
+//! direction a pair of angles is.
+
+use super::direction::Direction;
+use super::limits::{MAX_ENTRIES, MAX_SAMPLES};
+use super::quantity::named;
+
+/// How a pair of angles in degrees becomes a direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Frame {
+    /// Surfaces: the polar angle is theta from `+z`, 0..=180; the azimuth phi turns from `+x` towards `+y`. Behind incoming
+    /// elevations phi is relative to the azimuth of `wi`.
+    Surface,
+    /// Photometric type C (LM-63, EULUMDAT): the polar angle is gamma from nadir (`-z`), 0..=180; the azimuth C turns from
+    /// `+x` towards `+y`.
+    TypeC,
+    /// Photometric type B: the polar angle is the latitude H about the horizontal axis `-y`, -90..=90, and the azimuth V
+    /// turns from nadir (`-z`) towards `+x`: `(cos H sin V, -sin H, -cos H cos V)`.
+    TypeB,
+    /// Photometric type A: the polar angle is the latitude V about the vertical axis `+z`, -90..=90, and the azimuth H turns
+    /// from `+x` towards `-y`: `(cos V cos H, -cos V sin H, sin V)`.
+    TypeA,
+}
+named!(Frame, "frame", { Surface = "surface", TypeC = "type-c", TypeB = "type-b", TypeA = "type-a" });
+
+impl Frame {
+    /// Range of the polar angle in degrees: from pole to pole.
+    pub fn polar_range(self) -> (f64, f64) {
+        match self {
+            Self::Surface | Self::TypeC => (0.0, 180.0),
+            Self::TypeA | Self::TypeB => (-90.0, 90.0),
+        }
+    }
+
+    /// The direction at a polar angle and an azimuth, in degrees. Multiples of 90° are exact.
+    pub fn direction(self, polar: f64, azimuth: f64) -> Direction {
+        match self {
+            Self::Surface => Direction::from_degrees(polar, azimuth),
+            Self::TypeC => Direction::from_luminaire_degrees(azimuth, polar),
+            Self::TypeB => {
+                let [x, y, z] = Direction::from_degrees(90.0 - polar, azimuth).xyz();
+                Direction::from_unit([y, -z, -x])
+            }
+            Self::TypeA => {
+                let [x, y, z] = Direction::from_degrees(90.0 - polar, azimuth).xyz();
+                Direction::from_unit([x, -y, z])
+            }
+        }
+    }
+
+    /// Polar angle and azimuth of a direction in degrees, the azimuth -180..=180; 0 at the poles.
+    pub fn angles(self, direction: Direction) -> [f64; 2] {
+        let [x, y, z] = direction.xyz();
+        // The direction with the pole at +z and the azimuth from +x: then all frames are alike.
+        let [x, y, z] = match self {
+            Self::Surface => [x, y, z],
+            Self::TypeC => [x, y, -z],
+            Self::TypeB => [-z, x, -y],
+            Self::TypeA => [x, -y, z],
+        };
+        let across = libm::hypot(x, y);
+        let azimuth = if across < AT_POLE { 0.0 } else { libm::atan2(y, x).to_degrees() };
+        let polar = match self {
+            Self::Surface | Self::TypeC => libm::atan2(across, z),
+            Self::TypeA | Self::TypeB => libm::atan2(z, across),
+        };
+        [polar.to_degrees(), azimuth]
+    }
+}
+
+/// The sine of the distance from a pole below which a direction has no azimuth.
+const AT_POLE: f64 = 1e-12;
+/// Degrees by which a direction may miss the end of a range and still lie on it: angles come out of arc functions.
+const ROUNDING: f64 = 1e-9;
+/// Largest azimuth that is taken, in degrees.
+const LARGEST_AZIMUTH: f64 = 720.0;
+
+/// How the azimuths of a grid stand for the full circle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum AzimuthExtent {
+    /// They go round: the last is followed by the first + 360°.
+    Circle,
+    /// They go round, and the file states the first again as the last, 360° later.
+    Closed,
+    /// They cover the sector from the first to the last; nothing is known outside.
+    Sector,
+    /// They lie in 0..=180°; the other half is the mirror image across the plane of azimuth 0 and 180°.
+    Mirrored,
+    /// They lie in 90..=270°; the other half is the mirror image across the plane of azimuth 90° and 270°.
+    MirroredAt90,
+    /// They lie in 0..=90°; the other quadrants are mirror images across both planes.
+    Quadrant,
+}
+named!(AzimuthExtent, "extent of azimuths", {
+    Circle = "circle",
+    Closed = "closed",
+    Sector = "sector",
+    Mirrored = "mirrored",
+    MirroredAt90 = "mirrored-at-90",
+    Quadrant = "quadrant",
+});
+
+impl AzimuthExtent {
+    /// Range in which the azimuths of a file must lie, in degrees.
+    fn range(self) -> (f64, f64) {
+        match self {
+            Self::Circle | Self::Closed | Self::Sector => (-LARGEST_AZIMUTH, LARGEST_AZIMUTH),
+            Self::Mirrored => (0.0, 180.0),
+            Self::MirroredAt90 => (90.0, 270.0),
+            Self::Quadrant => (0.0, 90.0),
+        }
+    }
+
+    /// Returns true where the last azimuth is followed by the first.
+    pub fn is_periodic(self) -> bool {
+        matches!(self, Self::Circle | Self::Closed)
+    }
+}
+
+/// The azimuths of a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Azimuths {
+    /// Degrees, strictly increasing.
+    pub angles: Vec<f64>,
+    /// How they stand for the full circle.
+    pub extent: AzimuthExtent,
+}
+
+impl Azimuths {
+    /// The azimuth among those that the grid lists, or between two of them, at which the function has the value that it has
+    /// at `azimuth` (degrees).
+    pub fn folded(&self, azimuth: f64) -> f64 {
+        let around = |azimuth: f64| azimuth - 360.0 * libm::round(azimuth / 360.0);
+        match self.extent {
+            AzimuthExtent::Circle | AzimuthExtent::Closed | AzimuthExtent::Sector => {
+                let first = self.angles[0];
+                let turns = libm::floor((azimuth - first + ROUNDING) / 360.0);
+                (azimuth - 360.0 * turns).max(first)
+            }
+            AzimuthExtent::Mirrored => around(azimuth).abs(),
+            AzimuthExtent::MirroredAt90 => 90.0 + around(azimuth - 90.0).abs(),
+            AzimuthExtent::Quadrant => {
+                let half = around(azimuth).abs();
+                half.min(180.0 - half)
+            }
+        }
+    }
+
+    /// Returns true where a folded azimuth lies within what the grid covers.
+    fn covers(&self, folded: f64) -> bool {
+        self.extent.is_periodic()
+            || (folded >= self.angles[0] - ROUNDING && folded <= self.angles[self.angles.len() - 1] + ROUNDING)
+    }
+}
+
+/// The value outside the angles that a grid covers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Outside {
+    /// Nothing was measured there: masked.
+    Masked,
+    /// The standard of the format says 0 (LM-63, EULUMDAT).
+    Dark,
+}
+named!(Outside, "value outside", { Masked = "masked", Dark = "dark" });
+
+/// Directions on a grid of polar angles and azimuths: one axis of a tensor, its entries `[polar, azimuth]`, row-major.
+///
+/// ```
+/// use wavelume_core::domain::{AzimuthExtent, Azimuths, Direction, DirectionGrid, Frame};
+/// let quarter = Azimuths { angles: vec![0.0, 45.0, 90.0], extent: AzimuthExtent::Quadrant };
+/// let grid = DirectionGrid::new(Frame::TypeC, vec![0.0, 30.0, 90.0], Some(quarter))?;
+/// assert_eq!(grid.len(), 9);
+/// // Gamma 0 is nadir.
+/// assert_eq!(grid.direction(0), Direction::new(0.0, 0.0, -1.0).unwrap());
+/// // C 315° is C 45° in a quadrant: polar angle 1, azimuth 1.
+/// assert_eq!(grid.nearest(Direction::from_luminaire_degrees(315.0, 30.0)), Some(4));
+/// # Ok::<(), wavelume_core::domain::DirectionGridError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct DirectionGrid {
+    frame: Frame,
+    polar: Vec<f64>,
+    azimuths: Option<Azimuths>,
+    covers: (f64, f64),
+    outside: Outside,
+    is_polar_mirrored: bool,
+}
+
+/// Why angles are no grid of directions.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DirectionGridError {
+    /// There are no angles of a kind, or too many.
+    #[error("{found} {what} angles, expected 1 to {MAX_ENTRIES}")]
+    Count {
+        /// `polar` or `azimuth`.
+        what: &'static str,
+        /// The number of angles found.
+        found: usize,
+    },
+    /// The product of the numbers of polar angles and azimuths is over the limit.
+    #[error("{polar} polar angles × {azimuths} azimuths are more than the limit of {MAX_SAMPLES}")]
+    TooMany {
+        /// The number of polar angles.
+        polar: usize,
+        /// The number of azimuths.
+        azimuths: usize,
+    },
+    /// An angle is outside its range, or no number.
+    #[error("{what} angle {found}, expected {low} to {high} degrees")]
+    Range {
+        /// `polar` or `azimuth`.
+        what: &'static str,
+        /// The angle found, in degrees.
+        found: f64,
+        /// The least angle that is taken, in degrees.
+        low: f64,
+        /// The largest angle that is taken, in degrees.
+        high: f64,
+    },
+    /// Angles do not increase.
+    #[error("{what} angle {found} after {before}, expected strictly increasing")]
+    Order {
+        /// `polar` or `azimuth`.
+        what: &'static str,
+        /// The angle before, in degrees.
+        before: f64,
+        /// The angle found after it, in degrees.
+        found: f64,
+    },
+    /// The azimuths span more or less than their extent says.
+    #[error("azimuths from {first} to {last} degrees do not fit the extent `{extent}`")]
+    Span {
+        /// The first azimuth, in degrees.
+        first: f64,
+        /// The last azimuth, in degrees.
+        last: f64,
+        /// The extent stated.
+        extent: AzimuthExtent,
+    },
+    /// The range covered does not hold the polar angles.
+    #[error("polar angles from {first} to {last} degrees cover {low} to {high}, expected a range around them")]
+    Covers {
+        /// The first polar angle, in degrees.
+        first: f64,
+        /// The last polar angle, in degrees.
+        last: f64,
+        /// The least polar angle covered, in degrees.
+        low: f64,
+        /// The largest polar angle covered, in degrees.
+        high: f64,
+    },
+    /// Mirrored latitudes start below the equator.
+    #[error("mirrored polar angles start at {found}, expected 0 or more, in a frame of latitudes")]
+    Mirrored {
+        /// The first polar angle, in degrees.
+        found: f64,
+    },
+}
+
+impl DirectionGrid {
+    /// A grid of polar angles (degrees, strictly increasing, within the frame's range) and azimuths; without azimuths the
+    /// function is rotationally symmetric about the pole. It covers its own angles and is masked beyond them.
+    pub fn new(frame: Frame, polar: Vec<f64>, azimuths: Option<Azimuths>) -> Result<Self, DirectionGridError> {
+        let (low, high) = frame.polar_range();
+        check_increasing("polar", &polar, low, high)?;
+        if let Some(Azimuths { angles, extent }) = &azimuths {
+            let (low, high) = extent.range();
+            check_increasing("azimuth", angles, low, high)?;
+            let (first, last) = (angles[0], angles[angles.len() - 1]);
+            let is_fit = match extent {
+                AzimuthExtent::Circle => last - first < 360.0,
+                AzimuthExtent::Closed => last - first == 360.0,
+                _ => last - first <= 360.0,
+            };
+            if !is_fit {
+                return Err(DirectionGridError::Span { first, last, extent: *extent });
+            }
+            if polar.len().saturating_mul(angles.len()) > MAX_SAMPLES {
+                return Err(DirectionGridError::TooMany { polar: polar.len(), azimuths: angles.len() });
+            }
+        }
+        let covers = (polar[0], polar[polar.len() - 1]);
+        Ok(Self { frame, polar, azimuths, covers, outside: Outside::Masked, is_polar_mirrored: false })
+    }
+
+    /// This grid, standing for polar angles from `low` to `high` degrees: from its first and last polar angle to these ends
+    /// values stay as they are.
+    pub fn covering(self, low: f64, high: f64) -> Result<Self, DirectionGridError> {
+        let (least, largest) = self.frame.polar_range();
+        let (first, last) = (self.polar[0], self.polar[self.polar.len() - 1]);
+        if low >= least && low <= first && high >= last && high <= largest {
+            return Ok(Self { covers: (low, high), ..self });
+        }
+        Err(DirectionGridError::Covers { first, last, low, high })
+    }
+
+    /// This grid, with that value outside what it covers.
+    #[must_use]
+    pub fn with_outside(self, outside: Outside) -> Self {
+        Self { outside, ..self }
+    }
+
+    /// This grid of latitudes from 0 on, mirrored across the equator: −H has the value of H.
+    pub fn mirrored(self) -> Result<Self, DirectionGridError> {
+        if self.frame.polar_range().0 < 0.0 && self.polar[0] >= 0.0 {
+            return Ok(Self { is_polar_mirrored: true, ..self });
+        }
+        Err(DirectionGridError::Mirrored { found: self.polar[0] })
+    }
+
+    /// How a pair of angles becomes a direction.
+    pub fn frame(&self) -> Frame {
+        self.frame
+    }
+
+    /// The polar angles in degrees.
+    pub fn polar(&self) -> &[f64] {
+        &self.polar
+    }
+
+    /// The azimuths; `None` where the function is rotationally symmetric about the pole.
+    pub fn azimuths(&self) -> Option<&Azimuths> {
+        self.azimuths.as_ref()
+    }
+
+    /// The range of polar angles, in degrees, that the grid stands for.
+    pub fn covers(&self) -> (f64, f64) {
+        self.covers
+    }
+
+    /// The value outside what the grid covers.
+    pub fn outside(&self) -> Outside {
+        self.outside
+    }
+
+    /// Returns true for latitudes that are mirrored across the equator.
+    pub fn is_polar_mirrored(&self) -> bool {
+        self.is_polar_mirrored
+    }
+
+    /// Entries along the polar angles and along the azimuths; 1 where there are no azimuths.
+    pub fn shape(&self) -> [usize; 2] {
+        [self.polar.len(), self.azimuths.as_ref().map_or(1, |azimuths| azimuths.angles.len())]
+    }
+
+    /// The number of directions.
+    #[allow(clippy::len_without_is_empty, reason = "a checked grid is never empty")]
+    pub fn len(&self) -> usize {
+        let [polar, azimuths] = self.shape();
+        polar * azimuths
+    }
+
+    /// The direction of an entry; without azimuths, that of azimuth 0.
+    ///
+    /// # Panics
+    /// If there is no such entry.
+    pub fn direction(&self, entry: usize) -> Direction {
+        let [_, width] = self.shape();
+        let azimuth = self.azimuths.as_ref().map_or(0.0, |azimuths| azimuths.angles[entry % width]);
+        self.frame.direction(self.polar[entry / width], azimuth)
+    }
+
+    /// Polar angle and azimuth in degrees at which the grid has the value of `direction`, symmetries applied; `None` outside
+    /// what it covers. Beyond the first and last polar angle the angle is that end's.
+    pub fn angles(&self, direction: Direction) -> Option<[f64; 2]> {
+        let [polar, azimuth] = self.frame.angles(direction);
+        let polar = if self.is_polar_mirrored { polar.abs() } else { polar };
+        let (low, high) = self.covers;
+        if polar < low - ROUNDING || polar > high + ROUNDING {
+            return None;
+        }
+        let azimuth = match &self.azimuths {
+            None => 0.0,
+            Some(azimuths) => Some(azimuths.folded(azimuth)).filter(|&folded| azimuths.covers(folded))?,
+        };
+        Some([polar.clamp(self.polar[0], self.polar[self.polar.len() - 1]), azimuth])
+    }
+
+    /// The entry nearest to a direction in polar angle and in azimuth; `None` outside what the grid covers.
+    pub fn nearest(&self, direction: Direction) -> Option<usize> {
+        let [polar, azimuth] = self.angles(direction)?;
+        let row = nearest(&self.polar, polar);
+        let Some(azimuths) = &self.azimuths else { return Some(row) };
+        let (angles, last) = (&azimuths.angles, azimuths.angles.len() - 1);
+        // Past the last azimuth of a circle the first one may be nearer.
+        let wraps = azimuths.extent == AzimuthExtent::Circle
+            && azimuth > angles[last]
+            && angles[0] + 360.0 - azimuth < azimuth - angles[last];
+        let column = if wraps { 0 } else { nearest(angles, azimuth) };
+        Some(row * angles.len() + column)
+    }
+
+    /// A short form for people: `grid of 17 × 37 (polar 0..90, azimuth 0..360)`.
+    pub fn describe(&self) -> String {
+        let ends = |angles: &[f64]| format!("{}..{}", angles[0], angles[angles.len() - 1]);
+        let polar = ends(&self.polar);
+        match &self.azimuths {
+            None => format!("{} polar angles ({polar})", self.polar.len()),
+            Some(azimuths) => {
+                let [rows, columns] = self.shape();
+                format!("grid of {rows} × {columns} (polar {polar}, azimuth {})", ends(&azimuths.angles))
+            }
+        }
+    }
+}
+
+/// The number of the angle nearest to `angle`; the earlier of two that are equally near.
+fn nearest(angles: &[f64], angle: f64) -> usize {
+    let after = angles.partition_point(|&a| a < angle).min(angles.len() - 1);
+    let before = after.saturating_sub(1);
+    if (angle - angles[before]).abs() <= (angles[after] - angle).abs() { before } else { after }
+}
+
+fn check_increasing(what: &'static str, angles: &[f64], low: f64, high: f64) -> Result<(), DirectionGridError> {
+    if angles.is_empty() || angles.len() > MAX_ENTRIES {
+        return Err(DirectionGridError::Count { what, found: angles.len() });
+    }
+    if let Some(&found) = angles.iter().find(|angle| !(low..=high).contains(*angle)) {
+        return Err(DirectionGridError::Range { what, found, low, high });
+    }
+    match angles.array_windows().find(|[a, b]| b <= a) {
+        Some(&[before, found]) => Err(DirectionGridError::Order { what, before, found }),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::vector::dot;
+
+    const FRAMES: [Frame; 4] = [Frame::Surface, Frame::TypeC, Frame::TypeB, Frame::TypeA];
+
+    fn azimuths(angles: &[f64], extent: AzimuthExtent) -> Option<Azimuths> {
+        Some(Azimuths { angles: angles.to_vec(), extent })
+    }
+
+    #[test]
+    fn angles_invert_directions_in_every_frame() {
+        for frame in FRAMES {
+            let (low, high) = frame.polar_range();
+            for step in 0..=12 {
+                let polar = low + (high - low) * f64::from(step) / 12.0;
+                for azimuth in [-170.0, -90.0, 0.0, 33.0, 90.0, 179.0] {
+                    let direction = frame.direction(polar, azimuth);
+                    let [found, turn] = frame.angles(direction);
+                    assert!((found - polar).abs() < 1e-9, "{frame} {polar} {found}");
+                    if step % 12 != 0 {
+                        assert!((turn - azimuth).abs() < 1e-9, "{frame} {azimuth} {turn}");
+                    }
+                    assert!(dot(frame.direction(found, turn).xyz(), direction.xyz()) > 1.0 - 1e-14);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn frames_are_those_of_the_standards() {
+        let is_at = |frame: Frame, polar, azimuth, expected: [f64; 3]| {
+            let found = frame.direction(polar, azimuth).xyz();
+            assert!(dot(found, expected) > 1.0 - 1e-14, "{frame} {polar} {azimuth}: {found:?}");
+        };
+        is_at(Frame::Surface, 0.0, 0.0, [0.0, 0.0, 1.0]);
+        is_at(Frame::Surface, 90.0, 90.0, [0.0, 1.0, 0.0]);
+        is_at(Frame::TypeC, 0.0, 0.0, [0.0, 0.0, -1.0]);
+        is_at(Frame::TypeC, 90.0, 90.0, [0.0, 1.0, 0.0]);
+        is_at(Frame::TypeB, 0.0, 0.0, [0.0, 0.0, -1.0]);
+        is_at(Frame::TypeB, 0.0, 90.0, [1.0, 0.0, 0.0]);
+        is_at(Frame::TypeB, 90.0, 0.0, [0.0, -1.0, 0.0]);
+        is_at(Frame::TypeA, 90.0, 0.0, [0.0, 0.0, 1.0]);
+        is_at(Frame::TypeA, 0.0, 90.0, [0.0, -1.0, 0.0]);
+    }
+
+    #[test]
+    fn every_entry_is_nearest_to_its_own_direction() {
+        for (frame, polar) in [
+            (Frame::Surface, vec![10.0, 20.0, 50.0]),
+            (Frame::TypeC, vec![10.0, 20.0, 50.0]),
+            (Frame::TypeB, vec![-60.0, 0.0, 10.0]),
+            (Frame::TypeA, vec![-60.0, 0.0, 10.0]),
+        ] {
+            for azimuths in [
+                azimuths(&[0.0, 90.0, 200.0, 355.0], AzimuthExtent::Circle),
+                azimuths(&[-180.0, 0.0, 170.0], AzimuthExtent::Circle),
+                azimuths(&[-20.0, 0.0, 170.0], AzimuthExtent::Sector),
+                azimuths(&[0.0, 45.0, 180.0], AzimuthExtent::Mirrored),
+                azimuths(&[90.0, 100.0, 270.0], AzimuthExtent::MirroredAt90),
+                azimuths(&[0.0, 15.0, 90.0], AzimuthExtent::Quadrant),
+                None,
+            ] {
+                let grid = DirectionGrid::new(frame, polar.clone(), azimuths).unwrap();
+                for entry in 0..grid.len() {
+                    assert_eq!(grid.nearest(grid.direction(entry)), Some(entry), "{}", grid.describe());
+                }
+            }
+        }
+        // The last azimuth of a closed circle is the first again.
+        let closed = azimuths(&[0.0, 120.0, 240.0, 360.0], AzimuthExtent::Closed);
+        let grid = DirectionGrid::new(Frame::TypeC, vec![0.0, 45.0], closed).unwrap();
+        assert_eq!(grid.nearest(grid.direction(7)), Some(4));
+    }
+
+    #[test]
+    fn symmetries_fold_azimuths_onto_those_listed() {
+        let folded = |angles: &[f64], extent, azimuth| azimuths(angles, extent).unwrap().folded(azimuth);
+        assert_eq!(folded(&[0.0, 350.0], AzimuthExtent::Circle, -5.0), 355.0);
+        assert_eq!(folded(&[-180.0, 170.0], AzimuthExtent::Circle, 190.0), -170.0);
+        assert_eq!(folded(&[0.0, 180.0], AzimuthExtent::Mirrored, -30.0), 30.0);
+        assert_eq!(folded(&[0.0, 180.0], AzimuthExtent::Mirrored, 330.0), 30.0);
+        assert_eq!(folded(&[90.0, 270.0], AzimuthExtent::MirroredAt90, 30.0), 150.0);
+        assert_eq!(folded(&[90.0, 270.0], AzimuthExtent::MirroredAt90, 200.0), 200.0);
+        for azimuth in [20.0, 160.0, 200.0, 340.0, -20.0] {
+            assert_eq!(folded(&[0.0, 90.0], AzimuthExtent::Quadrant, azimuth), 20.0);
+        }
+    }
+
+    #[test]
+    fn a_grid_stands_for_what_it_covers_and_no_more() {
+        let at = |theta: f64, phi: f64| Direction::from_degrees(theta, phi);
+        let plain = DirectionGrid::new(Frame::Surface, vec![10.0, 60.0], None).unwrap();
+        assert_eq!((plain.nearest(at(5.0, 0.0)), plain.nearest(at(30.0, 77.0))), (None, Some(0)));
+        let wide = plain.clone().covering(0.0, 90.0).unwrap().with_outside(Outside::Dark);
+        assert_eq!(wide.angles(at(5.0, 9.0)), Some([10.0, 0.0]));
+        assert_eq!((wide.nearest(at(90.0, 0.0)), wide.nearest(at(91.0, 0.0))), (Some(1), None));
+        let sector = azimuths(&[0.0, 40.0], AzimuthExtent::Sector);
+        let sector = DirectionGrid::new(Frame::Surface, vec![0.0, 60.0], sector).unwrap();
+        assert_eq!((sector.nearest(at(50.0, 20.0)), sector.nearest(at(50.0, 41.0))), (Some(2), None));
+        let lateral = DirectionGrid::new(Frame::TypeB, vec![0.0, 40.0], azimuths(&[0.0, 30.0], AzimuthExtent::Sector));
+        let lateral = lateral.unwrap().mirrored().unwrap();
+        assert_eq!(lateral.nearest(Frame::TypeB.direction(-39.0, 29.0)), Some(3));
+    }
+
+    #[test]
+    fn angles_that_are_no_grid_are_refused() {
+        use DirectionGridError as E;
+        let grid = |polar: &[f64], azimuths| DirectionGrid::new(Frame::TypeC, polar.to_vec(), azimuths);
+        let circle = |angles: &[f64]| azimuths(angles, AzimuthExtent::Circle);
+        assert!(matches!(grid(&[], None), Err(E::Count { .. })));
+        assert!(matches!(grid(&[0.0, f64::NAN], None), Err(E::Range { .. })));
+        assert!(matches!(grid(&[0.0, 181.0], None), Err(E::Range { .. })));
+        assert!(matches!(grid(&[0.0, 0.0], None), Err(E::Order { .. })));
+        assert!(matches!(grid(&[0.0], circle(&[0.0, 360.0])), Err(E::Span { .. })));
+        assert!(matches!(grid(&[0.0], azimuths(&[0.0, 359.0], AzimuthExtent::Closed)), Err(E::Span { .. })));
+        assert!(matches!(grid(&[0.0], azimuths(&[-10.0], AzimuthExtent::Mirrored)), Err(E::Range { .. })));
+        let long: Vec<f64> = (0..40_000).map(|i| f64::from(i) * 0.004).collect();
+        assert!(matches!(grid(&long, circle(&long)), Err(E::TooMany { .. })));
+        assert!(matches!(grid(&[10.0], None).unwrap().covering(20.0, 90.0), Err(E::Covers { .. })));
+        assert!(matches!(grid(&[10.0], None).unwrap().mirrored(), Err(E::Mirrored { .. })));
+    }
+}
