@@ -187,7 +187,12 @@ impl Layout {
         if let Some(axis) = outgoing
             && matches!(axes[axis], Axis::Elevation(_))
         {
-            return Err(unfit("elevations on the outgoing axis, expected triangles".to_owned()));
+            return Err(unfit("elevations on the outgoing axis, expected triangles or a grid".to_owned()));
+        }
+        if let (Some(incoming), Some(outgoing)) = (incoming.map(|axis| &axes[axis]), outgoing.map(|axis| &axes[axis]))
+            && matches!((incoming, outgoing), (Axis::Triangles(_), Axis::Grid(_)) | (Axis::Grid(_), Axis::Triangles(_)))
+        {
+            return Err(unfit("triangles beside a grid of directions, expected one or the other".to_owned()));
         }
         Ok(Self { indices, incoming, outgoing, spectral })
     }
@@ -200,6 +205,10 @@ mod tests {
 
     fn triangles(level: u8) -> Axis {
         Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, level).unwrap())
+    }
+
+    fn grid() -> Axis {
+        Axis::Grid(DirectionGrid::new(crate::domain::Frame::Surface, vec![0.0, 45.0], None).unwrap())
     }
 
     fn lambda() -> Axis {
@@ -217,6 +226,9 @@ mod tests {
         let isotropic =
             Layout::of(Quantity::Brdf, &[Axis::Elevation(vec![0.0, 30.0]), triangles(4), Axis::Rgb]).unwrap();
         assert_eq!((isotropic.incoming, isotropic.spectral), (Some(0), Some(2)));
+        let stated = Layout::of(Quantity::Brdf, &[Axis::Elevation(vec![0.0, 30.0]), grid(), lambda()]).unwrap();
+        assert_eq!((stated.incoming, stated.outgoing, stated.spectral), (Some(0), Some(1), Some(2)));
+        assert!(Layout::of(Quantity::Bsdf, &[grid(), grid()]).is_ok() && Layout::of(Quantity::Edf, &[grid()]).is_ok());
         let table = Layout::of(Quantity::Spectrum, &[index(24), lambda()]).unwrap();
         assert_eq!((table.indices, table.incoming, table.spectral), (1, None, Some(1)));
         let edf = Layout::of(Quantity::Edf, &[triangles(4)]).unwrap();
@@ -233,6 +245,8 @@ mod tests {
             (Quantity::Brdf, vec![lambda(), triangles(1)]),
             (Quantity::Spectrum, vec![triangles(1), lambda()]),
             (Quantity::Brdf, vec![triangles(1), Axis::Elevation(vec![0.0])]),
+            (Quantity::Brdf, vec![triangles(1), grid()]),
+            (Quantity::Brdf, vec![grid(), triangles(1)]),
         ] {
             assert!(matches!(Layout::of(quantity, &axes), Err(AxisError::Unfit { .. })), "{axes:?}");
         }

@@ -151,10 +151,19 @@ impl Azimuths {
         }
     }
 
-    /// Returns true where a folded azimuth lies within what the grid covers.
-    fn covers(&self, folded: f64) -> bool {
-        self.extent.is_periodic()
-            || (folded >= self.angles[0] - ROUNDING && folded <= self.angles[self.angles.len() - 1] + ROUNDING)
+    /// The range of folded azimuths that they stand for: between an end and a mirror plane no farther than the widest step
+    /// lies nothing that is not between azimuths of the file.
+    fn covers(&self) -> (f64, f64) {
+        let (first, last) = (self.angles[0], self.angles[self.angles.len() - 1]);
+        if self.extent.is_periodic() {
+            return (f64::NEG_INFINITY, f64::INFINITY);
+        }
+        if self.extent == AzimuthExtent::Sector {
+            return (first, last);
+        }
+        let widest = self.angles.array_windows().map(|[a, b]| b - a).fold(0.0, f64::max);
+        let (low, high) = self.extent.range();
+        (if first - low <= widest { low } else { first }, if high - last <= widest { high } else { last })
     }
 }
 
@@ -188,6 +197,7 @@ pub struct DirectionGrid {
     polar: Vec<f64>,
     azimuths: Option<Azimuths>,
     covers: (f64, f64),
+    covers_azimuths: (f64, f64),
     outside: Outside,
     is_polar_mirrored: bool,
 }
@@ -286,7 +296,8 @@ impl DirectionGrid {
             }
         }
         let covers = (polar[0], polar[polar.len() - 1]);
-        Ok(Self { frame, polar, azimuths, covers, outside: Outside::Masked, is_polar_mirrored: false })
+        let covers_azimuths = azimuths.as_ref().map_or((0.0, 0.0), Azimuths::covers);
+        Ok(Self { frame, polar, azimuths, covers, covers_azimuths, outside: Outside::Masked, is_polar_mirrored: false })
     }
 
     /// This grid, standing for polar angles from `low` to `high` degrees: from its first and last polar angle to these ends
@@ -367,7 +378,8 @@ impl DirectionGrid {
     }
 
     /// Polar angle and azimuth in degrees at which the grid has the value of `direction`, symmetries applied; `None` outside
-    /// what it covers. Beyond the first and last polar angle the angle is that end's.
+    /// what it covers. Beyond the first and last polar angle the angle is that end's; below the first of mirrored latitudes it is
+    /// between that and its mirror image.
     pub fn angles(&self, direction: Direction) -> Option<[f64; 2]> {
         let [polar, azimuth] = self.frame.angles(direction);
         let polar = if self.is_polar_mirrored { polar.abs() } else { polar };
@@ -375,11 +387,13 @@ impl DirectionGrid {
         if polar < low - ROUNDING || polar > high + ROUNDING {
             return None;
         }
-        let azimuth = match &self.azimuths {
-            None => 0.0,
-            Some(azimuths) => Some(azimuths.folded(azimuth)).filter(|&folded| azimuths.covers(folded))?,
-        };
-        Some([polar.clamp(self.polar[0], self.polar[self.polar.len() - 1]), azimuth])
+        let azimuth = self.azimuths.as_ref().map_or(0.0, |azimuths| azimuths.folded(azimuth));
+        let (low, high) = self.covers_azimuths;
+        if azimuth < low - ROUNDING || azimuth > high + ROUNDING {
+            return None;
+        }
+        let first = if self.is_polar_mirrored { -self.polar[0] } else { self.polar[0] };
+        Some([polar.clamp(first, self.polar[self.polar.len() - 1]), azimuth])
     }
 
     /// The entry nearest to a direction in polar angle and in azimuth; `None` outside what the grid covers.
@@ -437,8 +451,8 @@ mod tests {
 
     const FRAMES: [Frame; 4] = [Frame::Surface, Frame::TypeC, Frame::TypeB, Frame::TypeA];
 
-    fn azimuths(angles: &[f64], extent: AzimuthExtent) -> Option<Azimuths> {
-        Some(Azimuths { angles: angles.to_vec(), extent })
+    fn azimuths(angles: &[f64], extent: AzimuthExtent) -> Azimuths {
+        Azimuths { angles: angles.to_vec(), extent }
     }
 
     #[test]
@@ -486,12 +500,12 @@ mod tests {
             (Frame::TypeA, vec![-60.0, 0.0, 10.0]),
         ] {
             for azimuths in [
-                azimuths(&[0.0, 90.0, 200.0, 355.0], AzimuthExtent::Circle),
-                azimuths(&[-180.0, 0.0, 170.0], AzimuthExtent::Circle),
-                azimuths(&[-20.0, 0.0, 170.0], AzimuthExtent::Sector),
-                azimuths(&[0.0, 45.0, 180.0], AzimuthExtent::Mirrored),
-                azimuths(&[90.0, 100.0, 270.0], AzimuthExtent::MirroredAt90),
-                azimuths(&[0.0, 15.0, 90.0], AzimuthExtent::Quadrant),
+                Some(azimuths(&[0.0, 90.0, 200.0, 355.0], AzimuthExtent::Circle)),
+                Some(azimuths(&[-180.0, 0.0, 170.0], AzimuthExtent::Circle)),
+                Some(azimuths(&[-20.0, 0.0, 170.0], AzimuthExtent::Sector)),
+                Some(azimuths(&[0.0, 45.0, 180.0], AzimuthExtent::Mirrored)),
+                Some(azimuths(&[90.0, 100.0, 270.0], AzimuthExtent::MirroredAt90)),
+                Some(azimuths(&[0.0, 15.0, 90.0], AzimuthExtent::Quadrant)),
                 None,
             ] {
                 let grid = DirectionGrid::new(frame, polar.clone(), azimuths).unwrap();
@@ -501,14 +515,14 @@ mod tests {
             }
         }
         // The last azimuth of a closed circle is the first again.
-        let closed = azimuths(&[0.0, 120.0, 240.0, 360.0], AzimuthExtent::Closed);
+        let closed = Some(azimuths(&[0.0, 120.0, 240.0, 360.0], AzimuthExtent::Closed));
         let grid = DirectionGrid::new(Frame::TypeC, vec![0.0, 45.0], closed).unwrap();
         assert_eq!(grid.nearest(grid.direction(7)), Some(4));
     }
 
     #[test]
     fn symmetries_fold_azimuths_onto_those_listed() {
-        let folded = |angles: &[f64], extent, azimuth| azimuths(angles, extent).unwrap().folded(azimuth);
+        let folded = |angles: &[f64], extent, azimuth| azimuths(angles, extent).folded(azimuth);
         assert_eq!(folded(&[0.0, 350.0], AzimuthExtent::Circle, -5.0), 355.0);
         assert_eq!(folded(&[-180.0, 170.0], AzimuthExtent::Circle, 190.0), -170.0);
         assert_eq!(folded(&[0.0, 180.0], AzimuthExtent::Mirrored, -30.0), 30.0);
@@ -528,10 +542,11 @@ mod tests {
         let wide = plain.clone().covering(0.0, 90.0).unwrap().with_outside(Outside::Dark);
         assert_eq!(wide.angles(at(5.0, 9.0)), Some([10.0, 0.0]));
         assert_eq!((wide.nearest(at(90.0, 0.0)), wide.nearest(at(91.0, 0.0))), (Some(1), None));
-        let sector = azimuths(&[0.0, 40.0], AzimuthExtent::Sector);
+        let sector = Some(azimuths(&[0.0, 40.0], AzimuthExtent::Sector));
         let sector = DirectionGrid::new(Frame::Surface, vec![0.0, 60.0], sector).unwrap();
         assert_eq!((sector.nearest(at(50.0, 20.0)), sector.nearest(at(50.0, 41.0))), (Some(2), None));
-        let lateral = DirectionGrid::new(Frame::TypeB, vec![0.0, 40.0], azimuths(&[0.0, 30.0], AzimuthExtent::Sector));
+        let lateral =
+            DirectionGrid::new(Frame::TypeB, vec![0.0, 40.0], Some(azimuths(&[0.0, 30.0], AzimuthExtent::Sector)));
         let lateral = lateral.unwrap().mirrored().unwrap();
         assert_eq!(lateral.nearest(Frame::TypeB.direction(-39.0, 29.0)), Some(3));
     }
@@ -540,14 +555,14 @@ mod tests {
     fn angles_that_are_no_grid_are_refused() {
         use DirectionGridError as E;
         let grid = |polar: &[f64], azimuths| DirectionGrid::new(Frame::TypeC, polar.to_vec(), azimuths);
-        let circle = |angles: &[f64]| azimuths(angles, AzimuthExtent::Circle);
+        let circle = |angles: &[f64]| Some(azimuths(angles, AzimuthExtent::Circle));
         assert!(matches!(grid(&[], None), Err(E::Count { .. })));
         assert!(matches!(grid(&[0.0, f64::NAN], None), Err(E::Range { .. })));
         assert!(matches!(grid(&[0.0, 181.0], None), Err(E::Range { .. })));
         assert!(matches!(grid(&[0.0, 0.0], None), Err(E::Order { .. })));
         assert!(matches!(grid(&[0.0], circle(&[0.0, 360.0])), Err(E::Span { .. })));
-        assert!(matches!(grid(&[0.0], azimuths(&[0.0, 359.0], AzimuthExtent::Closed)), Err(E::Span { .. })));
-        assert!(matches!(grid(&[0.0], azimuths(&[-10.0], AzimuthExtent::Mirrored)), Err(E::Range { .. })));
+        assert!(matches!(grid(&[0.0], Some(azimuths(&[0.0, 359.0], AzimuthExtent::Closed))), Err(E::Span { .. })));
+        assert!(matches!(grid(&[0.0], Some(azimuths(&[-10.0], AzimuthExtent::Mirrored))), Err(E::Range { .. })));
         let long: Vec<f64> = (0..40_000).map(|i| f64::from(i) * 0.004).collect();
         assert!(matches!(grid(&long, circle(&long)), Err(E::TooMany { .. })));
         assert!(matches!(grid(&[10.0], None).unwrap().covering(20.0, 90.0), Err(E::Covers { .. })));

@@ -2,7 +2,6 @@
 
 use super::directions::{Directions, Pairs};
 use super::error::{Argument, EvaluateError, QueryError, unfit};
-use super::form::Form;
 use super::kernel::BLOCK;
 use super::material::Material;
 use super::mixed::Mixed;
@@ -88,11 +87,11 @@ impl Material {
         };
         let width = wavelengths.len();
         let count = pairs.check(out.len(), width)?;
-        let Form::Planes { planes, smooth } = self.function().form() else {
+        let Some((function, planes, smooth)) = self.planes() else {
             let mut rows = out.chunks_exact_mut(width.max(1)).enumerate();
             return rows.try_for_each(|(i, out)| self.at_wavelengths(pairs.place(i)?, how, beyond, wavelengths, out));
         };
-        self.function().rows(planes, smooth, pairs, how, count, |start, rows| {
+        function.rows(planes, smooth, pairs, how, count, |start, rows| {
             for (few, from) in wavelengths.chunks(FEW).zip((0..).step_by(FEW)) {
                 let out = out[start * width..].chunks_exact_mut(width);
                 self.chosen(grid, few, beyond).write(rows, out.map(|out| &mut out[from..]));
@@ -120,7 +119,7 @@ impl Material {
                 _ => f32::NAN,
             };
         }
-        if let Form::Planes { planes, .. } = self.function().form() {
+        if let Some((_, planes, _)) = self.planes() {
             chosen.columns = Some(planes.columns(&chosen.wavelengths.map(|lambda| grid.position(lambda))));
         }
         chosen
@@ -150,12 +149,12 @@ impl Chosen<'_> {
         how: Interpolation,
         incoming: Option<usize>,
     ) -> Result<[f32; Chosen::MOST], EvaluateError> {
-        let (Form::Planes { planes, smooth }, Some(columns)) = (self.material.function().form(), &self.columns) else {
+        let (Some((function, planes, smooth)), Some(columns)) = (self.material.planes(), &self.columns) else {
             let mut out = [0.0; FEW];
             self.material.at_wavelengths(place, how, self.beyond, self.wavelengths(), &mut out[..self.count])?;
             return Ok(out);
         };
-        self.material.function().with_row(
+        function.with_row(
             planes,
             smooth,
             place,
@@ -175,21 +174,21 @@ impl Chosen<'_> {
     /// The values at `pairs` into `out`, `[pair][wavelength]`, as [`Chosen::at`] gives them, on the calling thread.
     pub fn values(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         let count = pairs.check(out.len(), self.count)?;
-        let Form::Planes { planes, smooth } = self.material.function().form() else {
+        let Some((function, planes, smooth)) = self.material.planes() else {
             let mut rows = out.chunks_exact_mut(self.count.max(1)).enumerate();
             return rows.try_for_each(|(i, out)| {
                 out.copy_from_slice(&self.at(pairs.place(i)?, how)?[..self.count]);
                 Ok(())
             });
         };
-        self.material.function().rows(planes, smooth, pairs, how, count, |start, rows| {
+        function.rows(planes, smooth, pairs, how, count, |start, rows| {
             self.write(rows, out[start * self.count..].chunks_exact_mut(self.count.max(1)));
         })
     }
 
     /// Writes the values of a block of rows of planes, each row's to the beginning of its place in `out`.
     fn write<'b>(&self, rows: &[Mixed], out: impl Iterator<Item = &'b mut [f32]>) {
-        let (Form::Planes { planes, .. }, Some(columns)) = (self.material.function().form(), &self.columns) else {
+        let (Some((_, planes, _)), Some(columns)) = (self.material.planes(), &self.columns) else {
             return;
         };
         let mut values = [[0.0; FEW]; BLOCK];
@@ -217,8 +216,8 @@ impl Chosen<'_> {
             #[inline(always)]
             || {
                 sampler.drawn_with(index, wi, u, options.into(), |place, how, incoming, cell| {
-                    match (self.material.function().form(), &self.columns, cell) {
-                        (Form::Planes { planes, .. }, Some(columns), Some(cell)) if planes.presence(cell) > 0.0 => {
+                    match (self.material.planes(), &self.columns, cell) {
+                        (Some((_, planes, _)), Some(columns), Some(cell)) if planes.presence(cell) > 0.0 => {
                             Ok(self.held(planes.picked(planes.row(cell), 1.0, columns)))
                         }
                         _ => self.at_known(place, how, incoming),
@@ -255,7 +254,7 @@ impl Chosen<'_> {
         }
         let pairs = Pairs { index, wi, wo: None };
         wi.map_or(Ok(()), |wi| wi.check(Argument::Wi, count))?;
-        let (Form::Planes { planes, .. }, Some(columns)) = (self.material.function().form(), &self.columns) else {
+        let (Some((_, planes, _)), Some(columns)) = (self.material.planes(), &self.columns) else {
             return self.sample_each(pairs, u, options, &mut out);
         };
         let sampler = self.material.sampler()?;

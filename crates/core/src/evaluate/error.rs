@@ -77,6 +77,14 @@ pub enum QueryError {
         /// Domain of the incoming axis.
         domain: Domain,
     },
+    /// A `wi` outside a grid of incoming directions.
+    #[error("wi has theta = {theta:.3} and phi = {phi:.3} degrees, outside the incoming directions that were measured")]
+    Unmeasured {
+        /// Angle between `wi` and the z axis in degrees.
+        theta: f64,
+        /// Azimuth of `wi` in degrees.
+        phi: f64,
+    },
     /// A direction of a batch that cannot be normalised.
     #[error("direction {index} is ({}, {}, {}), expected finite coordinates that are not all 0", found[0], found[1], found[2])]
     Direction {

@@ -43,7 +43,7 @@ impl Form {
 }
 
 /// How lobes may go from one incoming direction to the next.
-fn candidates(quantity: Quantity) -> Vec<Alignment> {
+pub(super) fn candidates(quantity: Quantity) -> Vec<Alignment> {
     match quantity {
         Quantity::Brdf | Quantity::Bsdf => vec![Alignment::None, Alignment::HalfVector, Alignment::TurnedHalfVector],
         Quantity::Btdf | Quantity::Phase => vec![Alignment::None, Alignment::Rotation],

@@ -7,7 +7,9 @@ use super::located::OUTSIDE;
 use super::lookup::{MeshLookup, Stencil, elevation_stencil, nearest_elevation};
 use super::place::Place;
 use crate::domain::vector::{self, Vector};
-use crate::domain::{Axis, Direction, Domain, Layout, Measurement, Quantity, Sampling, Unit, WavelengthGrid};
+use crate::domain::{
+    Axis, Direction, DirectionGrid, Domain, Layout, Measurement, Quantity, Sampling, Unit, WavelengthGrid,
+};
 use std::sync::Arc;
 
 /// The axes of a material, and the tables that find directions on them.
@@ -24,6 +26,8 @@ pub(super) struct Geometry {
     /// The directions of the entries of the incoming axis, of azimuth 0 for elevations; `+z` where there is none.
     incoming_directions: Vec<Vector>,
     outgoing: Option<Arc<MeshLookup>>,
+    /// The outgoing directions, where they are a grid of angles.
+    outgoing_grid: Option<DirectionGrid>,
     /// Entries of the incoming and the outgoing axis, samples of a spectrum; 1 where there is no such axis.
     shape: [usize; 3],
 }
@@ -33,6 +37,7 @@ enum Incoming {
     None,
     Triangles(Arc<MeshLookup>),
     Elevations(Vec<f64>),
+    Grid(DirectionGrid),
 }
 
 impl Geometry {
@@ -43,7 +48,12 @@ impl Geometry {
         let incoming = match layout.incoming.map(|axis| &axes[axis]) {
             Some(Axis::Triangles(mesh)) => Incoming::Triangles(Arc::new(MeshLookup::new(*mesh))),
             Some(Axis::Elevation(values)) => Incoming::Elevations(values.clone()),
+            Some(Axis::Grid(grid)) => Incoming::Grid(grid.clone()),
             _ => Incoming::None,
+        };
+        let outgoing_grid = match layout.outgoing.map(|axis| &axes[axis]) {
+            Some(Axis::Grid(grid)) => Some(grid.clone()),
+            _ => None,
         };
         let outgoing = match (layout.outgoing.map(|axis| &axes[axis]), &incoming) {
             (Some(Axis::Triangles(mesh)), Incoming::Triangles(same)) if same.mesh() == *mesh => Some(Arc::clone(same)),
@@ -62,16 +72,41 @@ impl Geometry {
             Incoming::Elevations(values) => {
                 values.iter().map(|&theta| Direction::from_degrees(theta, 0.0).xyz()).collect()
             }
+            Incoming::Grid(grid) => (0..grid.len()).map(|entry| grid.direction(entry).xyz()).collect(),
         };
         let (quantity, unit, sampling) = (measurement.quantity, measurement.unit, measurement.sampling);
         let (axes, layout) = (axes.to_vec(), layout.clone());
-        Ok(Self { quantity, unit, sampling, axes, layout, indices, incoming, incoming_directions, outgoing, shape })
+        Ok(Self {
+            quantity,
+            unit,
+            sampling,
+            axes,
+            layout,
+            indices,
+            incoming,
+            incoming_directions,
+            outgoing,
+            outgoing_grid,
+            shape,
+        })
+    }
+
+    /// Returns true where directions of either side are a grid of angles.
+    #[inline]
+    pub(super) fn is_grid(&self) -> bool {
+        self.outgoing_grid.is_some() || matches!(self.incoming, Incoming::Grid(_))
+    }
+
+    /// The outgoing directions, where they are a grid of angles.
+    pub(super) fn outgoing_grid(&self) -> Option<&DirectionGrid> {
+        self.outgoing_grid.as_ref()
     }
 
     /// The nodes between which a smooth function of the incoming direction stands.
     pub(super) fn nodes(&self) -> Nodes {
         match &self.incoming {
-            Incoming::None => Nodes::One,
+            // Samples on a grid have nodes of their own.
+            Incoming::None | Incoming::Grid(_) => Nodes::One,
             Incoming::Triangles(lookup) => Nodes::triangles(Arc::clone(lookup)),
             Incoming::Elevations(values) => Nodes::elevations(values),
         }
@@ -178,12 +213,12 @@ impl Geometry {
     /// The entry of the incoming axis for `wi` in the piecewise constant sense; 0 where there is no such axis.
     #[inline(always)]
     pub(super) fn incoming_entry(&self, wi: Option<Direction>) -> Result<usize, EvaluateError> {
-        self.look_up(wi, || 0, MeshLookup::locate, nearest_elevation)
+        self.look_up(wi, || 0, MeshLookup::locate, nearest_elevation, |entry| entry)
     }
 
     /// The entries of the incoming axis for `wi` in the sense of means around vertices; entry 0 where there is no such axis.
     pub(super) fn incoming_stencil(&self, wi: Option<Direction>) -> Result<Stencil, EvaluateError> {
-        self.look_up(wi, || Stencil::one(0), MeshLookup::stencil, elevation_stencil)
+        self.look_up(wi, || Stencil::one(0), MeshLookup::stencil, elevation_stencil, Stencil::one)
     }
 
     #[inline(always)]
@@ -193,6 +228,7 @@ impl Geometry {
         none: impl Fn() -> T,
         on_triangles: impl Fn(&MeshLookup, Direction) -> Option<T>,
         on_elevations: impl Fn(&[f64], f64) -> T,
+        on_grid: impl Fn(usize) -> T,
     ) -> Result<T, EvaluateError> {
         match (&self.incoming, wi) {
             (Incoming::None, None) => return Ok(none()),
@@ -203,6 +239,11 @@ impl Geometry {
             }
             (Incoming::Elevations(values), Some(wi)) if wi.cos_theta() >= 0.0 => {
                 return Ok(on_elevations(values, wi.theta_degrees()));
+            }
+            (Incoming::Grid(grid), Some(wi)) => {
+                if let Some(entry) = grid.nearest(wi) {
+                    return Ok(on_grid(entry));
+                }
             }
             _ => {}
         }
@@ -218,6 +259,9 @@ impl Geometry {
             (_, None) => return unfit(QueryError::MissingDirection { argument: Argument::Wi, quantity }),
             (Incoming::Triangles(lookup), Some(wi)) => (wi, lookup.mesh().domain()),
             (Incoming::Elevations(_), Some(wi)) => (wi, Domain::Hemisphere),
+            (Incoming::Grid(_), Some(wi)) => {
+                return unfit(QueryError::Unmeasured { theta: wi.theta_degrees(), phi: wi.phi_degrees() });
+            }
         };
         unfit(QueryError::Outside { theta: wi.theta_degrees(), domain })
     }
@@ -246,13 +290,17 @@ impl Geometry {
             Incoming::None => false,
             Incoming::Triangles(lookup) => lookup.holds(direction.xyz()),
             Incoming::Elevations(_) => direction.cos_theta() >= 0.0,
+            Incoming::Grid(grid) => grid.angles(direction).is_some(),
         }
     }
 
     /// Whether `direction` is inside the outgoing domain.
     #[inline]
     pub(super) fn sends(&self, direction: Direction) -> bool {
-        self.outgoing.as_ref().is_some_and(|lookup| lookup.holds(direction.xyz()))
+        match &self.outgoing_grid {
+            Some(grid) => grid.angles(direction).is_some(),
+            None => self.outgoing.as_ref().is_some_and(|lookup| lookup.holds(direction.xyz())),
+        }
     }
 
     /// Whether incoming directions are elevations.
@@ -282,6 +330,25 @@ impl Geometry {
                 Ok(Some((lookup, turned(wo, [cos, -sin]))))
             }
         }
+    }
+
+    /// Both directions of a place as samples on a grid of angles know them: turned to azimuth 0 of `wi` where incoming
+    /// directions are elevations, `+z` where there is none.
+    pub(super) fn in_lines(&self, place: Place<'_>) -> Result<[Vector; 2], EvaluateError> {
+        let quantity = self.quantity;
+        if place.wi.is_some() != self.has_incoming() {
+            return self.refuse_incoming(place.wi);
+        }
+        let wo = match (&self.outgoing_grid, place.wo) {
+            (None, None) => [0.0, 0.0, 1.0],
+            (None, Some(_)) => return unfit(QueryError::UnexpectedDirection { argument: Argument::Wo, quantity }),
+            (Some(_), None) => return unfit(QueryError::MissingDirection { argument: Argument::Wo, quantity }),
+            (Some(_), Some(wo)) => {
+                let [cos, sin] = self.azimuth(place.wi);
+                if self.is_isotropic() { vector::turned(wo.xyz(), [cos, -sin]) } else { wo.xyz() }
+            }
+        };
+        Ok([self.wi_in_plane(place.wi), wo])
     }
 
     /// The entry of the opaque axes.
@@ -364,6 +431,7 @@ impl Geometry {
             Incoming::Triangles(lookup) if self.outgoing.as_ref().is_some_and(|out| Arc::ptr_eq(out, lookup)) => 0,
             Incoming::Triangles(lookup) => lookup.memory(),
             Incoming::Elevations(values) => size_of_val(&**values),
+            Incoming::Grid(grid) => 8 * grid.shape().into_iter().sum::<usize>(),
         };
         incoming + self.outgoing.as_ref().map_or(0, |lookup| lookup.memory()) + size_of_val(&*self.incoming_directions)
     }

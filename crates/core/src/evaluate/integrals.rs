@@ -32,17 +32,18 @@ impl Material {
         how: Interpolation,
         out: &mut [f32],
     ) -> Result<(), EvaluateError> {
-        self.check_side(side)?;
-        let [n_in, _, lambdas] = self.geometry().shape();
+        let cells = self.on_triangles()?;
+        cells.check_side(side)?;
+        let [n_in, _, lambdas] = cells.geometry().shape();
         if out.len() != lambdas {
             return unfit(QueryError::Length { buffer: Buffer::Spectrum, found: out.len(), expected: lambdas });
         }
-        let entry = self.geometry().entry(index)?;
+        let entry = cells.geometry().entry(index)?;
         let stencil = match how {
-            Interpolation::Constant => Stencil::one(self.geometry().incoming_entry(wi)?),
-            Interpolation::Smooth => self.geometry().incoming_stencil(wi)?,
+            Interpolation::Constant => Stencil::one(cells.geometry().incoming_entry(wi)?),
+            Interpolation::Smooth => cells.geometry().incoming_stencil(wi)?,
         };
-        let Some(table) = self.albedos().of(side, is_above(wi)) else {
+        let Some(table) = cells.stored_albedos(side, is_above(wi)) else {
             out.fill(0.0);
             return Ok(());
         };
@@ -73,12 +74,13 @@ impl Material {
         finer: u8,
         out: &mut [f32],
     ) -> Result<(), EvaluateError> {
-        self.check_side(side)?;
+        let cells = self.on_triangles()?;
+        cells.check_side(side)?;
         let mut value = vec![0.0; self.lambdas()];
         if out.len() != value.len() {
             return unfit(QueryError::Length { buffer: Buffer::Spectrum, found: out.len(), expected: value.len() });
         }
-        let Some(own) = self.geometry().mesh().map(|lookup| lookup.mesh()) else { return Ok(()) };
+        let Some(own) = cells.geometry().mesh().map(|lookup| lookup.mesh()) else { return Ok(()) };
         let level = own.level().saturating_add(finer);
         let Some(mesh) = TriangleMesh::new(own.domain(), level) else {
             return unfit(QueryError::Level { found: level });
@@ -102,7 +104,7 @@ impl Material {
         }
         for (out, (sum, is_measured)) in out.iter_mut().zip(sums) {
             // A side without directions sends nothing.
-            let is_nowhere = side != Side::Both && self.albedos().of(side, is_above(wi)).is_none();
+            let is_nowhere = side != Side::Both && cells.stored_albedos(side, is_above(wi)).is_none();
             *out = if is_measured || is_nowhere { sum as f32 } else { f32::NAN };
         }
         Ok(())

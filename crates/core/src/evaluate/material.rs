@@ -1,16 +1,20 @@
 //! An opened material: its function, what is drawn from it, and what is known about it.
 
-use super::albedo::Albedos;
+use super::albedo::{Albedos, Side};
 use super::carrying::trees_of_mean;
 use super::directions::{Directions, Pairs};
 use super::error::{EvaluateError, Need, QueryError, unfit};
+use super::form::Form;
 use super::function::Function;
 use super::geometry::Geometry;
 use super::incoming::Alignment;
 use super::lookup::MeshLookup;
 use super::place::{Beyond, Interpolation, Place};
+use super::planes::Planes;
 use super::report::OpenedReport;
 use super::sampler::{DirectionSample, Sampler};
+use super::smooth::Smooth;
+use super::stated::Stated;
 use super::trees::Trees;
 use super::warp::SampleOptions;
 use super::wavelength_sampler::WavelengthSampler;
@@ -35,8 +39,27 @@ use std::sync::{Arc, OnceLock};
 /// ```
 #[derive(Debug)]
 pub struct Material {
-    function: Function,
+    body: Body,
     summary: Option<Summary>,
+}
+
+/// How samples became a function.
+#[derive(Debug)]
+enum Body {
+    /// Samples of cells of directions, or without directions.
+    Cells(Box<Cells>),
+    /// Samples on a grid of angles.
+    Grid {
+        stated: Box<Stated>,
+        /// The averages over triangles, built when something first asks for them.
+        cells: OnceLock<Result<Box<Material>, EvaluateError>>,
+    },
+}
+
+/// The function of cells, and what is made of it.
+#[derive(Debug)]
+struct Cells {
+    function: Function,
     /// Built when a first direction is drawn.
     trees: OnceLock<Trees>,
     /// Nothing without an outgoing axis.
@@ -74,9 +97,39 @@ impl Material {
 
     fn aligned(measurement: Measurement, alignment: Option<Alignment>) -> Result<Self, EvaluateError> {
         let geometry = Geometry::new(&measurement)?;
-        let albedos = Albedos::new(&measurement, &geometry);
-        let function = Function::new(measurement, geometry, alignment);
-        Ok(Self { function, summary: None, trees: OnceLock::new(), albedos })
+        let body = if geometry.is_grid() {
+            let stated = Box::new(Stated::new(&measurement, geometry, alignment));
+            Body::Grid { stated, cells: OnceLock::new() }
+        } else {
+            let albedos = Albedos::new(&measurement, &geometry);
+            let function = Function::new(measurement, geometry, alignment);
+            Body::Cells(Box::new(Cells { function, trees: OnceLock::new(), albedos }))
+        };
+        Ok(Self { body, summary: None })
+    }
+
+    /// This material, if its samples are those of cells; of samples on a grid of angles their averages over triangles, from which
+    /// directions are drawn and which are integrated. They are built when they are first asked for.
+    pub(super) fn on_triangles(&self) -> Result<&Self, EvaluateError> {
+        match &self.body {
+            Body::Cells(_) => Ok(self),
+            Body::Grid { stated, cells } => {
+                let made = cells.get_or_init(|| {
+                    let alignment = stated.lines().alignment();
+                    Self::aligned(stated.cell_averages()?, Some(alignment)).map(Box::new)
+                });
+                made.as_deref().map_err(Clone::clone)
+            }
+        }
+    }
+
+    /// The function between samples on a grid of angles; `None` where samples are those of cells.
+    pub(super) fn stated(&self) -> Option<&Stated> {
+        if let Body::Grid { stated, .. } = &self.body { Some(stated) } else { None }
+    }
+
+    fn cells(&self) -> Option<&Cells> {
+        if let Body::Cells(cells) = &self.body { Some(cells) } else { None }
     }
 
     /// This material with the header of the file that it comes from.
@@ -122,15 +175,23 @@ impl Material {
 
     /// What the opened form is made of.
     pub fn report(&self) -> OpenedReport {
-        OpenedReport::of(self.function.form(), self.memory())
+        match &self.body {
+            Body::Cells(cells) => OpenedReport::of(cells.function.form(), self.memory()),
+            Body::Grid { stated, .. } => OpenedReport::of_lines(stated.lines(), self.memory()),
+        }
     }
 
     /// Memory of the opened form in bytes: planes or samples, smooth tables, tables of the meshes, albedo, and the sampling
     /// trees, which the first direction that is drawn builds.
     pub fn memory(&self) -> usize {
-        let expected = || self.geometry().mesh().map_or(0, |lookup| Trees::expected_memory(&self.function, lookup));
-        let trees = self.trees.get().map_or_else(expected, Trees::memory);
-        size_of::<Self>() + self.function.memory() + trees + self.albedos.memory()
+        let body = match &self.body {
+            Body::Cells(cells) => size_of::<Cells>() + cells.memory(),
+            Body::Grid { stated, cells } => {
+                let cells = cells.get().and_then(|cells| cells.as_ref().ok()).map_or(0, |cells| cells.memory());
+                size_of::<Stated>() + stated.memory() + cells
+            }
+        };
+        size_of::<Self>() + body
     }
 
     /// The number of `index` among the entries of the opaque axes, row-major.
@@ -147,7 +208,10 @@ impl Material {
     /// NaN = masked, 0 where `wo` is outside the outgoing domain.
     #[inline]
     pub fn evaluate(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
-        self.function.spectrum(place, how, out)
+        match &self.body {
+            Body::Cells(cells) => cells.function.spectrum(place, how, out),
+            Body::Grid { stated, .. } => stated.spectrum(place, how, out),
+        }
     }
 
     /// Values at `wavelengths` in nm into `out` (as long), linear between the samples of the spectrum at `place`, outside
@@ -162,13 +226,19 @@ impl Material {
         wavelengths: &[f64],
         out: &mut [f32],
     ) -> Result<(), EvaluateError> {
-        self.function.at_wavelengths(place, how, beyond, wavelengths, out)
+        match &self.body {
+            Body::Cells(cells) => cells.function.at_wavelengths(place, how, beyond, wavelengths, out),
+            Body::Grid { stated, .. } => stated.at_wavelengths(place, how, beyond, wavelengths, out),
+        }
     }
 
     /// The inner product of the spectrum at `place` with `weights`, one a sample of a spectrum: its luminance or another
     /// colour coordinate, power in a band, a mean. NaN where a sample with a weight is masked.
     pub fn weighted(&self, place: Place<'_>, how: Interpolation, weights: &[f32]) -> Result<f32, EvaluateError> {
-        self.function.weighted(place, how, weights)
+        match &self.body {
+            Body::Cells(cells) => cells.function.weighted(place, how, weights),
+            Body::Grid { stated, .. } => stated.weighted(place, how, weights),
+        }
     }
 
     /// The piecewise constant samples `[outgoing, lambda]` of entry `slice` (row-major) of the axes before the outgoing one;
@@ -177,23 +247,35 @@ impl Material {
     /// # Panics
     /// If there is no such entry.
     pub fn slice(&self, slice: usize) -> Vec<f32> {
-        self.function.slice(slice)
+        match &self.body {
+            Body::Cells(cells) => cells.function.slice(slice),
+            Body::Grid { stated, .. } => stated.slice(slice),
+        }
     }
 
     /// The samples as they are opened: those decoded, but for the deviation that [`Material::report`] states.
     pub fn measurement(&self) -> Result<Measurement, EvaluateError> {
-        self.function.measurement()
+        match &self.body {
+            Body::Cells(cells) => cells.function.measurement(),
+            Body::Grid { stated, .. } => stated.measurement(),
+        }
     }
 
     /// The spectra at `pairs` into `out`, `[pair][lambda]`, on the calling thread; no allocation. A pair that is refused ends
     /// it. As near to [`Material::evaluate`] as the [rules](super#rules) say of batches.
     pub fn spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
-        self.function.spectra(pairs, how, out)
+        match &self.body {
+            Body::Cells(cells) => cells.function.spectra(pairs, how, out),
+            Body::Grid { stated, .. } => stated.spectra(pairs, how, out),
+        }
     }
 
     /// [`Material::spectra`] on all threads.
     pub fn par_spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
-        self.function.par_spectra(pairs, how, out)
+        match &self.body {
+            Body::Cells(cells) => cells.function.par_spectra(pairs, how, out),
+            Body::Grid { stated, .. } => stated.par_spectra(pairs, how, out),
+        }
     }
 
     /// The density in sr⁻¹ with which [`Material::sample`] with the same options draws `wo`; 0 outside the outgoing domain,
@@ -217,7 +299,11 @@ impl Material {
         u: [f64; 2],
         options: impl Into<SampleOptions>,
     ) -> Result<Option<DirectionSample>, EvaluateError> {
-        self.sampler()?.sample(index, wi, u, options.into())
+        let (sampler, options) = (self.sampler()?, options.into());
+        match self.stated() {
+            None => sampler.sample(index, wi, u, options),
+            Some(stated) => sampler.sample_of(stated, index, wi, u, options),
+        }
     }
 
     /// The direction and density of [`Material::sample`] alone, for callers who evaluate f themselves; `None` where nothing
@@ -253,7 +339,11 @@ impl Material {
         options: impl Into<SampleOptions>,
         out: &mut [Option<DirectionSample>],
     ) -> Result<(), EvaluateError> {
-        self.sampler()?.samples(Pairs { index, wi, wo: None }, u, options.into(), out)
+        let (sampler, options, pairs) = (self.sampler()?, options.into(), Pairs { index, wi, wo: None });
+        match self.stated() {
+            None => sampler.samples(pairs, u, options, out),
+            Some(stated) => sampler.samples_of(stated, pairs, u, options, out),
+        }
     }
 
     /// A point of the unit square that [`Material::sample`] with the same options takes to `wo`; `None` where its density is 0.
@@ -277,40 +367,66 @@ impl Material {
 
     /// Builds the trees of one wavelength in nm, linear between the samples of the spectra. Refused outside the measured range.
     pub fn sampler_at(&self, wavelength: f64) -> Result<WavelengthSampler<'_>, EvaluateError> {
-        let lookup = self.sampled_mesh()?;
-        WavelengthSampler::at(&self.function, lookup, self.mean_trees(lookup), wavelength)
+        let (cells, lookup) = self.on_triangles()?.sampled()?;
+        WavelengthSampler::at(&cells.function, self.stated(), lookup, cells.mean_trees(lookup), wavelength)
     }
 
     /// The sampler by the mean over wavelengths; its trees are built when they are first asked for.
     #[inline]
     pub(super) fn sampler(&self) -> Result<Sampler<'_>, EvaluateError> {
-        Ok(Sampler::new(&self.function, self.mean_trees(self.sampled_mesh()?)))
+        let (cells, lookup) = self.on_triangles()?.sampled()?;
+        Ok(Sampler::new(&cells.function, cells.mean_trees(lookup)))
     }
 
+    #[inline]
+    fn sampled(&self) -> Result<(&Cells, &Arc<MeshLookup>), EvaluateError> {
+        match (self.cells(), self.geometry().mesh()) {
+            (Some(cells), Some(lookup)) => Ok((cells, lookup)),
+            _ => unfit(QueryError::NoOutgoing { need: Need::Sampling, quantity: self.quantity() }),
+        }
+    }
+
+    /// The function of cells; `None` where samples are on a grid of angles.
+    #[inline(always)]
+    pub(super) fn function(&self) -> Option<&Function> {
+        self.cells().map(|cells| &cells.function)
+    }
+
+    /// The function of cells, where a few planes with smooth tables hold them.
+    #[inline(always)]
+    pub(super) fn planes(&self) -> Option<(&Function, &Planes, &Smooth)> {
+        let function = self.function()?;
+        match function.form() {
+            Form::Planes { planes, smooth } => Some((function, planes, smooth)),
+            Form::Samples(_) => None,
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn geometry(&self) -> &Geometry {
+        match &self.body {
+            Body::Cells(cells) => cells.function.geometry(),
+            Body::Grid { stated, .. } => stated.geometry(),
+        }
+    }
+
+    /// The stored integrals of one side, `[cell, lambda]`, where `wi` is above or not; `None` where nothing goes there.
+    pub(super) fn stored_albedos(&self, side: Side, is_above: bool) -> Option<&[f32]> {
+        self.cells()?.albedos.of(side, is_above)
+    }
+}
+
+impl Cells {
     #[inline]
     fn mean_trees(&self, lookup: &Arc<MeshLookup>) -> &Trees {
         self.trees.get_or_init(|| trees_of_mean(&self.function, lookup))
     }
 
-    #[inline]
-    fn sampled_mesh(&self) -> Result<&Arc<MeshLookup>, EvaluateError> {
-        match self.geometry().mesh() {
-            Some(lookup) => Ok(lookup),
-            None => unfit(QueryError::NoOutgoing { need: Need::Sampling, quantity: self.quantity() }),
-        }
-    }
-
-    #[inline(always)]
-    pub(super) fn function(&self) -> &Function {
-        &self.function
-    }
-
-    #[inline(always)]
-    pub(super) fn geometry(&self) -> &Geometry {
-        self.function.geometry()
-    }
-
-    pub(super) fn albedos(&self) -> &Albedos {
-        &self.albedos
+    /// Memory in bytes, without the size of the type; of trees that are not built yet, what they will take.
+    fn memory(&self) -> usize {
+        let mesh = self.function.geometry().mesh();
+        let expected = || mesh.map_or(0, |lookup| Trees::expected_memory(&self.function, lookup));
+        let trees = self.trees.get().map_or_else(expected, Trees::memory);
+        self.function.memory() + trees + self.albedos.memory()
     }
 }

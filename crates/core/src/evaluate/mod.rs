@@ -42,7 +42,9 @@ mod background;
 mod blocks;
 mod carried;
 mod carrying;
+mod cell_averages;
 mod cells;
+mod change;
 mod chosen;
 mod directions;
 mod elements;
@@ -54,6 +56,7 @@ mod grid;
 mod incoming;
 mod integrals;
 mod kernel;
+mod lines;
 mod located;
 mod lookup;
 mod material;
@@ -70,6 +73,7 @@ mod samples;
 mod smooth;
 mod spectrum;
 mod staged;
+mod stated;
 mod trees;
 mod warp;
 mod wavelength_sampler;
@@ -92,5 +96,7 @@ pub use wavelength_sampler::WavelengthSampler;
 mod batch_tests;
 #[cfg(test)]
 mod mixture_tests;
+#[cfg(test)]
+mod stated_tests;
 #[cfg(test)]
 mod tests;

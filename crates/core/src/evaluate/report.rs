@@ -2,6 +2,7 @@
 
 use super::form::Form;
 use super::incoming::Alignment;
+use super::lines::Lines;
 
 /// What an opened material is made of.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -41,6 +42,18 @@ impl OpenedReport {
             alignment: smooth.map_or(Alignment::None, |smooth| smooth.alignment()),
             changes: smooth.map_or_else(Vec::new, |smooth| smooth.changes().to_vec()),
             left_out_error: smooth.and_then(|smooth| smooth.left_out_error()),
+        }
+    }
+
+    /// The report of samples on a grid of angles, with the memory of all that is opened.
+    pub(super) fn of_lines(lines: &Lines, memory: usize) -> Self {
+        Self {
+            memory,
+            planes: None,
+            deviation: 0.0,
+            alignment: lines.alignment(),
+            changes: lines.changes().to_vec(),
+            left_out_error: None,
         }
     }
 

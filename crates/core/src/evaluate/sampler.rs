@@ -6,10 +6,12 @@
 //! density is positive wherever the function is: without one by choice, light may be left out that no tree expects. Nothing is
 //! drawn where the function is masked.
 
-use super::error::{EvaluateError, QueryError, unfit};
+use super::directions::Pairs;
+use super::error::{Argument, Buffer, EvaluateError, QueryError, unfit};
 use super::function::Function;
 use super::mixture::Mixture;
 use super::place::{Interpolation, Place};
+use super::stated::Stated;
 use super::trees::Trees;
 use super::warp::{Density, SampleOptions};
 use crate::domain::{Direction, Quantity};
@@ -87,6 +89,42 @@ impl<'a> Sampler<'a> {
         let place = Place { index, wi, wo: Some(direction) };
         let value = self.function.weighted_known(place, form_of(options), self.trees.weights())?;
         Ok(Some(DirectionSample::weighted(self.function.geometry().quantity(), direction, pdf, value)))
+    }
+
+    /// The same for the function of samples on a grid of angles, whose averages over triangles the directions are drawn from.
+    pub(super) fn sample_of(
+        &self,
+        stated: &Stated,
+        index: &[usize],
+        wi: Option<Direction>,
+        u: [f64; 2],
+        options: SampleOptions,
+    ) -> Result<Option<DirectionSample>, EvaluateError> {
+        let drawn = self.drawn_with(index, wi, u, options, |place, how, _, _| {
+            stated.weighted_known(place, how, self.trees.weights())
+        })?;
+        let quantity = self.function.geometry().quantity();
+        Ok(drawn.map(|(direction, pdf, value)| DirectionSample::weighted(quantity, direction, pdf, value)))
+    }
+
+    /// [`Sampler::sample_of`] for each incoming direction of `pairs` and point; what is refused ends it.
+    pub(super) fn samples_of(
+        &self,
+        stated: &Stated,
+        pairs: Pairs<'_>,
+        u: &[[f64; 2]],
+        options: SampleOptions,
+        out: &mut [Option<DirectionSample>],
+    ) -> Result<(), EvaluateError> {
+        let count = u.len();
+        pairs.wi.map_or(Ok(()), |wi| wi.check(Argument::Wi, count))?;
+        if out.len() != count {
+            return unfit(QueryError::Length { buffer: Buffer::Samples, found: out.len(), expected: count });
+        }
+        for (i, (out, &u)) in out.iter_mut().zip(u).enumerate() {
+            *out = self.sample_of(stated, pairs.index, pairs.wi_at(i)?, u, options)?;
+        }
+        Ok(())
     }
 
     /// A direction, its density, and what `value` makes of where the function is taken: the

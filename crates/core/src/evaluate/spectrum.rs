@@ -220,7 +220,13 @@ fn few(
 
 /// Linear between the samples of a spectrum.
 #[inline]
-fn between(grid: &WavelengthGrid, beyond: Beyond, wavelengths: &[f64], out: &mut [f32], sample: impl Fn(usize) -> f32) {
+pub(super) fn between(
+    grid: &WavelengthGrid,
+    beyond: Beyond,
+    wavelengths: &[f64],
+    out: &mut [f32],
+    sample: impl Fn(usize) -> f32,
+) {
     for (value, &lambda) in out.iter_mut().zip(wavelengths) {
         *value = match (grid.locate(lambda), beyond) {
             (Some((below, 0.0)), _) => sample(below),

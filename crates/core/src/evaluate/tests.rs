@@ -70,7 +70,7 @@ fn at(wi: Option<Direction>, wo: Option<Direction>) -> Place<'static> {
 
 /// Of a material whose spectra are no few planes.
 fn samples(m: &Material) -> &[f32] {
-    let Form::Samples(samples) = m.function().form() else { panic!("expected samples") };
+    let Form::Samples(samples) = m.function().unwrap().form() else { panic!("expected samples") };
     samples.all()
 }
 
@@ -291,7 +291,7 @@ fn refusals_name_their_reason() {
 
 /// The samples of a cell in either form.
 fn cell(m: &Material, cell: usize) -> Vec<f32> {
-    match m.function().form() {
+    match m.function().unwrap().form() {
         Form::Samples(_) => m_row(m, cell).to_vec(),
         Form::Planes { planes, .. } => {
             let mut out = vec![0.0; m.lambdas()];

@@ -4,6 +4,7 @@ use super::error::{EvaluateError, QueryError, unfit};
 use super::function::Function;
 use super::lookup::MeshLookup;
 use super::sampler::{DirectionSample, Sampler};
+use super::stated::Stated;
 use super::trees::Trees;
 use super::warp::SampleOptions;
 use crate::domain::Direction;
@@ -12,14 +13,16 @@ use crate::domain::Direction;
 #[derive(Debug)]
 pub struct WavelengthSampler<'a> {
     function: &'a Function,
+    stated: Option<&'a Stated>,
     trees: Trees,
 }
 
 impl<'a> WavelengthSampler<'a> {
     /// The sampler at `wavelength` in nm, linear between the samples of the spectra; with the tables of `mean`, the trees by
-    /// the mean. Refused outside the measured range.
+    /// the mean; weights are those of `stated` where that is given. Refused outside the measured range.
     pub(super) fn at(
         function: &'a Function,
+        stated: Option<&'a Stated>,
         lookup: &MeshLookup,
         mean: &Trees,
         wavelength: f64,
@@ -36,7 +39,7 @@ impl<'a> WavelengthSampler<'a> {
         if t > 0.0 {
             weights[below + 1] = t as f32;
         }
-        Ok(Self { function, trees: mean.by(function, lookup, &weights) })
+        Ok(Self { function, stated, trees: mean.by(function, lookup, &weights) })
     }
 
     fn sampler(&self) -> Sampler<'_> {
@@ -51,7 +54,10 @@ impl<'a> WavelengthSampler<'a> {
         u: [f64; 2],
         options: impl Into<SampleOptions>,
     ) -> Result<Option<DirectionSample>, EvaluateError> {
-        self.sampler().sample(index, wi, u, options.into())
+        match self.stated {
+            None => self.sampler().sample(index, wi, u, options.into()),
+            Some(stated) => self.sampler().sample_of(stated, index, wi, u, options.into()),
+        }
     }
 
     /// As [`super::Material::pdf`].

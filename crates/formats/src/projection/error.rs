@@ -74,7 +74,7 @@ pub enum LevelError {
     /// Data on an axis that is not made of triangles.
     NoTriangles {
         /// The axis found.
-        axis: Axis,
+        axis: Box<Axis>,
     },
     /// A level finer than that of the data.
     TooFine {
@@ -261,7 +261,7 @@ pub enum SpectralError {
     #[error("spectrum: the samples have a spectral axis of their own, {}", axis.describe())]
     OwnAxis {
         /// The spectral axis of the data.
-        axis: Axis,
+        axis: Box<Axis>,
     },
     /// A spectrum without one factor for each wavelength.
     #[error("spectrum: {found} factors for {expected} wavelengths")]
@@ -275,7 +275,7 @@ pub enum SpectralError {
     #[error("wavelengths: the data have colour channels ({}), no wavelengths", axis.describe())]
     Channels {
         /// The spectral axis of the data.
-        axis: Axis,
+        axis: Box<Axis>,
     },
     /// Wavelengths asked for, but data without any.
     #[error("wavelengths: the data have no wavelengths to resample; join a spectrum with them")]

@@ -68,7 +68,7 @@ fn coarsen(
         Some(Axis::Triangles(mesh)) => *mesh,
         None => return unfit(LevelError::NoDirections),
         Some(Axis::Elevation(values)) => return unfit(LevelError::Isotropic { elevations: values.len() }),
-        Some(other) => return unfit(LevelError::NoTriangles { axis: other.clone() }),
+        Some(other) => return unfit(LevelError::NoTriangles { axis: Box::new(other.clone()) }),
     };
     let Some(depth) = mesh.level().checked_sub(level) else {
         return unfit(LevelError::TooFine { found: level, mesh });

@@ -20,7 +20,7 @@ pub(super) fn plan(
     wanted: Option<&WavelengthGrid>,
 ) -> Result<Spectral, SpectralError> {
     match (own, factor) {
-        (Some(own), Some(_)) => Err(SpectralError::OwnAxis { axis: own.clone() }),
+        (Some(own), Some(_)) => Err(SpectralError::OwnAxis { axis: Box::new(own.clone()) }),
         (None, Some(factor)) => {
             if factor.factors.len() != factor.grid.len() {
                 let (found, expected) = (factor.factors.len(), factor.grid.len());
@@ -50,7 +50,7 @@ pub(super) fn plan(
         },
         (own, None) => match (wanted, own) {
             (None, own) => Ok(kept(own.cloned())),
-            (Some(_), Some(own)) => Err(SpectralError::Channels { axis: own.clone() }),
+            (Some(_), Some(own)) => Err(SpectralError::Channels { axis: Box::new(own.clone()) }),
             (Some(_), None) => Err(SpectralError::NoWavelengths),
         },
     }

@@ -91,13 +91,14 @@ impl Material {
     /// What leaves the material for every incoming direction and wavelength, of the piecewise constant function; refused
     /// for quantities without an outgoing axis.
     pub fn energy(&self) -> Result<EnergyReport, EvaluateError> {
-        self.needs_outgoing(Need::Energy)?;
+        let cells = self.on_triangles()?;
+        cells.needs_outgoing(Need::Energy)?;
         let quantity = self.quantity();
         let mut report = EnergyReport { quantity, albedo: None, normalisation: None, flux: None };
         match quantity {
-            Quantity::Edf => report.flux = Some(self.fluxes()),
-            Quantity::Phase => report.normalisation = Some(self.normalisation()),
-            _ => report.albedo = Some(self.albedo_report()),
+            Quantity::Edf => report.flux = Some(cells.fluxes()),
+            Quantity::Phase => report.normalisation = Some(cells.normalisation()),
+            _ => report.albedo = Some(cells.albedo_report()),
         }
         Ok(report)
     }
@@ -110,7 +111,7 @@ impl Material {
         let mut values = vec![0.0; rows * lambdas];
         for (row, values) in values.chunks_exact_mut(lambdas).enumerate() {
             let is_above = is_above(self.incoming_direction(row % n_in));
-            if let Some(table) = self.albedos().of(side, is_above) {
+            if let Some(table) = self.stored_albedos(side, is_above) {
                 values.copy_from_slice(&table[row * lambdas..][..lambdas]);
             }
         }

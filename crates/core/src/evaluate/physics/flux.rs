@@ -30,7 +30,7 @@ pub struct FluxReport {
 
 impl Material {
     pub(super) fn fluxes(&self) -> Vec<FluxReport> {
-        let table = self.albedos().of(Side::Both, true).unwrap_or_default();
+        let table = self.stored_albedos(Side::Both, true).unwrap_or_default();
         table.chunks_exact(self.lambdas()).enumerate().map(|(entry, row)| self.flux(entry, row)).collect()
     }
 

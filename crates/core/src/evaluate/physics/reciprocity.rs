@@ -82,10 +82,11 @@ impl Material {
     pub fn reciprocity(&self) -> Result<ReciprocityReport, EvaluateError> {
         let up = Direction::from_degrees(0.0, 0.0);
         self.pair(Place { index: &[], wi: Some(up), wo: Some(up) })?;
-        let mesh = self.needs_outgoing(Need::Reciprocity)?;
-        let [incoming, outgoing, _] = self.geometry().shape();
+        let cells = self.on_triangles()?;
+        let mesh = cells.needs_outgoing(Need::Reciprocity)?;
+        let [incoming, outgoing, _] = cells.geometry().shape();
         let wis: Vec<(Direction, f64)> =
-            (0..incoming).filter_map(|i| Some((self.incoming_direction(i)?, self.incoming_measure(i)))).collect();
+            (0..incoming).filter_map(|i| Some((cells.incoming_direction(i)?, cells.incoming_measure(i)))).collect();
         let wos: Vec<(Direction, f64)> = (0..outgoing).map(|o| (mesh.centroid(o), mesh.solid_angle(o))).collect();
         let all = self.geometry().entries() * incoming * outgoing;
         let step = all.div_ceil(MOST_PAIRS).max(1);
@@ -117,8 +118,14 @@ impl Material {
             Some(worst) if worst.difference() >= pair.difference() => Some(worst),
             _ => Some(*pair),
         });
-        let largest = largest
-            .map(|pair| self.worst(&pair, wis[pair.number / outgoing % incoming].0, wos[pair.number % outgoing].0));
+        let largest = largest.map(|pair| {
+            self.worst(
+                &pair,
+                pair.number / (incoming * outgoing),
+                wis[pair.number / outgoing % incoming].0,
+                wos[pair.number % outgoing].0,
+            )
+        });
         let sum = |of: &dyn Fn(&Compared) -> f64| pairs.iter().map(of).sum::<f64>();
         let ratio = |a: f64, b: f64| if b > 0.0 { a / b } else { 0.0 };
         let weight = sum(&|pair| pair.weight);
@@ -159,9 +166,8 @@ impl Material {
         (sum > 0.0).then_some((apart, sum))
     }
 
-    fn worst(&self, pair: &Compared, wi: Direction, wo: Direction) -> WorstPair {
-        let [n_in, n_out, _] = self.geometry().shape();
-        let index = self.index_of(pair.number / (n_in * n_out));
+    fn worst(&self, pair: &Compared, entry: usize, wi: Direction, wo: Direction) -> WorstPair {
+        let index = self.index_of(entry);
         let (mut there, mut back) = (vec![0.0; self.lambdas()], vec![0.0; self.lambdas()]);
         self.compare(&index, wi, wo, &mut there, &mut back);
         let apart = |lambda: usize| (there[lambda] - back[lambda]).abs();

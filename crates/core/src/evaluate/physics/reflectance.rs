@@ -15,11 +15,12 @@ impl Material {
         if !quantity.has_cosine() {
             return unfit(QueryError::NoReflectance { quantity });
         }
-        self.needs_outgoing(Need::Reflectance)?;
-        let outgoing = self.layout().outgoing;
-        let axes = self.axes().iter().enumerate().filter(|&(i, _)| outgoing != Some(i));
+        let cells = self.on_triangles()?;
+        cells.needs_outgoing(Need::Reflectance)?;
+        let outgoing = cells.layout().outgoing;
+        let axes = cells.axes().iter().enumerate().filter(|&(i, _)| outgoing != Some(i));
         let axes: Vec<Axis> = axes.map(|(_, axis)| axis.clone()).collect();
-        let tensor = Tensor::new(axes, self.side(side))?;
-        Ok(Measurement::new(Quantity::Reflectance, Unit::One, self.geometry().sampling(), tensor)?)
+        let tensor = Tensor::new(axes, cells.side(side))?;
+        Ok(Measurement::new(Quantity::Reflectance, Unit::One, cells.geometry().sampling(), tensor)?)
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Smooth;
 use crate::domain::vector::Vector;
+use crate::evaluate::change::change_of_shape;
 use crate::evaluate::incoming::{Alignment, Nodes, carried};
 use crate::evaluate::mixed::{Mixed, Mixture};
 use crate::evaluate::planes::Planes;
@@ -9,15 +10,9 @@ use rayon::prelude::*;
 
 /// Nodes at which alignments are compared, about.
 const COMPARED: usize = 600;
-/// Changes of shape below this are none.
-const NO_CHANGE: f64 = 0.02;
-/// Pairs of neighbouring incoming directions that are compared at most, about.
-const MOST_PAIRS: usize = 256;
 
 impl Smooth {
-    /// How much the shape of the function changes from one incoming direction to its neighbours, carried as `alignment`
-    /// says: the standard deviation, by the square of the light, of the logarithm of the ratio. A lobe that stays where it is has a small one,
-    /// however much its height changes; one that moves away from under itself has a large one.
+    /// How much the shape of the function changes from one incoming direction to its neighbours, carried as `alignment` says.
     pub(super) fn change_between(
         &self,
         planes: &Planes,
@@ -29,35 +24,14 @@ impl Smooth {
     ) -> f64 {
         let pairs: Vec<(usize, usize)> =
             (0..own).flat_map(|node| nodes.neighbours(node).into_iter().map(move |other| (node, other))).collect();
-        let stride = (directions.len() / COMPARED).max(1);
-        let few = pairs.len().div_ceil(MOST_PAIRS).max(1);
-        let sums: Vec<(f64, f64)> = pairs
-            .par_iter()
-            .step_by(few)
-            .flat_map_iter(|&(node, other)| (0..entries).map(move |entry| (entry, node, other)))
-            .map(|(entry, node, other)| {
-                let (from, to) = (nodes.direction(node), nodes.direction(other));
-                let (mut light, mut first, mut second) = (0.0, 0.0, 0.0);
-                for d in directions.iter().step_by(stride) {
-                    let (there, worth) = carried(alignment, self.domain, from, to, *d);
-                    let here = brightness(planes, &self.looked_up(entry * own + node, *d));
-                    let there = brightness(planes, &self.looked_up(entry * own + other, there));
-                    if here > 0.0 && there > 0.0 && worth > 0.5 {
-                        // By the square of the light: lobes decide, not what lies around them.
-                        let weight = here * here * self.measure(*d);
-                        let ratio = libm::log(here / there);
-                        light += weight;
-                        first += weight * ratio;
-                        second += weight * ratio * ratio;
-                    }
-                }
-                let deviation = (second / light - (first / light).powi(2)).max(0.0).sqrt();
-                if light > 0.0 { (libm::log(deviation + NO_CHANGE), 1.0) } else { (0.0, 0.0) }
-            })
-            .collect();
-        // The geometric mean, or pairs at grazing incidence, where the height of lobes changes most, would have all the say.
-        let (logarithms, count) = sums.iter().fold((0.0, 0.0), |sum: (f64, f64), s| (sum.0 + s.0, sum.1 + s.1));
-        if count > 0.0 { libm::exp(logarithms / count) - NO_CHANGE } else { 0.0 }
+        let compared: Vec<Vector> = directions.iter().step_by((directions.len() / COMPARED).max(1)).copied().collect();
+        change_of_shape(
+            (&pairs, entries),
+            &compared,
+            |entry, node, d| brightness(planes, &self.looked_up(entry * own + node, d)),
+            |d| self.measure(d),
+            |node, other, d| carried(alignment, self.domain, nodes.direction(node), nodes.direction(other), d),
+        )
     }
 
     fn measure(&self, d: Vector) -> f64 {

@@ -275,11 +275,7 @@ fn full_form(
 fn directions(object: &Object<'_>) -> Result<DirectionGrid, FormatError> {
     object.only(&["frame", "polar", "azimuths", "extent", "covers", "outside", "mirrored"])?;
     object.unit(DEGREES)?;
-    let need = |key: &str| {
-        Ok::<_, FormatError>(
-            text(object.fields, key)?.ok_or_else(|| object.unfit(format!("no `{key}`, expected one")))?,
-        )
-    };
+    let need = |key: &str| text(object.fields, key)?.ok_or_else(|| object.unfit(format!("no `{key}`, expected one")));
     let azimuths = if object.has("azimuths") {
         Some(Azimuths { angles: object.numbers("azimuths")?, extent: named(need("extent")?)? })
     } else {

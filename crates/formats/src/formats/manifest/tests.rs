@@ -210,11 +210,11 @@ fn unfit_manifests_are_refused_with_their_reason() {
         (brdf(json!([{"kind": "wavelength", "unit": "ft", "values": [1]}])), vec![1], NeedsOption, "unit"),
         (brdf(json!([{"kind": "elevation", "values": [0, 30, 100]}, "hemi:0"])), vec![3, 4], NeedsOption, "100"),
         (brdf(json!([{"kind": "directions", "polar": [0, 30]}])), vec![2], NeedsOption, "`frame`"),
-        (brdf(json!([directions(json!({"polar": [0, 200]}))])), vec![2], NeedsOption, "0 to 180"),
-        (brdf(json!([directions(json!({"azimuths": [0, 90]}))])), vec![4], NeedsOption, "`extent`"),
-        (brdf(json!([directions(json!({"covers": [1, 90]}))])), vec![2], NeedsOption, "cover 1 to 90"),
-        (brdf(json!([directions(json!({"outside": "black"}))])), vec![2], NeedsOption, "masked, dark"),
-        (brdf(json!([directions(json!({"mirrored": 1}))])), vec![2], NeedsOption, "true or false"),
+        (brdf(json!([directions(&json!({"polar": [0, 200]}))])), vec![2], NeedsOption, "0 to 180"),
+        (brdf(json!([directions(&json!({"azimuths": [0, 90]}))])), vec![4], NeedsOption, "`extent`"),
+        (brdf(json!([directions(&json!({"covers": [1, 90]}))])), vec![2], NeedsOption, "cover 1 to 90"),
+        (brdf(json!([directions(&json!({"outside": "black"}))])), vec![2], NeedsOption, "masked, dark"),
+        (brdf(json!([directions(&json!({"mirrored": 1}))])), vec![2], NeedsOption, "true or false"),
         (brdf(json!([{"kind": "index", "count": 3, "labels": ["a"]}])), vec![3], NeedsOption, "labels"),
         (brdf(json!(["hemi:0", "rgb"])), vec![4, 3], NeedsOption, "directions"),
         (brdf(json!([angles("theta_i", &[0.0, 30.0]), "hemi:0"])), vec![2, 4], NeedsOption, "beside angles"),
@@ -240,7 +240,7 @@ fn unfit_manifests_are_refused_with_their_reason() {
 }
 
 /// A grid of two polar angles with other fields in place of or beside its own.
-fn directions(fields: Value) -> Value {
+fn directions(fields: &Value) -> Value {
     let mut axis = json!({"kind": "directions", "frame": "surface", "polar": [0, 30]});
     for (key, value) in fields.as_object().unwrap() {
         axis[key] = value.clone();

@@ -1,0 +1,51 @@
+//! How much the shape of a function changes from one incoming direction to its neighbours, which chooses the alignment.
+
+use crate::domain::vector::Vector;
+use rayon::prelude::*;
+
+/// Changes of shape below this are none.
+const NO_CHANGE: f64 = 0.02;
+/// Pairs of neighbouring incoming directions that are compared at most, about.
+const MOST_PAIRS: usize = 256;
+
+/// The change of shape over pairs of neighbouring incoming nodes in all entries of the opaque axes: the standard deviation, by the
+/// square of the light, of the logarithm of the ratio. A lobe that stays where it is has a small one, however much its height
+/// changes; one that moves away from under itself has a large one.
+///
+/// `light(entry, node, wo)` is the function, `measure(wo)` the weight of a direction, and `carried(node, other, wo)` says where
+/// what is seen along `wo` under one node is seen under the other, and how much that is worth.
+pub(super) fn change_of_shape(
+    (pairs, entries): (&[(usize, usize)], usize),
+    directions: &[Vector],
+    light: impl Fn(usize, usize, Vector) -> f64 + Sync,
+    measure: impl Fn(Vector) -> f64 + Sync,
+    carried: impl Fn(usize, usize, Vector) -> (Vector, f32) + Sync,
+) -> f64 {
+    let few = pairs.len().div_ceil(MOST_PAIRS).max(1);
+    let sums: Vec<(f64, f64)> = pairs
+        .par_iter()
+        .step_by(few)
+        .flat_map_iter(|&(node, other)| (0..entries).map(move |entry| (entry, node, other)))
+        .map(|(entry, node, other)| {
+            let (mut sum, mut first, mut second) = (0.0, 0.0, 0.0);
+            for &d in directions {
+                let (there, worth) = carried(node, other, d);
+                let here = light(entry, node, d);
+                let there = light(entry, other, there);
+                if here > 0.0 && there > 0.0 && worth > 0.5 {
+                    // By the square of the light: lobes decide, not what lies around them.
+                    let weight = here * here * measure(d);
+                    let ratio = libm::log(here / there);
+                    sum += weight;
+                    first += weight * ratio;
+                    second += weight * ratio * ratio;
+                }
+            }
+            let deviation = (second / sum - (first / sum).powi(2)).max(0.0).sqrt();
+            if sum > 0.0 { (libm::log(deviation + NO_CHANGE), 1.0) } else { (0.0, 0.0) }
+        })
+        .collect();
+    // The geometric mean, or pairs at grazing incidence, where the height of lobes changes most, would have all the say.
+    let (logarithms, count) = sums.iter().fold((0.0, 0.0), |sum: (f64, f64), s| (sum.0 + s.0, sum.1 + s.1));
+    if count > 0.0 { libm::exp(logarithms / count) - NO_CHANGE } else { 0.0 }
+}

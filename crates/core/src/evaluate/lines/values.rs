@@ -1,0 +1,149 @@
+//! The samples of a grid as they are interpolated: logarithms where no sample is negative, a value for every place.
+
+use rayon::prelude::*;
+
+/// Samples side by side, in which loops over wavelengths are compiled.
+const SIDE: usize = 4;
+
+/// Numbers `[entry][incoming place][outgoing place][lambda]`: logarithms, of which -inf is a sample of 0, or samples; NaN is
+/// masked.
+#[derive(Debug)]
+pub(super) struct Values {
+    numbers: Vec<f32>,
+    /// Numbers from one place to the next: wavelengths, and padding.
+    stride: usize,
+    lambdas: usize,
+    incoming: usize,
+    outgoing: usize,
+    is_logarithmic: bool,
+    is_whole: bool,
+}
+
+/// Entries of an axis, and the groups of them whose means are places of their own after them.
+pub(super) struct Places<'a> {
+    pub(super) own: usize,
+    pub(super) means: &'a [Vec<u32>],
+}
+
+impl Places<'_> {
+    fn count(&self) -> usize {
+        self.own + self.means.len()
+    }
+
+    /// The entries that a place is made of.
+    fn entries(&self, place: usize) -> Vec<usize> {
+        match place.checked_sub(self.own) {
+            None => vec![place],
+            Some(mean) => self.means[mean].iter().map(|&entry| entry as usize).collect(),
+        }
+    }
+}
+
+impl Values {
+    /// Takes samples `[entry][incoming][outgoing][lambda]`.
+    pub(super) fn new(samples: &[f32], lambdas: usize, incoming: &Places<'_>, outgoing: &Places<'_>) -> Self {
+        let is_logarithmic = !samples.iter().any(|&sample| sample < 0.0);
+        let stride = if lambdas == 1 { 1 } else { lambdas.next_multiple_of(SIDE) };
+        let (n_in, n_out) = (incoming.count(), outgoing.count());
+        let block = incoming.own * outgoing.own * lambdas;
+        let tables = samples.len() / block * n_in;
+        let mut numbers = vec![0.0; tables * n_out * stride];
+        let groups: [Vec<Vec<usize>>; 2] =
+            [incoming, outgoing].map(|places| (0..places.count()).map(|place| places.entries(place)).collect());
+        numbers.par_chunks_mut(n_out * stride).enumerate().for_each(|(table, numbers)| {
+            let samples = &samples[table / n_in * block..][..block];
+            for (row, of_place) in numbers.chunks_exact_mut(stride).zip(&groups[1]) {
+                for (lambda, number) in row.iter_mut().enumerate().take(lambdas) {
+                    let cells = groups[0][table % n_in].iter().flat_map(|i| of_place.iter().map(move |o| (i, o)));
+                    let sample = mean(cells.map(|(i, o)| samples[(i * outgoing.own + o) * lambdas + lambda]));
+                    *number = if is_logarithmic { libm::log(sample) as f32 } else { sample as f32 };
+                }
+            }
+        });
+        let is_whole = numbers.par_iter().all(|number| number.is_finite());
+        Self { numbers, stride, lambdas, incoming: n_in, outgoing: n_out, is_logarithmic, is_whole }
+    }
+
+    /// Returns true where numbers are logarithms.
+    pub(super) fn is_logarithmic(&self) -> bool {
+        self.is_logarithmic
+    }
+
+    /// Returns true where no sample is masked and, among logarithms, none is 0.
+    pub(super) fn is_whole(&self) -> bool {
+        self.is_whole
+    }
+
+    pub(super) fn lambdas(&self) -> usize {
+        self.lambdas
+    }
+
+    /// Places of incoming directions.
+    pub(super) fn incoming(&self) -> usize {
+        self.incoming
+    }
+
+    /// `SIZE` numbers of a place from `lambda` on.
+    #[inline(always)]
+    pub(super) fn numbers<const SIZE: usize>(&self, table: usize, place: u32, lambda: usize) -> [f32; SIZE] {
+        let start = (table * self.outgoing + place as usize) * self.stride + lambda;
+        let mut numbers = [0.0; SIZE];
+        numbers.copy_from_slice(&self.numbers[start..start + SIZE]);
+        numbers
+    }
+
+    /// The sample of one number.
+    #[inline(always)]
+    pub(super) fn sample(&self, number: f32) -> f32 {
+        if self.is_logarithmic { crate::numeric::exponential::exp_estrin(number) } else { number }
+    }
+
+    pub(super) fn memory(&self) -> usize {
+        size_of_val(&*self.numbers)
+    }
+}
+
+/// The mean of what is not masked; NaN where all is.
+fn mean(samples: impl Iterator<Item = f32>) -> f64 {
+    let (sum, count) = samples
+        .filter(|sample| !sample.is_nan())
+        .fold((0.0, 0_u32), |(sum, count), sample| (sum + f64::from(sample), count + 1));
+    if count == 0 { f64::NAN } else { sum / f64::from(count) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_hold_samples_and_their_means() {
+        let samples: Vec<f32> = (1..=24).map(|i| i as f32).collect();
+        // Two entries of two incoming directions, three outgoing ones, two wavelengths.
+        let incoming = Places { own: 2, means: &[vec![0, 1]] };
+        let outgoing = Places { own: 3, means: &[vec![0, 2]] };
+        let values = Values::new(&samples, 2, &incoming, &outgoing);
+        assert!(values.is_logarithmic() && values.is_whole());
+        let at = |table: usize, place: u32| values.numbers::<2>(table, place, 0).map(|log| values.sample(log));
+        let is_near = |found: [f32; 2], expected: [f32; 2]| {
+            assert!(found.iter().zip(expected).all(|(a, b)| (a / b - 1.0).abs() < 1e-6), "{found:?} {expected:?}");
+        };
+        is_near(at(0, 1), [3.0, 4.0]);
+        is_near(at(4, 2), [23.0, 24.0]);
+        is_near(at(0, 3), [3.0, 4.0]);
+        is_near(at(2, 0), [4.0, 5.0]);
+        is_near(at(5, 3), [18.0, 19.0]);
+    }
+
+    #[test]
+    fn masked_samples_are_no_part_of_a_mean() {
+        let places = Places { own: 4, means: &[vec![0, 1], vec![1, 2], vec![1]] };
+        let one = Places { own: 1, means: &[] };
+        let values = Values::new(&[2.0, f32::NAN, 0.0, -4.0], 1, &one, &places);
+        let at = |place: u32| values.numbers::<1>(0, place, 0)[0];
+        assert_eq!((at(3), at(4), at(5)), (-4.0, 2.0, 0.0));
+        assert!(at(6).is_nan() && !values.is_logarithmic() && !values.is_whole());
+        let values = Values::new(&[2.0, 0.0, 1.0, 4.0], 1, &one, &places);
+        assert_eq!(values.numbers::<1>(0, 1, 0), [f32::NEG_INFINITY]);
+        assert!(values.is_logarithmic() && !values.is_whole());
+    }
+}

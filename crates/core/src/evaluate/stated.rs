@@ -1,0 +1,182 @@
+//! The function of samples on a grid of angles at one place: whole spectra, some wavelengths, weighted sums.
+
+use super::directions::Pairs;
+use super::error::{Buffer, EvaluateError, QueryError, unfit};
+use super::form::candidates;
+use super::geometry::Geometry;
+use super::incoming::Alignment;
+use super::lines::{Found, Incoming, Lines};
+use super::place::{Beyond, Interpolation, Place};
+use super::samples::known_sum;
+use super::spectrum::between;
+use crate::domain::{Axis, Domain, Measurement, Quantity, Tensor};
+use rayon::prelude::*;
+
+/// Places that a thread takes at a time.
+const SHARE: usize = 1024;
+
+/// Where the stated directions lie, and what the function is there and between them.
+#[derive(Debug)]
+pub(super) struct Stated {
+    geometry: Geometry,
+    lines: Lines,
+}
+
+impl Stated {
+    /// The function of a measurement with this geometry; without an alignment by name the best is found.
+    pub(super) fn new(measurement: &Measurement, geometry: Geometry, alignment: Option<Alignment>) -> Self {
+        let candidates = alignment.map_or_else(|| candidates(measurement.quantity), |alignment| vec![alignment]);
+        let incoming = match geometry.layout().incoming.map(|axis| &geometry.axes()[axis]) {
+            Some(Axis::Elevation(values)) => Incoming::elevations(values),
+            Some(Axis::Grid(grid)) => Incoming::grid(grid),
+            _ => Incoming::NONE,
+        };
+        let domain = domain_of(measurement.quantity);
+        let first = candidates.first().copied().unwrap_or_default();
+        let (samples, lambdas) = (measurement.tensor.samples(), geometry.lambdas());
+        let mut lines = Lines::new(samples, lambdas, incoming, geometry.outgoing_grid(), (domain, first));
+        if geometry.shape()[0] > 1 && candidates.len() > 1 {
+            let has_cosine = measurement.quantity.has_cosine();
+            lines.align(geometry.entries(), &candidates, |d| if has_cosine { d[2].abs() } else { 1.0 });
+        }
+        Self { geometry, lines }
+    }
+
+    pub(super) fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
+    pub(super) fn lines(&self) -> &Lines {
+        &self.lines
+    }
+
+    /// Memory in bytes, without the size of the type.
+    pub(super) fn memory(&self) -> usize {
+        self.geometry.memory() + self.lines.memory()
+    }
+
+    /// Everything that is mixed at a place; `None` outside the outgoing domain of the quantity.
+    fn found(&self, place: Place<'_>, how: Interpolation) -> Result<Option<Found>, EvaluateError> {
+        let entry = self.geometry.entry_of(place)?;
+        let [wi, wo] = self.geometry.in_lines(place)?;
+        let is_outside = match domain_of(self.geometry.quantity()) {
+            Domain::Hemisphere => wo[2] < 0.0,
+            Domain::Lower => wo[2] > 0.0,
+            Domain::Sphere => false,
+        };
+        if self.geometry.is_isotropic() && wi[2] < 0.0 {
+            return self.geometry.refuse_incoming(place.wi);
+        }
+        let found = match how {
+            Interpolation::Smooth => self.lines.smooth(entry, wi, wo),
+            Interpolation::Constant => self.lines.nearest(entry, wi, wo),
+        };
+        match found {
+            None => self.geometry.refuse_incoming(place.wi),
+            Some(_) if is_outside && self.geometry.outgoing_grid().is_some() => Ok(None),
+            found => Ok(found),
+        }
+    }
+
+    /// As [`super::material::Material::evaluate`].
+    pub(super) fn spectrum(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
+        if out.len() != self.geometry.lambdas() {
+            let (found, expected) = (out.len(), self.geometry.lambdas());
+            return unfit(QueryError::Length { buffer: Buffer::Spectrum, found, expected });
+        }
+        match self.found(place, how)? {
+            Some(found) => self.lines.spectrum(&found, out),
+            None => out.fill(0.0),
+        }
+        Ok(())
+    }
+
+    /// As [`super::material::Material::at_wavelengths`].
+    pub(super) fn at_wavelengths(
+        &self,
+        place: Place<'_>,
+        how: Interpolation,
+        beyond: Beyond,
+        wavelengths: &[f64],
+        out: &mut [f32],
+    ) -> Result<(), EvaluateError> {
+        let Some(grid) = self.geometry.grid() else {
+            return unfit(QueryError::NoWavelengths { quantity: self.geometry.quantity() });
+        };
+        if out.len() != wavelengths.len() {
+            let (found, expected) = (out.len(), wavelengths.len());
+            return unfit(QueryError::Length { buffer: Buffer::Wavelengths, found, expected });
+        }
+        match self.found(place, how)? {
+            Some(found) => between(grid, beyond, wavelengths, out, |lambda| self.lines.sample(&found, lambda)),
+            None => between(grid, beyond, wavelengths, out, |_| 0.0),
+        }
+        Ok(())
+    }
+
+    /// As [`super::material::Material::weighted`].
+    pub(super) fn weighted(&self, place: Place<'_>, how: Interpolation, weights: &[f32]) -> Result<f32, EvaluateError> {
+        if weights.len() != self.geometry.lambdas() {
+            let (found, expected) = (weights.len(), self.geometry.lambdas());
+            return unfit(QueryError::Length { buffer: Buffer::Weights, found, expected });
+        }
+        let Some(found) = self.found(place, how)? else { return Ok(0.0) };
+        let lit = weights.iter().enumerate().filter(|(_, w)| **w != 0.0);
+        Ok(lit.map(|(lambda, w)| w * self.lines.sample(&found, lambda)).sum())
+    }
+
+    /// The same; masked samples are left out and the others weigh more, 0 where all are masked.
+    pub(super) fn weighted_known(
+        &self,
+        place: Place<'_>,
+        how: Interpolation,
+        weights: &[f32],
+    ) -> Result<f32, EvaluateError> {
+        let Some(found) = self.found(place, how)? else { return Ok(0.0) };
+        Ok(known_sum(weights, &|lambda| self.lines.sample(&found, lambda)))
+    }
+
+    /// As [`super::material::Material::spectra`].
+    pub(super) fn spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
+        pairs.check(out.len(), self.geometry.lambdas())?;
+        let mut rows = out.chunks_exact_mut(self.geometry.lambdas()).enumerate();
+        rows.try_for_each(|(i, out)| self.spectrum(pairs.place(i)?, how, out))
+    }
+
+    /// As [`super::material::Material::par_spectra`].
+    pub(super) fn par_spectra(
+        &self,
+        pairs: Pairs<'_>,
+        how: Interpolation,
+        out: &mut [f32],
+    ) -> Result<(), EvaluateError> {
+        let (count, lambdas) = (pairs.check(out.len(), self.geometry.lambdas())?, self.geometry.lambdas());
+        out.par_chunks_mut(SHARE * lambdas).enumerate().try_for_each(|(share, out)| {
+            let from = share * SHARE;
+            self.spectra(pairs.part(from, (from + SHARE).min(count)), how, out)
+        })
+    }
+
+    /// As [`super::material::Material::slice`].
+    pub(super) fn slice(&self, slice: usize) -> Vec<f32> {
+        self.lines.slice(self.geometry.shape(), slice)
+    }
+
+    /// The samples as they are opened: those decoded, to rounding.
+    pub(super) fn measurement(&self) -> Result<Measurement, EvaluateError> {
+        let [n_in, ..] = self.geometry.shape();
+        let samples = (0..self.geometry.entries() * n_in).flat_map(|slice| self.slice(slice)).collect();
+        let tensor = Tensor::new(self.geometry.axes().to_vec(), samples)?;
+        let (quantity, unit, sampling) = (self.geometry.quantity(), self.geometry.unit(), self.geometry.sampling());
+        Ok(Measurement { quantity, unit, sampling, tensor })
+    }
+}
+
+/// The directions into which a quantity sends light.
+pub(super) fn domain_of(quantity: Quantity) -> Domain {
+    match quantity {
+        Quantity::Brdf => Domain::Hemisphere,
+        Quantity::Btdf => Domain::Lower,
+        _ => Domain::Sphere,
+    }
+}

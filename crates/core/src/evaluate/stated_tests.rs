@@ -1,0 +1,229 @@
+//! Materials whose samples are on a grid of angles: values, batches, samples, densities, integrals and what is refused.
+
+use super::*;
+use crate::domain::vector::{add, unit};
+use crate::domain::{
+    Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Frame, Measurement, Outside, Quantity, Sampling, Tensor,
+    TriangleMesh, Unit, WavelengthGrid,
+};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+fn every(step: f64, count: usize) -> Vec<f64> {
+    (0..count).map(|i| step * i as f64).collect()
+}
+
+fn grid(frame: Frame, polar: Vec<f64>, azimuths: Option<(Vec<f64>, AzimuthExtent)>) -> DirectionGrid {
+    let azimuths = azimuths.map(|(angles, extent)| Azimuths { angles, extent });
+    DirectionGrid::new(frame, polar, azimuths).unwrap()
+}
+
+/// A lobe about the mirror direction over a coloured base.
+fn gloss(wi: Direction, wo: Direction, lambda: usize) -> f32 {
+    let h = unit(add(wi.xyz(), wo.xyz()));
+    (0.05 + 0.02 * lambda as f64 + 2.0 * libm::exp(-40.0 * (1.0 - h[2]))) as f32
+}
+
+fn brdf(incoming: Axis, wis: &[Direction]) -> Material {
+    let outgoing = grid(Frame::Surface, every(6.0, 16), Some((every(12.0, 16), AzimuthExtent::Mirrored)));
+    let outgoing = if matches!(incoming, Axis::Grid(_)) {
+        grid(Frame::Surface, every(6.0, 16), Some((every(12.0, 30), AzimuthExtent::Circle)))
+    } else {
+        outgoing
+    };
+    let samples = wis.iter().flat_map(|&wi| {
+        let outgoing = &outgoing;
+        (0..outgoing.len()).flat_map(move |o| (0..3).map(move |l| gloss(wi, outgoing.direction(o), l)))
+    });
+    let samples = samples.collect();
+    let lambda = Axis::Wavelength(WavelengthGrid::even(400.0, 100.0, 3).unwrap());
+    let tensor = Tensor::new(vec![incoming, Axis::Grid(outgoing), lambda], samples).unwrap();
+    Material::of(Measurement::new(Quantity::Brdf, Unit::PerSteradian, Sampling::Point, tensor).unwrap()).unwrap()
+}
+
+fn isotropic() -> Material {
+    let elevations = every(10.0, 8);
+    let wis: Vec<Direction> = elevations.iter().map(|&theta| Direction::from_degrees(theta, 0.0)).collect();
+    brdf(Axis::Elevation(elevations), &wis)
+}
+
+fn anisotropic() -> Material {
+    let incoming = grid(Frame::Surface, every(15.0, 5), Some((every(45.0, 8), AzimuthExtent::Circle)));
+    let wis: Vec<Direction> = (0..incoming.len()).map(|i| incoming.direction(i)).collect();
+    brdf(Axis::Grid(incoming), &wis)
+}
+
+fn lamp() -> Material {
+    let grid = grid(Frame::TypeC, every(5.0, 19), Some((every(22.5, 5), AzimuthExtent::Quadrant)));
+    let samples = (0..grid.len()).map(|i| {
+        let [x, _, z] = grid.direction(i).xyz();
+        (100.0 * libm::exp(-3.0 * (1.0 + z)) * (1.0 + 0.5 * x * x)) as f32
+    });
+    let samples = samples.collect();
+    let tensor = Tensor::new(vec![Axis::Grid(grid.with_outside(Outside::Dark))], samples).unwrap();
+    Material::of(Measurement::new(Quantity::Edf, Unit::Candela, Sampling::Point, tensor).unwrap()).unwrap()
+}
+
+/// Directions of both sides, some with azimuths all around.
+fn pairs(count: usize) -> (Vec<Direction>, Vec<Direction>) {
+    let mut rng = Pcg64Mcg::seed_from_u64(11);
+    let mut direction = |most: f64| Direction::from_degrees(most * rng.random::<f64>(), 360.0 * rng.random::<f64>());
+    ((0..count).map(|_| direction(58.0)).collect(), (0..count).map(|_| direction(89.0)).collect())
+}
+
+#[test]
+fn the_function_is_near_that_which_was_sampled() {
+    for material in [isotropic(), anisotropic()] {
+        let (wis, wos) = pairs(300);
+        let mut worst = 0.0_f32;
+        for (&wi, &wo) in wis.iter().zip(&wos) {
+            let mut found = [0.0; 3];
+            material
+                .evaluate(Place { index: &[], wi: Some(wi), wo: Some(wo) }, Interpolation::Smooth, &mut found)
+                .unwrap();
+            for (lambda, value) in found.into_iter().enumerate() {
+                worst = worst.max((value / gloss(wi, wo, lambda) - 1.0).abs());
+            }
+        }
+        assert!(worst < 0.12, "{worst}");
+        assert!(matches!(material.report().alignment, Alignment::HalfVector | Alignment::TurnedHalfVector));
+    }
+}
+
+#[test]
+fn batches_chosen_wavelengths_and_sums_are_those_of_single_calls() {
+    for material in [isotropic(), anisotropic()] {
+        let (wi, wo) = pairs(60);
+        let pairs = Pairs { index: &[], wi: Some(Directions::of(&wi)), wo: Some(Directions::of(&wo)) };
+        let mut all = vec![0.0; 180];
+        material.spectra(pairs, Interpolation::Smooth, &mut all).unwrap();
+        let mut parallel = vec![0.0; 180];
+        material.par_spectra(pairs, Interpolation::Smooth, &mut parallel).unwrap();
+        assert_eq!(all, parallel);
+        let chosen = material.choose(&[400.0, 550.0], Beyond::Masked).unwrap();
+        for (i, row) in all.chunks_exact(3).enumerate() {
+            let place = Place { index: &[], wi: Some(wi[i]), wo: Some(wo[i]) };
+            let mut one = [0.0; 3];
+            material.evaluate(place, Interpolation::Smooth, &mut one).unwrap();
+            assert_eq!(row, one);
+            let [a, b, ..] = chosen.at(place, Interpolation::Smooth).unwrap();
+            assert!(a == one[0] && (b - 0.5 * (one[1] + one[2])).abs() < 1e-5 * b);
+            let sum = material.weighted(place, Interpolation::Smooth, &[1.0, 0.0, 2.0]).unwrap();
+            assert!((sum - one[0] - 2.0 * one[2]).abs() < 1e-5 * sum);
+        }
+    }
+}
+
+#[test]
+fn densities_integrate_to_one_and_weights_have_the_right_mean() {
+    for (material, wi) in [
+        (isotropic(), Some(Direction::from_degrees(35.0, 77.0))),
+        (anisotropic(), Some(Direction::from_degrees(35.0, 77.0))),
+        (lamp(), None),
+    ] {
+        let domain = if wi.is_some() { crate::domain::Domain::Hemisphere } else { crate::domain::Domain::Sphere };
+        let mesh = TriangleMesh::new(domain, 7).unwrap();
+        let (mut density, mut light) = (0.0, 0.0);
+        for i in 0..mesh.len() {
+            let wo = mesh.centroid(i);
+            let pdf = material.pdf(&[], wi, wo, SampleOptions::default()).unwrap();
+            let place = Place { index: &[], wi, wo: Some(wo) };
+            let weights = vec![1.0 / material.lambdas() as f32; material.lambdas()];
+            let value = f64::from(material.weighted(place, Interpolation::Smooth, &weights).unwrap());
+            assert!(value <= 0.0 || pdf > 0.0, "light without density at {wo:?}");
+            density += pdf * mesh.solid_angle(i);
+            light += value * if wi.is_some() { mesh.projected_solid_angle(i) } else { mesh.solid_angle(i) };
+        }
+        assert!((density - 1.0).abs() < 5e-3, "{density}");
+        let side = 200_u32;
+        let (mut mean, mut square) = (0.0, 0.0);
+        for k in 0..side * side {
+            let u = [k / side, k % side].map(|k| (f64::from(k) + 0.5) / f64::from(side));
+            if let Some(drawn) = material.sample(&[], wi, u, SampleOptions::default()).unwrap() {
+                let pdf = material.pdf(&[], wi, drawn.direction, SampleOptions::default()).unwrap();
+                assert!((pdf / drawn.pdf - 1.0).abs() < 1e-6);
+                mean += drawn.weight / f64::from(side * side);
+                square += drawn.weight * drawn.weight / f64::from(side * side);
+            }
+        }
+        // Four standard errors of as many independent points, which stratified ones stay below.
+        let error = 4.0 * ((square - mean * mean) / f64::from(side * side)).sqrt();
+        assert!((mean - light).abs() < error && error < 0.03 * light, "{mean} {light} {error}");
+    }
+}
+
+#[test]
+fn stored_integrals_are_those_of_the_function_at_stated_directions() {
+    for (material, wi) in [
+        (isotropic(), Some(Direction::from_degrees(30.0, 0.0))),
+        (anisotropic(), Some(Direction::from_degrees(30.0, 45.0))),
+        (lamp(), None),
+    ] {
+        let (mut stored, mut light) = (vec![0.0; material.lambdas()], vec![0.0; material.lambdas()]);
+        material.albedo(&[], wi, Interpolation::Constant, &mut stored).unwrap();
+        material.integrated(Side::Both, &[], wi, Interpolation::Smooth, 2, &mut light).unwrap();
+        for (stored, light) in stored.into_iter().zip(light) {
+            assert!((stored / light - 1.0).abs() < 0.02, "{stored} {light}");
+        }
+    }
+}
+
+#[test]
+fn one_by_one_and_many_samples_are_the_same() {
+    let material = isotropic();
+    let (wi, _) = pairs(40);
+    let u: Vec<[f64; 2]> = (0..40).map(|i| [f64::from(i) / 40.0, f64::from(i * 7 % 40) / 40.0]).collect();
+    let mut many = vec![None; 40];
+    material.samples(&[], Some(Directions::of(&wi)), &u, SampleOptions::default(), &mut many).unwrap();
+    let at = material.sampler_at(500.0).unwrap();
+    for i in 0..40 {
+        let one = material.sample(&[], Some(wi[i]), u[i], SampleOptions::default()).unwrap();
+        assert_eq!(one, many[i]);
+        let Some(drawn) = at.sample(&[], Some(wi[i]), u[i], SampleOptions::default()).unwrap() else { continue };
+        let mut value = [0.0];
+        let place = Place { index: &[], wi: Some(wi[i]), wo: Some(drawn.direction) };
+        material.at_wavelengths(place, Interpolation::Smooth, Beyond::Masked, &[500.0], &mut value).unwrap();
+        let expected = f64::from(value[0]) * drawn.direction.cos_theta() / drawn.pdf;
+        assert!((drawn.weight / expected - 1.0).abs() < 1e-5);
+    }
+}
+
+#[test]
+fn reports_are_those_of_the_averages() {
+    let material = isotropic();
+    let reciprocity = material.reciprocity().unwrap();
+    assert!(reciprocity.pairs > 100 && reciprocity.mean < 0.05, "{}", reciprocity.mean);
+    let energy = material.energy().unwrap();
+    assert!(energy.albedo.is_some());
+    let flux = &lamp().energy().unwrap().flux.unwrap()[0];
+    assert!(flux.luminous.is_some_and(|lumens| lumens > 100.0));
+    assert_eq!(material.reflectance(Side::Both).unwrap().tensor.axes().len(), 2);
+}
+
+#[test]
+fn stated_samples_come_back_and_the_rest_is_refused() {
+    let material = isotropic();
+    let measurement = material.measurement().unwrap();
+    assert_eq!(measurement.tensor.axes(), material.axes());
+    let wo = Direction::from_degrees(42.0, 36.0);
+    let mut found = [0.0; 3];
+    for how in [Interpolation::Smooth, Interpolation::Constant] {
+        let wi = Direction::from_degrees(20.0, 0.0);
+        material.evaluate(Place { index: &[], wi: Some(wi), wo: Some(wo) }, how, &mut found).unwrap();
+        for (lambda, value) in found.into_iter().enumerate() {
+            assert!((value / gloss(wi, wo, lambda) - 1.0).abs() < 1e-5);
+        }
+    }
+    let below = Direction::from_degrees(120.0, 0.0);
+    let refused =
+        material.evaluate(Place { index: &[], wi: Some(below), wo: Some(wo) }, Interpolation::Smooth, &mut found);
+    assert!(matches!(refused, Err(EvaluateError::Query(QueryError::Outside { .. }))));
+    let up = Direction::from_degrees(0.0, 0.0);
+    material.evaluate(Place { index: &[], wi: Some(up), wo: Some(below) }, Interpolation::Smooth, &mut found).unwrap();
+    assert_eq!(found, [0.0; 3]);
+    let far = Place { index: &[], wi: Some(Direction::from_degrees(85.0, 10.0)), wo: Some(wo) };
+    let refused = anisotropic().evaluate(far, Interpolation::Smooth, &mut found).unwrap_err();
+    assert!(matches!(refused, EvaluateError::Query(QueryError::Unmeasured { .. })), "{refused}");
+    let missing = lamp().evaluate(Place::default(), Interpolation::Smooth, &mut [0.0]);
+    assert!(matches!(missing, Err(EvaluateError::Query(QueryError::MissingDirection { .. }))));
+}
