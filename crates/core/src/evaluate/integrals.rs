@@ -32,7 +32,7 @@ impl Material {
         how: Interpolation,
         out: &mut [f32],
     ) -> Result<(), EvaluateError> {
-        let cells = self.on_triangles()?;
+        let cells = self.over_triangles()?;
         cells.check_side(side)?;
         let [n_in, _, lambdas] = cells.geometry().shape();
         if out.len() != lambdas {
@@ -74,7 +74,7 @@ impl Material {
         finer: u8,
         out: &mut [f32],
     ) -> Result<(), EvaluateError> {
-        let cells = self.on_triangles()?;
+        let cells = self.over_triangles()?;
         cells.check_side(side)?;
         let mut value = vec![0.0; self.lambdas()];
         if out.len() != value.len() {

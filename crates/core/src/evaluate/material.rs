@@ -108,9 +108,10 @@ impl Material {
         Ok(Self { body, summary: None })
     }
 
-    /// This material, if its samples are those of cells; of samples on a grid of angles their averages over triangles, from which
-    /// directions are drawn and which are integrated. They are built when they are first asked for.
-    pub(super) fn on_triangles(&self) -> Result<&Self, EvaluateError> {
+    /// Returns this material, if its samples are those of cells; of samples on a grid of angles their averages over triangles, from
+    /// which directions are drawn and which are integrated. They are built when they are first asked for.
+    #[doc(hidden)]
+    pub fn over_triangles(&self) -> Result<&Self, EvaluateError> {
         match &self.body {
             Body::Cells(_) => Ok(self),
             Body::Grid { stated, cells } => {
@@ -367,14 +368,14 @@ impl Material {
 
     /// Builds the trees of one wavelength in nm, linear between the samples of the spectra. Refused outside the measured range.
     pub fn sampler_at(&self, wavelength: f64) -> Result<WavelengthSampler<'_>, EvaluateError> {
-        let (cells, lookup) = self.on_triangles()?.sampled()?;
+        let (cells, lookup) = self.over_triangles()?.sampled()?;
         WavelengthSampler::at(&cells.function, self.stated(), lookup, cells.mean_trees(lookup), wavelength)
     }
 
     /// The sampler by the mean over wavelengths; its trees are built when they are first asked for.
     #[inline]
     pub(super) fn sampler(&self) -> Result<Sampler<'_>, EvaluateError> {
-        let (cells, lookup) = self.on_triangles()?.sampled()?;
+        let (cells, lookup) = self.over_triangles()?.sampled()?;
         Ok(Sampler::new(&cells.function, cells.mean_trees(lookup)))
     }
 

@@ -3,6 +3,7 @@
 use super::error::{ExportError, OptionError, UnfitError, setting};
 use super::format::ExportFormat;
 use super::options::ExportOptions;
+use super::resolution::cell_axes;
 use crate::domain::{Axis, Domain, Quantity};
 use crate::evaluate::Material;
 
@@ -81,7 +82,7 @@ fn describe(material: &Material) -> String {
 
 /// What the format holds, if the material is something else.
 fn why_not(material: &Material, format: ExportFormat) -> Option<&'static str> {
-    let (axes, layout, quantity) = (material.axes(), material.layout(), material.quantity());
+    let (axes, layout, quantity) = (cell_axes(material), material.layout(), material.quantity());
     let incoming = layout.incoming.map(|axis| &axes[axis]);
     let outgoing = layout.outgoing.map(|axis| &axes[axis]);
     let has_wavelengths = matches!(axes.last(), Some(Axis::Wavelength(_)));

@@ -5,7 +5,7 @@ use super::exported::{Exported, Summary};
 use super::format::ExportFormat;
 use super::measure::{Draws, measure};
 use super::options::{ExportOptions, check_size};
-use super::resolution;
+use super::resolution::{self, cell_axes};
 use super::subject::{Subject, wavelengths};
 use crate::domain::vector::{Vector, add, cross, scale, unit};
 use crate::domain::{Axis, Direction};
@@ -98,7 +98,7 @@ fn incident(material: &Material) -> Vec<Direction> {
         let count = MEANS.0.min(length);
         (0..count).map(|i| at((2 * i + 1) * length / (2 * count))).collect()
     };
-    match material.layout().incoming.map(|axis| &material.axes()[axis]) {
+    match material.layout().incoming.map(|axis| &cell_axes(material)[axis]) {
         Some(Axis::Triangles(mesh)) => pick(mesh.len(), &|i| mesh.centroid(i)),
         Some(Axis::Elevation(values)) => pick(values.len(), &|i| Direction::from_degrees(values[i], 0.0)),
         _ => Vec::new(),

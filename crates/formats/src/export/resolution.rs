@@ -22,9 +22,14 @@ const ASKED_SIDES: std::ops::RangeInclusive<usize> = 2..=1024;
 /// Upper bound on the cosines of a phase function: a table of 16 MiB.
 const MOST_COSINES: usize = 1 << 20;
 
+/// The axes of a material's cells: of samples on a grid of angles, those of the triangles about as far apart.
+pub(super) fn cell_axes(material: &Material) -> &[Axis] {
+    material.over_triangles().map_or_else(|_| material.axes(), Material::axes)
+}
+
 /// The level of the outgoing triangles.
 pub(super) fn outgoing_level(material: &Material) -> u8 {
-    match material.layout().outgoing.map(|axis| &material.axes()[axis]) {
+    match material.layout().outgoing.map(|axis| &cell_axes(material)[axis]) {
         Some(Axis::Triangles(mesh)) => mesh.level(),
         _ => 0,
     }
@@ -60,7 +65,7 @@ pub(super) struct Incident {
 
 /// Incident directions and nodes of a file with `channels` channels.
 pub(super) fn incident(material: &Material, options: &ExportOptions, channels: usize) -> Result<Incident, ExportError> {
-    let axis = material.layout().incoming.map(|axis| &material.axes()[axis]);
+    let axis = material.layout().incoming.map(|axis| &cell_axes(material)[axis]);
     let own = match axis {
         Some(Axis::Elevation(values)) => values.clone(),
         _ => Vec::new(),

@@ -247,10 +247,17 @@ impl<'a> Look<'a> {
     }
 }
 
-/// The straight way in: for the lower hemisphere it is from below.
+/// The straight way in: for the lower hemisphere it is from below, and for a grid that covers neither its first direction.
 pub(super) fn normal(incoming: &Axis) -> Direction {
-    let below = matches!(incoming, Axis::Triangles(mesh) if mesh.domain() == crate::domain::Domain::Lower);
-    Direction::from_degrees(if below { 180.0 } else { 0.0 }, 0.0)
+    let [up, down] = [0.0, 180.0].map(|theta| Direction::from_degrees(theta, 0.0));
+    match incoming {
+        Axis::Triangles(mesh) if mesh.domain() == crate::domain::Domain::Lower => down,
+        Axis::Grid(grid) => {
+            let covered = [up, down].into_iter().find(|&direction| grid.angles(direction).is_some());
+            covered.unwrap_or_else(|| grid.direction(0))
+        }
+        _ => up,
+    }
 }
 
 /// The spectral intensity's unit in W/sr/nm (of photons: what is left when each has its energy).

@@ -91,7 +91,7 @@ impl Material {
     /// What leaves the material for every incoming direction and wavelength, of the piecewise constant function; refused
     /// for quantities without an outgoing axis.
     pub fn energy(&self) -> Result<EnergyReport, EvaluateError> {
-        let cells = self.on_triangles()?;
+        let cells = self.over_triangles()?;
         cells.needs_outgoing(Need::Energy)?;
         let quantity = self.quantity();
         let mut report = EnergyReport { quantity, albedo: None, normalisation: None, flux: None };

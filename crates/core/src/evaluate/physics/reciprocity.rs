@@ -82,7 +82,7 @@ impl Material {
     pub fn reciprocity(&self) -> Result<ReciprocityReport, EvaluateError> {
         let up = Direction::from_degrees(0.0, 0.0);
         self.pair(Place { index: &[], wi: Some(up), wo: Some(up) })?;
-        let cells = self.on_triangles()?;
+        let cells = self.over_triangles()?;
         let mesh = cells.needs_outgoing(Need::Reciprocity)?;
         let [incoming, outgoing, _] = cells.geometry().shape();
         let wis: Vec<(Direction, f64)> =

@@ -15,7 +15,7 @@ impl Material {
         if !quantity.has_cosine() {
             return unfit(QueryError::NoReflectance { quantity });
         }
-        let cells = self.on_triangles()?;
+        let cells = self.over_triangles()?;
         cells.needs_outgoing(Need::Reflectance)?;
         let outgoing = cells.layout().outgoing;
         let axes = cells.axes().iter().enumerate().filter(|&(i, _)| outgoing != Some(i));

@@ -32,7 +32,7 @@ pub(super) fn picture(
     channels: &Channels,
     size: usize,
 ) -> Result<Vec<u8>, PreviewError> {
-    let surface = Surface::of(material, index, channels)?;
+    let surface = Surface::of(material.over_triangles()?, index, channels)?;
     let scene = Scene::of(&surface, size)?;
     let pixels = scene.pixels()?;
     let exposure = exposure(&pixels);
