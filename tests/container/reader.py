@@ -283,10 +283,48 @@ class Axis:
     def __repr__(self):
         if self.kind == "triangles":
             return f"{self.count} triangles of the {DOMAINS[self.domain]}, level {self.level}"
+        if self.kind == "grid":
+            polar, azimuths, frame = self.values
+            around = f" x {len(azimuths)} azimuths" if azimuths else ""
+            return f"{len(polar)} polar angles{around}, {FRAMES[frame]}"
         if self.kind in ("wavelength", "elevation"):
             unit = "nm" if self.kind == "wavelength" else "degrees"
             return f"{self.count} {self.kind}s, {self.values[0]:g} to {self.values[-1]:g} {unit}"
         return f"{self.kind}, {self.count} entries"
+
+
+FRAMES = ["surface", "type C", "type B", "type A"]
+EXTENTS = [(-720, 720)] * 3 + [(0, 180), (90, 270), (0, 90)]
+
+
+def increases(v, low, high):
+    require(all(a < b for a, b in zip(v, v[1:])), "an axis that does not increase")
+    require(v and low <= v[0] and v[-1] <= high, "values out of range")
+
+
+def read_grid(r, form):
+    polar = read_list(r, form, MAX_ENTRIES)
+    flags = r.unsigned(1)
+    require(flags < 128, "unknown flags of a grid of directions")
+    frame = flags & 3
+    low, high = (0, 180) if frame < 2 else (-90, 90)
+    increases(polar, low, high)
+    least = r.number("d") if flags & 32 else polar[0]
+    most = r.number("d") if flags & 64 else polar[-1]
+    require(low <= least <= polar[0] and polar[-1] <= most <= high, "a range covered that is not around its angles")
+    require(not flags & 8 or frame > 1 and polar[0] >= 0, "mirrored angles that are no latitudes from 0 on")
+    azimuths = []
+    if flags & 16:
+        first = r.unsigned(1)
+        require(first & 7 == 6 and first >> 3 in [14, 15] + list(range(10)), "no azimuths after polar angles")
+        azimuths = read_list(r, first >> 3, MAX_ENTRIES)
+        extent = r.unsigned(1)
+        require(extent < len(EXTENTS), "an unknown extent of azimuths")
+        increases(azimuths, *EXTENTS[extent])
+        span = azimuths[-1] - azimuths[0]
+        require(span == 360 if extent == 1 else span < 360 if extent == 0 else span <= 360, "azimuths of another extent")
+        require(len(polar) * len(azimuths) <= MAX_SAMPLES, "too many directions")
+    return Axis("grid", len(polar) * max(len(azimuths), 1), (polar, azimuths, frame))
 
 
 def triangles(domain, level):
@@ -303,7 +341,7 @@ def read_axis(r):
         r.note(start, f"axis: {axis}")
         return axis
     kind, form = first & 7, first >> 3
-    forms = {0: [15], 1: [14, 15], 2: [14, 15]}.get(kind)
+    forms = {0: [15], 1: [14, 15], 2: [14, 15], 5: [14, 15]}.get(kind)
     require(form in forms + list(range(10)) if forms else kind in (3, 4) and form == 0, "an unknown axis")
     if kind == 0:
         number = lambda: r.number("d") if form == 15 else float(r.varint()) / power(form)
@@ -313,11 +351,13 @@ def read_axis(r):
         axis = Axis("index", r.varint(MAX_ENTRIES))
     elif kind == 4:
         axis = Axis("rgb", 3)
+    elif kind == 5:
+        axis = read_grid(r, form)
     else:
         values = read_list(r, form, MAX_WAVELENGTHS if kind == 1 else MAX_ENTRIES)
         axis = Axis("wavelength" if kind == 1 else "elevation", len(values), values)
     require(axis.count > 0, "an empty axis")
-    if axis.values:
+    if axis.values and kind != 5:
         v = axis.values
         require(all(a < b for a, b in zip(v, v[1:])), "an axis that does not increase")
         require(v[0] > 0 and math.isfinite(v[-1]) if kind < 2 else v[0] >= 0 and v[-1] <= 90, "values out of range")
@@ -371,14 +411,15 @@ def check_layout(quantity, axes):
     while i < len(kinds) and kinds[i] == "index":
         i += 1
     first = i
-    while i < len(kinds) and kinds[i] in ("triangles", "elevation"):
+    while i < len(kinds) and kinds[i] in ("triangles", "elevation", "grid"):
         i += 1
     directions = i - first
     i += i < len(kinds) and kinds[i] in ("wavelength", "rgb")
     require(i == len(kinds), "axes out of order")
     require(directions in (0, DIRECTIONS[quantity]), "directions that do not fit the quantity")
     outgoing = directions == 2 or quantity == 2 and directions == 1
-    require(not outgoing or kinds[first + directions - 1] == "triangles", "elevations of outgoing directions")
+    require(not outgoing or kinds[first + directions - 1] != "elevation", "elevations of outgoing directions")
+    require(not {"triangles", "grid"} <= set(kinds), "triangles beside a grid of directions")
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -10,7 +10,8 @@ use std::fs;
 use std::path::PathBuf;
 use wavelume_core::compress::{Policy, Settings, Target, compress, decode, decode_block, decode_level, levels};
 use wavelume_core::domain::{
-    Axis, Domain, Measurement, Quantity, Sampling, Silent, Tensor, TriangleMesh, Unit, WavelengthGrid,
+    Axis, AzimuthExtent, Azimuths, DirectionGrid, Domain, Frame, Measurement, Outside, Quantity, Sampling, Silent,
+    Tensor, TriangleMesh, Unit, WavelengthGrid,
 };
 
 type Vector = [f64; 3];
@@ -118,6 +119,7 @@ fn all() -> Vec<Golden> {
         linear(),
         signed(),
         lossless(),
+        stated(),
         conventional(),
     ]
 }
@@ -317,6 +319,21 @@ fn lossless() -> Golden {
         _ => direction(&axes[0], at[0])[2] * (1.0 + 0.1 * at[1] as f64) * (1.0 + 0.01 * noise(i)),
     });
     golden("lossless", Quantity::Edf, data, Target::Lossless)
+}
+
+/// A grid of directions as a file states it, in every part that an axis can have.
+fn stated() -> Golden {
+    let azimuths = Azimuths { angles: vec![0.0, 22.5, 90.0, 157.5, 180.0], extent: AzimuthExtent::Mirrored };
+    let grid = DirectionGrid::new(Frame::Surface, vec![0.0, 10.5, 30.0, 75.25], Some(azimuths)).unwrap();
+    let grid = grid.covering(0.0, 90.0).unwrap().with_outside(Outside::Dark);
+    let axes = vec![Axis::Elevation(vec![0.0, 20.0, 60.0]), Axis::Grid(grid), Axis::Rgb];
+    let data = tensor(axes, |i, at| match i {
+        7..=9 => f64::NAN,
+        12 => 0.0,
+        13 => -0.25,
+        _ => (1.0 + at[0] as f64) / (1.0 + at[1] as f64) * (1.0 + 0.1 * noise(i)),
+    });
+    golden("stated", Quantity::Brdf, data, Target::Lossless)
 }
 
 /// The paper's policy.
