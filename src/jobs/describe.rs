@@ -199,6 +199,7 @@ mod tests {
             spectral: None,
             outside: Outside::Zero,
             values: vec![1.0, 2.0, 3.0, 4.0, f32::NAN, 0.5],
+            stated: None,
         };
         let factor = SpectralFactor { grid: WavelengthGrid::even(400.0, 10.0, 2).unwrap(), factors: vec![0.5, 2.0] };
         let described = describe(&Acquisition {

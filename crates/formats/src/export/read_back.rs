@@ -80,6 +80,7 @@ mod tests {
             spectral: None,
             outside: Outside::Masked,
             values: (0..12).map(|i| i as f32).collect(),
+            stated: None,
         }
     }
 

@@ -1,5 +1,6 @@
 //! What every parser gives: samples as the instrument took them, and a report of all that was assumed.
 
+use super::stated_grid::StatedGrid;
 use crate::domain::vector::{Vector, unit};
 use crate::domain::{Axis, Direction, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
 use serde::Serialize;
@@ -133,6 +134,8 @@ pub struct AngleGrid {
     pub outside: Outside,
     /// The values.
     pub values: Vec<f32>,
+    /// The grid as the file states it, where that is not this one: see [`AngleGrid::as_stated`].
+    pub stated: Option<Box<StatedGrid>>,
 }
 
 /// The angles of one direction, in degrees of the surface frame (theta from `+z`; a luminaire's theta = 180° − gamma).

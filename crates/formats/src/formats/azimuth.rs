@@ -52,14 +52,15 @@ pub(super) fn merge_repeated(phi: &mut Vec<f64>, values: &mut Vec<f32>, inner: u
 }
 
 /// What listed azimuths (degrees, strictly increasing) stand for: as `stated`, else as their spacing tells; a repeated one
-/// is averaged into the first. `mirror`: the data are isotropic, so that half a circle is the image of the other.
-/// `values` are `[outer, phi, inner]`; `what` names the azimuths in messages.
+/// is averaged into the first, and the values as they were before go to `kept`. `mirror`: the data are isotropic, so that
+/// half a circle is the image of the other. `values` are `[outer, phi, inner]`; `what` names the azimuths in messages.
 pub(super) fn extended(
     what: &str,
     mut phi: Vec<f64>,
     stated: Option<AzimuthExtent>,
     mirror: bool,
     (values, inner): (&mut Vec<f32>, usize),
+    kept: &mut Option<Vec<f32>>,
     report: &mut ParseReport,
 ) -> Result<Azimuths, String> {
     let (first, last) = (phi[0], phi[phi.len() - 1]);
@@ -69,6 +70,7 @@ pub(super) fn extended(
     }
     match (stated, closing(&phi)) {
         (None | Some(AzimuthExtent::Circle | AzimuthExtent::Sector), Closing::Repeated) => {
+            kept.get_or_insert_with(|| values.clone());
             let difference = merge_repeated(&mut phi, values, inner);
             if difference > 0.0 {
                 let percent = 100.0 * difference;

@@ -3,7 +3,10 @@
 use super::acquisition::{AngleGrid, Angles, AzimuthExtent, Azimuths, NoteKind, Outside, ParseReport};
 use super::azimuth::{Closing, circle, closing, merge_repeated};
 use super::error::FormatError;
+use super::intensities::{Ordered, Polar, Stated, mean, ordered};
+use super::stated_grid::{StatedGrid, StatedGridError};
 use super::text::{Brief, Source};
+use crate::domain::{self, DirectionGrid, Frame};
 
 /// Rows of a grid that are filled at a time.
 const ROWS: usize = 16;
@@ -17,116 +20,6 @@ pub(super) enum Planes {
     Circle,
 }
 
-/// Angles (degrees, with their offset in the text) and intensities, `[horizontal][vertical]`, as stated.
-pub(super) struct Stated {
-    pub(super) vertical: Vec<(f64, usize)>,
-    pub(super) horizontal: Vec<(f64, usize)>,
-    pub(super) values: Vec<f32>,
-}
-
-/// The same with strictly increasing angles.
-pub(super) struct Ordered {
-    pub(super) vertical: Vec<f64>,
-    pub(super) horizontal: Vec<f64>,
-    pub(super) values: Vec<f32>,
-}
-
-/// Makes both axes strictly increasing: a falling axis is turned round, an angle listed twice is averaged, anything
-/// else is refused. Angles must lie in the given ranges.
-pub(super) fn ordered(
-    stated: Stated,
-    vertical_range: (f64, f64),
-    horizontal_range: (f64, f64),
-    source: &Source,
-    report: &mut ParseReport,
-) -> Result<Ordered, FormatError> {
-    let Stated { vertical, horizontal, mut values } = stated;
-    let planes = horizontal.len();
-    let mut axis = |angles, range, what, outer, inner| {
-        increasing(Axis { angles, range, what, outer, inner }, &mut values, source, report)
-    };
-    let vertical = axis(vertical, vertical_range, "vertical", planes, 1)?;
-    let inner = vertical.len();
-    let horizontal = axis(horizontal, horizontal_range, "horizontal", 1, inner)?;
-    if vertical.len() < 2 {
-        return Err(source.malformed(source.text().len(), "one vertical angle spans nothing, expected at least two"));
-    }
-    Ok(Ordered { vertical, horizontal, values })
-}
-
-/// One axis of a table `[outer, angles, inner]`.
-struct Axis {
-    angles: Vec<(f64, usize)>,
-    range: (f64, f64),
-    what: &'static str,
-    outer: usize,
-    inner: usize,
-}
-
-fn increasing(
-    axis: Axis,
-    values: &mut Vec<f32>,
-    source: &Source,
-    report: &mut ParseReport,
-) -> Result<Vec<f64>, FormatError> {
-    let Axis { angles, range: (low, high), what, outer, inner } = axis;
-    let n = angles.len();
-    if let Some(&(angle, offset)) = angles.iter().find(|(angle, _)| !(low..=high).contains(angle)) {
-        let message = format!("{what} angle {angle}°, expected {low}° to {high}°", angle = Brief(angle));
-        return Err(source.malformed(offset, message));
-    }
-    let falling = angles[n - 1].0 < angles[0].0;
-    let order: Vec<usize> = if falling { (0..n).rev().collect() } else { (0..n).collect() };
-    for pair in angles.array_windows() {
-        let [(a, _), (b, offset)] = *pair;
-        if (falling && b > a) || (!falling && b < a) {
-            let expected = if falling { "decreasing" } else { "increasing" };
-            return Err(source.malformed(
-                offset,
-                format!("{what} angle {b}° after {a}°, expected {expected} angles", a = Brief(a), b = Brief(b)),
-            ));
-        }
-    }
-    if falling {
-        report.note(NoteKind::Warning, format!("{what} angles decrease, expected increasing; turned round"));
-    }
-    let mut groups: Vec<Vec<usize>> = Vec::with_capacity(n);
-    let mut increasing: Vec<f64> = Vec::with_capacity(n);
-    for i in order {
-        match (increasing.last(), groups.last_mut()) {
-            (Some(&last), Some(group)) if last == angles[i].0 => group.push(i),
-            _ => {
-                increasing.push(angles[i].0);
-                groups.push(vec![i]);
-            }
-        }
-    }
-    let twice = n - increasing.len();
-    if twice > 0 {
-        report.note(
-            NoteKind::Warning,
-            format!("{twice} {what} angles are listed more than once, their intensities averaged"),
-        );
-    }
-    if falling || twice > 0 {
-        let mut rebuilt = Vec::with_capacity(outer * groups.len() * inner);
-        for o in 0..outer {
-            for group in &groups {
-                for k in 0..inner {
-                    rebuilt.push(mean(group.iter().map(|&i| values[(o * n + i) * inner + k])));
-                }
-            }
-        }
-        *values = rebuilt;
-    }
-    Ok(increasing)
-}
-
-fn mean(values: impl Iterator<Item = f32>) -> f32 {
-    let (sum, count) = values.fold((0.0, 0_usize), |(sum, count), value| (sum + f64::from(value), count + 1));
-    (sum / count as f64) as f32
-}
-
 /// Type C: gamma from nadir, C planes round the vertical axis (LM-63-2002 section 5.11, symmetry by the last angle).
 pub(super) fn type_c(
     stated: Stated,
@@ -135,7 +28,9 @@ pub(super) fn type_c(
     report: &mut ParseReport,
 ) -> Result<(AngleGrid, &'static str), FormatError> {
     let last_offset = stated.horizontal.last().map_or(0, |&(_, offset)| offset);
-    let Ordered { vertical, horizontal, mut values } = ordered(stated, (0.0, 180.0), (0.0, 360.0), source, report)?;
+    let table = ordered(stated, (0.0, 180.0), (0.0, 360.0), source, report)?;
+    let (vertical, horizontal) = (&table.vertical, &table.horizontal);
+    let mut values = table.intensities.values().to_vec();
     let (first, last) = (vertical[0], vertical[vertical.len() - 1]);
     if !((first == 0.0 || first == 90.0) && (last == 90.0 || last == 180.0)) {
         report.note(
@@ -147,8 +42,8 @@ pub(super) fn type_c(
             ),
         );
     }
-    average_poles(&vertical, horizontal.len(), &mut values, report);
-    let Some(planes) = planes(horizontal, stand_for, &mut values, vertical.len(), report) else {
+    average_poles(vertical, horizontal.len(), &mut values, report);
+    let Some(planes) = planes(horizontal.clone(), stand_for, &mut values, vertical.len(), report) else {
         return Err(source.malformed(
             last_offset,
             "horizontal angles that are no symmetry of type C, expected 0, 0–90, 0–180, 90–270 or 0–360",
@@ -169,7 +64,18 @@ pub(super) fn type_c(
     }
     let theta = vertical.iter().rev().map(|gamma| 180.0 - gamma).collect();
     let phi = planes.extent.map(|extent| Azimuths { phi: planes.columns.iter().map(|&(c, _)| c).collect(), extent });
-    Ok((luminaire(theta, (180.0 - last, 180.0 - first), phi, turned), planes.symmetry))
+    let mut grid = luminaire(theta, (180.0 - last, 180.0 - first), phi, turned);
+    let stated =
+        stated_planes(&table, planes.stated).map_err(|error| source.malformed(last_offset, error.to_string()))?;
+    grid.stated = Some(Box::new(stated));
+    Ok((grid, planes.symmetry))
+}
+
+/// The planes as the file lists them.
+fn stated_planes(table: &Ordered, extent: Option<domain::AzimuthExtent>) -> Result<StatedGrid, StatedGridError> {
+    let azimuths = extent.map(|extent| domain::Azimuths { angles: table.horizontal.clone(), extent });
+    let directions = DirectionGrid::new(Frame::TypeC, table.vertical.clone(), azimuths)?;
+    table.stated(directions.with_outside(domain::Outside::Dark), Polar::Vertical)
 }
 
 /// A grid of intensities in the luminaire frame; 0 outside.
@@ -181,6 +87,7 @@ pub(super) fn luminaire(theta: Vec<f64>, covers: (f64, f64), phi: Option<Azimuth
         spectral: None,
         outside: Outside::Zero,
         values,
+        stated: None,
     }
 }
 
@@ -211,6 +118,8 @@ fn average_poles(vertical: &[f64], planes: usize, values: &mut [f32], report: &m
 struct Unfolded {
     columns: Vec<(f64, usize)>,
     extent: Option<AzimuthExtent>,
+    /// The extent of the planes that are stored; `None` for one plane C0 that stands for all.
+    stated: Option<domain::AzimuthExtent>,
     symmetry: &'static str,
 }
 
@@ -221,6 +130,7 @@ fn planes(
     verticals: usize,
     report: &mut ParseReport,
 ) -> Option<Unfolded> {
+    use domain::AzimuthExtent::{Circle, Closed, Mirrored, MirroredAt90, Quadrant};
     let listed = |angles: &[f64]| angles.iter().copied().enumerate().map(|(i, c)| (c, i)).collect::<Vec<_>>();
     let (first, last) = (horizontal[0], horizontal[horizontal.len() - 1]);
     let mirrored = Some(AzimuthExtent::Mirrored);
@@ -231,29 +141,35 @@ fn planes(
                 format!("one plane at C{first}, taken to hold all round", first = Brief(first)),
             );
         }
-        return Some(Unfolded { columns: listed(&horizontal), extent: None, symmetry: "axially symmetric" });
+        // A plane at another angle keeps it.
+        let stated = (first != 0.0).then_some(Circle);
+        return Some(Unfolded { columns: listed(&horizontal), extent: None, stated, symmetry: "axially symmetric" });
     }
     let by_angles = stand_for == Planes::ByAngles;
     if by_angles && (first, last) == (0.0, 90.0) {
         let mut columns = listed(&horizontal);
         let folded: Vec<_> = columns.iter().rev().filter(|(c, _)| *c < 90.0).map(|&(c, i)| (180.0 - c, i)).collect();
         columns.extend(folded);
-        return Some(Unfolded { columns, extent: mirrored, symmetry: "quadrant symmetric" });
+        let stated = Some(Quadrant);
+        return Some(Unfolded { columns, extent: mirrored, stated, symmetry: "quadrant symmetric" });
     }
     if by_angles && (first, last) == (0.0, 180.0) {
         let columns = listed(&horizontal);
-        return Some(Unfolded { columns, extent: mirrored, symmetry: "symmetric about the 0-180 plane" });
+        let stated = Some(Mirrored);
+        return Some(Unfolded { columns, extent: mirrored, stated, symmetry: "symmetric about the 0-180 plane" });
     }
     if by_angles && (first, last) == (90.0, 270.0) {
         let measured = listed(&horizontal);
         let before = measured.iter().rev().filter(|(c, _)| *c > 90.0 && *c <= 180.0).map(|&(c, i)| (180.0 - c, i));
         let after = measured.iter().rev().filter(|(c, _)| *c > 180.0 && *c < 270.0).map(|&(c, i)| (540.0 - c, i));
         let columns = before.chain(measured.iter().copied()).chain(after).collect();
-        let extent = Some(AzimuthExtent::Circle);
-        return Some(Unfolded { columns, extent, symmetry: "symmetric about the 90-270 plane" });
+        let (extent, stated) = (Some(AzimuthExtent::Circle), Some(MirroredAt90));
+        return Some(Unfolded { columns, extent, stated, symmetry: "symmetric about the 90-270 plane" });
     }
+    let mut stated = Some(Circle);
     match closing(&horizontal) {
         Closing::Repeated => {
+            stated = Some(Closed);
             let difference = merge_repeated(&mut horizontal, values, verticals);
             if difference > 0.0 {
                 let percent = 100.0 * difference;
@@ -273,7 +189,7 @@ fn planes(
         Closing::Gap => return None,
     }
     let extent = Some(circle(Vec::new()).extent);
-    Some(Unfolded { columns: listed(&horizontal), extent, symmetry: "no symmetry" })
+    Some(Unfolded { columns: listed(&horizontal), extent, stated, symmetry: "no symmetry" })
 }
 
 fn assume_closed(first: f64, last: f64, report: &mut ParseReport) {

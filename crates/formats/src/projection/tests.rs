@@ -29,7 +29,15 @@ fn acquisition(quantity: Quantity, samples: Samples) -> Acquisition {
 fn edf(outgoing: Angles, outside: Outside, f: impl Fn(f64, f64) -> f32) -> Acquisition {
     let phi = outgoing.phi.as_ref().map_or(vec![0.0], |azimuths| azimuths.phi.clone());
     let values = outgoing.theta.iter().flat_map(|&t| phi.iter().map(move |&p| (t, p))).map(|(t, p)| f(t, p)).collect();
-    let grid = AngleGrid { index: vec![], incoming: None, outgoing: Some(outgoing), spectral: None, outside, values };
+    let grid = AngleGrid {
+        index: vec![],
+        incoming: None,
+        outgoing: Some(outgoing),
+        spectral: None,
+        outside,
+        values,
+        stated: None,
+    };
     acquisition(Quantity::Edf, Samples::Grid(grid))
 }
 
@@ -54,6 +62,7 @@ fn brdf(f: impl Fn(Direction, Direction, usize) -> f32) -> Acquisition {
         spectral: Some(Axis::Rgb),
         outside: Outside::Masked,
         values,
+        stated: None,
     };
     acquisition(Quantity::Brdf, Samples::Grid(grid))
 }
@@ -240,6 +249,7 @@ fn isotropic_elevations_stay_and_transmission_goes_down() {
         spectral: None,
         outside: Outside::Masked,
         values,
+        stated: None,
     };
     let acquired = acquisition(Quantity::Btdf, Samples::Grid(grid));
     let projected = project(&acquired, &levels(None, Some(1))).unwrap();
@@ -273,7 +283,8 @@ fn scan(phi_i: f64, phi_o: Vec<f64>, extent: AzimuthExtent) -> Acquisition {
         }
     }
     let (incoming, outgoing) = (Some(incoming), Some(outgoing));
-    let grid = AngleGrid { index: vec![], incoming, outgoing, spectral: None, outside: Outside::Masked, values };
+    let grid =
+        AngleGrid { index: vec![], incoming, outgoing, spectral: None, outside: Outside::Masked, values, stated: None };
     acquisition(Quantity::Brdf, Samples::Grid(grid))
 }
 

@@ -199,7 +199,10 @@ fn fill(acquisition: &mut Acquisition, document: &Document) -> Result<(), Format
         Samples::OnAxes { tensor, .. } => {
             *tensor = Tensor::new(tensor.axes().to_vec(), values).map_err(|e| malformed(e.to_string()))?;
         }
-        Samples::Grid(grid) => grid.values = values,
+        Samples::Grid(grid) => {
+            grid.values = values;
+            grid.stated = None;
+        }
         Samples::Scattered(scattered) => scattered.values = values,
         Samples::Function(_) => {}
     }

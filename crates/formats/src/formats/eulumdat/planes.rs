@@ -4,8 +4,9 @@ use super::header::Header;
 use super::lines::{Lines, decimal};
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::FormatError;
+use crate::formats::intensities::{Intensities, Stated};
 use crate::formats::text::{self, Brief, snippet};
-use crate::formats::type_c::{Planes, Stated};
+use crate::formats::type_c::Planes;
 
 /// The symmetries `Isym` in words.
 const SYMMETRIES: [&str; 5] = [
@@ -16,7 +17,7 @@ const SYMMETRIES: [&str; 5] = [
     "quadrant symmetric",
 ];
 
-/// The planes stored, times `scale`, what they stand for, and the symmetry in words.
+/// The planes stored, whose intensities are `scale` times their numbers, what they stand for, and the symmetry in words.
 pub(super) fn read(
     lines: &mut Lines<'_>,
     header: &Header,
@@ -26,9 +27,10 @@ pub(super) fn read(
     let (mc, ng) = (header.planes, header.angles);
     let listed = lines.numbers(mc, "a C angle")?;
     let vertical = lines.numbers(ng, "a gamma angle")?;
-    let (values, rest) = intensities(lines, scale, report)?;
-    let symmetry = stored(header, values.len(), rest, lines, report)?;
-    let planes = values.len() / ng;
+    let (intensities, rest) = intensities(lines, scale, report)?;
+    let found = intensities.values().len();
+    let symmetry = stored(header, found, rest, lines, report)?;
+    let planes = found / ng;
     let wrong = |found: f64, offset: usize, expected: f64| {
         let message = format!(
             "plane C{}, expected C{expected} in a list of {mc} C planes that is {}",
@@ -37,9 +39,9 @@ pub(super) fn read(
         );
         Err(lines.refused(offset, message))
     };
-    let (horizontal, values, stand_for) = match symmetry {
-        0 => (listed, values, Planes::Circle),
-        1 => (vec![(0.0, listed[0].1)], values, Planes::ByAngles),
+    let (horizontal, intensities, stand_for) = match symmetry {
+        0 => (listed, intensities, Planes::Circle),
+        1 => (vec![(0.0, listed[0].1)], intensities, Planes::ByAngles),
         3 => {
             // C270 … C0 … C90 is stored; its mirror images C(180 − C) are C270 … C180 … C90.
             let chosen: Vec<(f64, usize)> = (0..planes).map(|i| listed[(3 * mc / 4 + i) % mc]).collect();
@@ -51,7 +53,7 @@ pub(super) fn read(
             let mirrored =
                 chosen.iter().rev().map(|&(c, offset)| (if c > 180.0 { 540.0 - c } else { 180.0 - c }, offset));
             report.note(NoteKind::Assumed, "symmetry 3: the planes stored are C270 over C0 to C90, as the format says");
-            (mirrored.collect(), values.chunks_exact(ng).rev().flatten().copied().collect(), Planes::ByAngles)
+            (mirrored.collect(), intensities.reversed(ng), Planes::ByAngles)
         }
         _ => {
             let last = if symmetry == 2 { 180.0 } else { 90.0 };
@@ -60,10 +62,10 @@ pub(super) fn read(
                     return wrong(listed[i].0, listed[i].1, expected);
                 }
             }
-            (listed[..planes].to_vec(), values, Planes::ByAngles)
+            (listed[..planes].to_vec(), intensities, Planes::ByAngles)
         }
     };
-    Ok((Stated { vertical, horizontal, values }, stand_for, SYMMETRIES[symmetry]))
+    Ok((Stated { vertical, horizontal, intensities }, stand_for, SYMMETRIES[symmetry]))
 }
 
 /// The symmetry that holds for `found` values: the one stated if they are as many as it stores; else none or the axial
@@ -128,16 +130,16 @@ fn stored(
     Ok(other)
 }
 
-/// All numbers that follow, one a line, times `scale`; and the lines after them, which are no part of the format.
+/// All numbers that follow, one a line, `scale` times which are intensities; and the lines after them, which are no part of the format.
 fn intensities<'a>(
     lines: &Lines<'a>,
     scale: f64,
     report: &mut ParseReport,
-) -> Result<(Vec<f32>, text::Lines<'a>), FormatError> {
-    let mut values = Vec::new();
+) -> Result<(Intensities, text::Lines<'a>), FormatError> {
+    let mut intensities = Intensities::new(scale, 0);
     let (mut negative, mut lowest) = (0_usize, 0.0_f32);
     let rest = lines.take_numbers(|value, offset| {
-        let intensity = (value * scale) as f32;
+        let intensity = intensities.push(value);
         if !intensity.is_finite() {
             let message = format!("intensity {} × {} is too large for float32", Brief(value), Brief(scale));
             return Err(lines.refused(offset, message));
@@ -146,12 +148,11 @@ fn intensities<'a>(
             negative += 1;
             lowest = lowest.min(intensity);
         }
-        values.push(intensity);
         Ok(())
     })?;
     if negative > 0 {
         let message = format!("{negative} intensities are negative, down to {lowest}; kept as they are");
         report.note(NoteKind::Warning, message);
     }
-    Ok((values, rest))
+    Ok((intensities, rest))
 }

@@ -1,11 +1,13 @@
 //! Photometric types A and B → a type C grid, bilinear in the file's own angles.
 
-use crate::domain::Direction;
+use crate::domain::{AzimuthExtent, Azimuths, Direction, DirectionGrid, Frame, Outside};
 use crate::formats::acquisition::{AngleGrid, NoteKind, ParseReport};
 use crate::formats::azimuth::circle;
 use crate::formats::error::FormatError;
+use crate::formats::intensities::{Ordered, Polar, Stated, ordered};
+use crate::formats::stated_grid::{StatedGrid, StatedGridError};
 use crate::formats::text::{Source, listed};
-use crate::formats::type_c::{Ordered, Stated, luminaire, ordered};
+use crate::formats::type_c::luminaire;
 use crate::numeric::bracket::Bracket;
 
 /// Which coordinates the angles are.
@@ -83,7 +85,35 @@ pub(super) fn convert(
         report.note(NoteKind::Assumed, "horizontal angles start at 0: both sides taken as alike");
     }
     let symmetry = if lateral { "laterally symmetric" } else { "no symmetry" };
-    Ok((luminaire(theta, (lowest, 180.0), Some(circle(phi)), values), symmetry))
+    let mut grid = luminaire(theta, (lowest, 180.0), Some(circle(phi)), values);
+    let stated =
+        stated_planes(&table, photometry).map_err(|error| source.malformed(source.text().len(), error.to_string()))?;
+    grid.stated = Some(Box::new(stated));
+    Ok((grid, symmetry))
+}
+
+/// The planes as the file lists them. The latitudes of type B are its horizontal angles, those of type A its vertical ones;
+/// horizontal angles from 0 on stand for both sides.
+fn stated_planes(table: &Ordered, photometry: Photometry) -> Result<StatedGrid, StatedGridError> {
+    let is_lateral = table.horizontal[0] >= 0.0;
+    let azimuths = |angles: &[f64], is_mirrored: bool| {
+        let span = angles[angles.len() - 1] - angles[0];
+        let extent = match (is_mirrored, span == 360.0) {
+            (true, _) => AzimuthExtent::Mirrored,
+            (_, true) => AzimuthExtent::Closed,
+            _ => AzimuthExtent::Sector,
+        };
+        Azimuths { angles: angles.to_vec(), extent }
+    };
+    let (directions, polar) = if photometry == Photometry::B {
+        let planes = azimuths(&table.vertical, false);
+        let directions = DirectionGrid::new(Frame::TypeB, table.horizontal.clone(), Some(planes))?;
+        (if is_lateral { directions.mirrored()? } else { directions }, Polar::Horizontal)
+    } else {
+        let planes = azimuths(&table.horizontal, is_lateral);
+        (DirectionGrid::new(Frame::TypeA, table.vertical.clone(), Some(planes))?, Polar::Vertical)
+    };
+    table.stated(directions.with_outside(Outside::Dark), polar)
 }
 
 /// V and H of a direction in degrees. Where all planes meet the angle of the plane is 0.
@@ -111,7 +141,8 @@ impl Ordered {
             return 0.0;
         };
         let n = self.vertical.len();
-        let value = |h: usize, v: usize| f64::from(self.values[h * n + v]);
+        let values = self.intensities.values();
+        let value = |h: usize, v: usize| f64::from(values[h * n + v]);
         let along = |h: usize| (1.0 - v.t) * value(h, v.below) + v.t * value(h, v.above);
         ((1.0 - h.t) * along(h.below) + h.t * along(h.above)) as f32
     }
@@ -129,6 +160,7 @@ fn locate(angles: &[f64], angle: f64) -> Option<Bracket> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::formats::intensities::Intensities;
 
     #[test]
     fn native_angles_invert_their_directions() {
@@ -149,11 +181,14 @@ mod tests {
 
     #[test]
     fn tables_are_bilinear_inside_and_dark_outside() {
-        let table = Ordered {
-            vertical: vec![-90.0, 90.0],
-            horizontal: vec![-90.0, 0.0, 90.0],
-            values: vec![0.0, 2.0, 4.0, 8.0, 0.0, 0.0],
-        };
+        let list = |angles: &[f64]| angles.iter().map(|&angle| (angle, 0)).collect();
+        let mut intensities = Intensities::new(1.0, 6);
+        for number in [0.0, 2.0, 4.0, 8.0, 0.0, 0.0] {
+            intensities.push(number);
+        }
+        let stated = Stated { vertical: list(&[-90.0, 90.0]), horizontal: list(&[-90.0, 0.0, 90.0]), intensities };
+        let (source, range) = (Source::decode(b"", "t"), (-90.0, 90.0));
+        let table = ordered(stated, range, range, &source, &mut ParseReport::default()).unwrap();
         assert_eq!(table.at(0.0, 0.0), 6.0);
         assert_eq!(table.at(0.0, -45.0), 3.5);
         assert_eq!(table.at(90.0 + 1e-12, 0.0), 8.0);

@@ -6,8 +6,8 @@ use super::native::Photometry;
 use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::intensities::{Intensities, Stated};
 use crate::formats::text::{Brief, Source, Token, Tokens, listed, snippet};
-use crate::formats::type_c::Stated;
 
 /// The stream of numbers after the TILT line.
 pub(super) struct Numbers<'a> {
@@ -159,9 +159,10 @@ impl<'a> Numbers<'a> {
         let mut numbers = Self { source: self.source, tokens: self.tokens.clone() };
         // A file that is too short says so, whatever else is wrong with it.
         let stated = numbers.stated(v, h, factor).map_err(|error| ends().unwrap_or(error))?;
-        let negative = stated.values.iter().filter(|&&intensity| intensity < 0.0).count();
+        let values = stated.intensities.values();
+        let negative = values.iter().filter(|&&intensity| intensity < 0.0).count();
         if negative > 0 {
-            let lowest = stated.values.iter().copied().fold(0.0, f32::min);
+            let lowest = values.iter().copied().fold(0.0, f32::min);
             report.note(
                 NoteKind::Warning,
                 format!("{negative} intensities are negative, down to {lowest}; kept as they are"),
@@ -178,19 +179,18 @@ impl<'a> Numbers<'a> {
     fn stated(&mut self, v: usize, h: usize, factor: f64) -> Result<Stated, FormatError> {
         let vertical = self.angles(v, "a vertical angle")?;
         let horizontal = self.angles(h, "a horizontal angle")?;
-        let mut values = Vec::with_capacity(v * h);
+        let mut intensities = Intensities::new(factor, v * h);
         for _ in 0..v * h {
-            let (value, offset) = self.placed("an intensity")?;
-            let intensity = (value * factor) as f32;
+            let (number, offset) = self.placed("an intensity")?;
+            let intensity = intensities.push(number);
             if !intensity.is_finite() {
                 let found = Tokens::new(self.source.text(), offset).next().map_or("", |token| token.text);
                 let message =
                     format!("intensity {} × {factor} is too large for float32", snippet(found), factor = Brief(factor));
                 return Err(self.source.malformed(offset, message));
             }
-            values.push(intensity);
         }
-        Ok(Stated { vertical, horizontal, values })
+        Ok(Stated { vertical, horizontal, intensities })
     }
 
     fn angles(&mut self, count: usize, expected: &str) -> Result<Vec<(f64, usize)>, FormatError> {

@@ -2,7 +2,7 @@
 
 use super::entry::{Angle, Entry, Role};
 use super::refusal::unfit;
-use crate::domain::{Axis, Quantity};
+use crate::domain::{Axis, Quantity, Tensor};
 use crate::formats::acquisition::{AngleGrid, Angles, Azimuths, NoteKind, Outside, ParseReport};
 use crate::formats::azimuth::extended;
 use crate::formats::error::FormatError;
@@ -61,8 +61,9 @@ pub(super) fn assemble(
     }
     let isotropic = expected == (true, true) && phi_i.is_none();
     // The inner azimuths first: closing them changes the stride of the outer ones.
-    let phi_o = azimuths(phi_o, isotropic, &mut lengths, &mut values, report)?;
-    let phi_i = azimuths(phi_i, false, &mut lengths, &mut values, report)?;
+    let mut kept = None;
+    let (phi_o, listed_o) = azimuths(phi_o, isotropic, &mut lengths, (&mut values, &mut kept), report)?;
+    let (phi_i, listed_i) = azimuths(phi_i, false, &mut lengths, (&mut values, &mut kept), report)?;
     let theta_range = |theta_o: bool| match (quantity, theta_o) {
         (Quantity::Brdf, _) | (Quantity::Reflectance | Quantity::Btdf | Quantity::Bsdf, false) => (0.0, 90.0),
         (Quantity::Btdf, true) => (90.0, 180.0),
@@ -70,16 +71,42 @@ pub(super) fn assemble(
     };
     let incoming = theta_i.map(|theta| polar(theta, phi_i, theta_range(false))).transpose()?;
     let outgoing = theta_o.map(|theta| polar(theta, phi_o, theta_range(true))).transpose()?;
-    Ok(AngleGrid { index, incoming, outgoing, spectral, outside: Outside::Masked, values })
+    let mut grid = AngleGrid { index, incoming, outgoing, spectral, outside: Outside::Masked, values, stated: None };
+    if let Some(values) = kept {
+        let stated = grid.stated_as(values, &[listed_i, listed_o]).map_err(|error| unfit(error.to_string()))?;
+        grid.stated = Some(Box::new(stated));
+    }
+    Ok(grid)
 }
 
 /// Divides the values at each outgoing angle by its cosine; at 90 degrees they are masked.
-pub(super) fn divide_by_cosine(grid: &mut AngleGrid, report: &mut ParseReport) {
+pub(super) fn divide_by_cosine(grid: &mut AngleGrid, report: &mut ParseReport) -> Result<(), FormatError> {
     report.note(NoteKind::Assumed, "values hold the cosine, as the manifest says: divided by |cos theta_o|");
-    let Some(outgoing) = &grid.outgoing else { return };
-    let inner = outgoing.phi.as_ref().map_or(1, |phi| phi.phi.len()) * grid.spectral.as_ref().map_or(1, Axis::len);
+    let Some(outgoing) = &grid.outgoing else { return Ok(()) };
+    let width = grid.spectral.as_ref().map_or(1, Axis::len);
+    let inner = outgoing.phi.as_ref().map_or(1, |phi| phi.phi.len()) * width;
+    let grazing = divide(&mut grid.values, &outgoing.theta, inner);
+    if grazing > 0 {
+        let message = format!("{grazing} values at theta_o of 90 degrees hold a cosine of 0: masked");
+        report.note(NoteKind::Warning, message);
+    }
+    if let Some(stated) = &mut grid.stated {
+        let axes = stated.tensor.axes().to_vec();
+        let azimuths = axes.iter().rev().find_map(|axis| match axis {
+            Axis::Grid(directions) => Some(directions.shape()[1]),
+            _ => None,
+        });
+        let mut values = stated.tensor.samples().to_vec();
+        divide(&mut values, &outgoing.theta, azimuths.unwrap_or(1) * width);
+        stated.tensor = Tensor::new(axes, values).map_err(|error| unfit(error.to_string()))?;
+    }
+    Ok(())
+}
+
+/// Divides values `[…, theta, inner]` by |cos theta| and returns how many have none: they are masked.
+fn divide(values: &mut [f32], theta: &[f64], inner: usize) -> usize {
     let mut grazing = 0;
-    for (values, theta) in grid.values.chunks_exact_mut(inner).zip(outgoing.theta.iter().cycle()) {
+    for (values, theta) in values.chunks_exact_mut(inner).zip(theta.iter().cycle()) {
         let cosine = libm::cos(theta.to_radians()).abs();
         for value in values.iter_mut().filter(|value| !value.is_nan()) {
             let quotient = (f64::from(*value) / cosine) as f32;
@@ -88,10 +115,7 @@ pub(super) fn divide_by_cosine(grid: &mut AngleGrid, report: &mut ParseReport) {
             *value = if good { quotient } else { f32::NAN };
         }
     }
-    if grazing > 0 {
-        let message = format!("{grazing} values at theta_o of 90 degrees hold a cosine of 0: masked");
-        report.note(NoteKind::Warning, message);
-    }
+    grazing
 }
 
 fn polar(theta: Angle, phi: Option<Azimuths>, (low, high): (f64, f64)) -> Result<Angles, FormatError> {
@@ -115,16 +139,19 @@ fn polar(theta: Angle, phi: Option<Azimuths>, (low, high): (f64, f64)) -> Result
     Ok(Angles { theta: values, covers, phi })
 }
 
+/// The azimuths of one side; and as they were listed, where the first was listed again as the last.
 fn azimuths(
     phi: Option<Angle>,
     mirror: bool,
     lengths: &mut [usize],
-    values: &mut Vec<f32>,
+    (values, kept): (&mut Vec<f32>, &mut Option<Vec<f32>>),
     report: &mut ParseReport,
-) -> Result<Option<Azimuths>, FormatError> {
-    let Some(Angle { axis, values: phi, extent, .. }) = phi else { return Ok(None) };
+) -> Result<(Option<Azimuths>, Option<Vec<f64>>), FormatError> {
+    let Some(Angle { axis, values: phi, extent, .. }) = phi else { return Ok((None, None)) };
     let inner = lengths[axis + 1..].iter().product();
-    let azimuths = extended(&format!("axis {axis}"), phi, extent, mirror, (values, inner), report).map_err(unfit)?;
+    let (listed, what) = (phi.clone(), format!("axis {axis}"));
+    let azimuths = extended(&what, phi, extent, mirror, (values, inner), kept, report).map_err(unfit)?;
+    let is_merged = azimuths.phi.len() < listed.len();
     lengths[axis] = azimuths.phi.len();
-    Ok(Some(azimuths))
+    Ok((Some(azimuths), is_merged.then_some(listed)))
 }

@@ -79,7 +79,7 @@ pub(super) fn interpret(
     let samples = if entries.iter().any(|entry| matches!(entry, Entry::Angle(_))) {
         let mut grid = grid::assemble(quantity, entries, samples, &mut report)?;
         if cosine {
-            grid::divide_by_cosine(&mut grid, &mut report);
+            grid::divide_by_cosine(&mut grid, &mut report)?;
         }
         count_negative(&grid.values, &mut report);
         Samples::Grid(grid)

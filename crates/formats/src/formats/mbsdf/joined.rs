@@ -63,6 +63,7 @@ pub(super) fn joined(above: &Block, below: &Block) -> Result<AngleGrid, FormatEr
         spectral: rgb.then_some(Axis::Rgb),
         outside: Outside::Masked,
         values,
+        stated: None,
     })
 }
 

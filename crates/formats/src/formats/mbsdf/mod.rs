@@ -132,6 +132,7 @@ fn grid(quantity: Quantity, block: Block) -> AngleGrid {
         spectral: rgb.then_some(Axis::Rgb),
         outside: Outside::Masked,
         values,
+        stated: None,
     }
 }
 

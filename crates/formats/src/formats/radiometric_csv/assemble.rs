@@ -225,7 +225,11 @@ fn grid(
 ) -> Result<AngleGrid, FormatError> {
     let width = spectral.as_ref().map_or(1, Axis::len);
     let mut values = placed(rows, &lattice.places, lattice.shape.iter().product(), width, report);
+    let before = lattice.has_poles() && values.iter().any(|value| value.is_nan());
+    let before = before.then(|| values.clone());
     let filled = fill_poles(&mut values, &lattice, width);
+    // The numbers of the file, if they do not stay all there is.
+    let mut kept = before.filter(|_| filled > 0);
     if filled > 0 {
         report.note(
             NoteKind::Filled,
@@ -236,13 +240,17 @@ fn grid(
     let [theta_i, phi_i, theta_o, phi_o] = lattice.angles;
     let [_, _, n_theta_o, n_phi_o] = lattice.shape;
     // The inner azimuths first: closing them changes the stride of the outer ones.
+    let mut listed = [None, None];
     let mut azimuths = |k: usize, phi: Vec<f64>, inner: usize| -> Result<Option<Azimuths>, FormatError> {
         if phi.is_empty() {
             return Ok(None);
         }
         let mirror = k == 1 && isotropic;
-        let what = ["phi_i", "phi_o"][k];
-        extended(what, phi, header.extents[k], mirror, (&mut values, inner), report).map(Some).map_err(malformed)
+        let (what, before) = (["phi_i", "phi_o"][k], phi.clone());
+        let extended = extended(what, phi, header.extents[k], mirror, (&mut values, inner), &mut kept, report);
+        let azimuths = extended.map_err(malformed)?;
+        listed[k] = (azimuths.phi.len() < before.len()).then_some(before);
+        Ok(Some(azimuths))
     };
     let phi_o = azimuths(1, phi_o, width)?;
     let n_phi_o = phi_o.as_ref().map_or(n_phi_o, |azimuths| azimuths.phi.len());
@@ -262,14 +270,20 @@ fn grid(
         }
         Ok(Some(Angles { theta, covers, phi }))
     };
-    Ok(AngleGrid {
+    let mut grid = AngleGrid {
         index: Vec::new(),
         incoming: side(0, theta_i, phi_i)?,
         outgoing: side(1, theta_o, phi_o)?,
         spectral,
         outside: Outside::Masked,
         values,
-    })
+        stated: None,
+    };
+    if let Some(values) = kept {
+        let stated = grid.stated_as(values, &listed).map_err(|error| malformed(error.to_string()))?;
+        grid.stated = Some(Box::new(stated));
+    }
+    Ok(grid)
 }
 
 /// At theta 0 and 180 all azimuths are one direction, of which instruments take one sample: the others are the mean of

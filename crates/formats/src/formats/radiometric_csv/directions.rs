@@ -22,6 +22,14 @@ pub(super) struct Lattice {
     pub(super) places: Vec<usize>,
 }
 
+impl Lattice {
+    /// Returns true where all azimuths of an angle are one direction.
+    pub(super) fn has_poles(&self) -> bool {
+        let is_pole = |&angle: &f64| angle == 0.0 || angle == 180.0;
+        [(0, 1), (2, 3)].iter().any(|&(theta, phi)| self.shape[phi] > 1 && self.angles[theta].iter().any(is_pole))
+    }
+}
+
 impl Directions {
     /// Takes the directions out of `rows`.
     pub(super) fn of(rows: &mut Rows, columns: &Columns, header: &Header) -> Self {
