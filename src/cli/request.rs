@@ -6,6 +6,7 @@ use crate::domain::WavelengthGrid;
 use crate::domain::colour::Illuminant;
 use crate::domain::limits::MAX_LEVEL;
 use crate::pipeline::Request;
+use crate::projection::DirectionDomain;
 
 /// The promise that holds where none is named.
 const DEFAULT_TARGET: Target = Target::ErL2(0.01);
@@ -13,6 +14,9 @@ const DEFAULT_TARGET: Target = Target::ErL2(0.01);
 /// The axes of the tensor; what is not given is chosen from the data's own density.
 #[derive(Debug, clap::Args)]
 pub(crate) struct AxesArgs {
+    /// Directions on the angles of the file (grid), where it has a grid of them, or on triangles; a level asks for triangles
+    #[arg(long, value_name = "grid|triangles")]
+    domain: Option<DirectionDomain>,
     /// Subdivision level of the incoming triangles
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_LEVEL)))]
     incoming_level: Option<u8>,
@@ -115,6 +119,7 @@ impl AxesArgs {
     /// A request for these axes, to the default promise.
     pub(crate) fn request(&self) -> Request {
         Request {
+            domain: self.domain,
             incoming_level: self.incoming_level,
             outgoing_level: self.outgoing_level,
             wavelengths: self.wavelengths.clone(),

@@ -175,6 +175,8 @@ impl CompressRequest {
             basis: self.basis.clone(),
             floor: self.floor,
             albedo_error: self.albedo_error,
+            // Jobs take the default until materials on grids are evaluated.
+            domain: None,
             incoming_level: self.incoming_level,
             outgoing_level: self.outgoing_level,
             wavelengths: self.wavelengths.clone(),

@@ -38,7 +38,7 @@ pub fn project(acquisition: &Acquisition, request: &Request) -> Result<Projected
 /// Projects and compresses a measurement that was read.
 pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> Result<Outcome, PipelineError> {
     let acquisition = &source.acquisition;
-    let Projected { measurement, coverage, filled } = project(acquisition, request)?;
+    let Projected { measurement, coverage, filled, .. } = project(acquisition, request)?;
     let settings = Settings {
         target: request.target,
         policy: request.policy,

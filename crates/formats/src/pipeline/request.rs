@@ -2,7 +2,7 @@
 
 use crate::compress::{Policy, Target};
 use crate::domain::{WavelengthError, WavelengthGrid};
-use crate::projection::AxesRequest;
+use crate::projection::{AxesRequest, DirectionDomain};
 use serde::{Deserialize, Serialize};
 
 /// How to compress, in the command line's names; everything but `target` has a default.
@@ -30,6 +30,9 @@ pub struct Request {
     /// The largest relative error of the light of any direction and wavelength.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub albedo_error: Option<f64>,
+    /// Grid of the file or triangles; a level asks for triangles, too.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub domain: Option<DirectionDomain>,
     /// Subdivision level of the incoming triangles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub incoming_level: Option<u8>,
@@ -69,6 +72,7 @@ impl Request {
             basis: auto(),
             floor: None,
             albedo_error: None,
+            domain: None,
             incoming_level: None,
             outgoing_level: None,
             wavelengths: None,
@@ -80,6 +84,7 @@ impl Request {
     /// The axes that are asked for.
     pub(super) fn axes(&self) -> Result<AxesRequest, WavelengthError> {
         Ok(AxesRequest {
+            domain: self.domain,
             incoming_level: self.incoming_level,
             outgoing_level: self.outgoing_level,
             wavelengths: self.wavelengths.as_deref().map(WavelengthGrid::parse_range).transpose()?,

@@ -2,7 +2,7 @@
 
 use crate::domain::limits::MAX_LEVEL;
 use crate::domain::{Axis, AxisError, Domain, Quantity, TensorError, TriangleMesh};
-use crate::formats::AzimuthExtent;
+use crate::formats::{AzimuthExtent, StatedGridError};
 
 /// Reasons why a measurement cannot be put on the axes asked for.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -29,12 +29,33 @@ pub enum ProjectionError {
     /// A spectrum or wavelengths that do not fit the data.
     #[error(transparent)]
     Spectral(#[from] SpectralError),
+    /// The domain asked for does not fit the data.
+    #[error("domain: {0}")]
+    Domain(#[from] DomainError),
+    /// The grid of the file is no axis of directions.
+    #[error("grid of directions: {0}")]
+    Grid(#[from] StatedGridError),
     /// The axes are out of their limits.
     #[error(transparent)]
     Axes(#[from] AxisError),
     /// The tensor cannot be made.
     #[error(transparent)]
     Tensor(#[from] TensorError),
+}
+
+/// Domains of directions that do not fit the data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DomainError {
+    /// A grid was asked for by name and a level of triangles, too.
+    #[error("`grid` was asked for, and levels, which are those of triangles: leave one out")]
+    Level,
+    /// A grid was asked for of a source that has none.
+    #[error("`grid` was asked for, but the file states no grid of directions: leave it out, or ask for `triangles`")]
+    NoGrid,
+    /// Triangles were asked for of an array that is on its final grid.
+    #[error("`triangles` was asked for, but the array holds directions on their final grid: leave it out")]
+    Final,
 }
 
 /// Axes of directions.

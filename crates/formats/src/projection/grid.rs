@@ -60,7 +60,7 @@ pub(super) fn project(
     let coverage = Coverage { notes, ..cover(grid, &resampling, &incoming, &outgoing, &samples, missing > 0) };
     let tensor = Tensor::new(axes, samples)?;
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Average, tensor)?;
-    Ok(Projected { measurement, coverage, filled: Vec::new() })
+    Ok(Projected { measurement, coverage, filled: Vec::new(), numbers: None })
 }
 
 /// Checks count and finiteness; how many samples are missing.
@@ -82,6 +82,13 @@ pub(super) fn check_values(grid: &AngleGrid) -> Result<usize, ProjectionError> {
         return Err(TensorError::Infinite { index }.into());
     }
     Ok(grid.values.iter().filter(|v| v.is_nan()).count())
+}
+
+/// Refuses angles that are no grid of directions of the quantity.
+pub(super) fn check_sides(quantity: Quantity, grid: &AngleGrid) -> Result<(), ProjectionError> {
+    incoming_side(grid.incoming.as_ref(), None)?;
+    outgoing_side(quantity, grid.outgoing.as_ref(), None)?;
+    Ok(())
 }
 
 fn incoming_side(angles: Option<&Angles>, level: Option<u8>) -> Result<Side<'_>, ProjectionError> {

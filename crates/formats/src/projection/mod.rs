@@ -16,12 +16,13 @@ mod resampling;
 mod samples;
 mod scattered;
 mod spectral;
+mod stated;
 #[cfg(test)]
 mod tests;
 
-pub use error::{Angle, AnglesError, LevelError, ProjectionError, Role, ScatteredError, SpectralError};
-pub use projected::{Coverage, Projected};
-pub use request::AxesRequest;
+pub use error::{Angle, AnglesError, DomainError, LevelError, ProjectionError, Role, ScatteredError, SpectralError};
+pub use projected::{Coverage, Numbers, Projected};
+pub use request::{AxesRequest, DirectionDomain};
 pub use samples::error_at_samples;
 pub use scattered::{Regions, ScatterReport, Scores};
 
@@ -32,7 +33,11 @@ use crate::formats::{Acquisition, Samples};
 /// Samples on angles become averages of their bilinear interpolant over triangles (isotropic incoming elevations stay
 /// as they are); samples on final axes stay, or become averages over coarser triangles; a function of the file is averaged
 /// over triangles, by |cos θ| of the outgoing direction; samples at scattered directions become averages of local fits
-/// (isotropic elevations stay, holes are filled by rules that the notes declare, and marked); wavelengths asked for become averages over their bands. The result is `[index…, incoming, outgoing, spectral]`, NaN where nothing was measured.
+/// (isotropic elevations stay, holes are filled by rules that the notes declare, and marked); wavelengths asked for become
+/// averages over their bands. The result is `[index…, incoming, outgoing, spectral]`, NaN where nothing was measured.
+///
+/// With [`DirectionDomain::Grid`] a grid of angles stays as the file states it: each direction of the tensor is one of the
+/// file, each sample one of its numbers (times the file's multipliers).
 pub fn project(acquisition: &Acquisition, request: &AxesRequest) -> Result<Projected, ProjectionError> {
     let instead = match &acquisition.samples {
         Samples::Grid(grid) => planes::instead(acquisition.quantity, grid),
@@ -42,11 +47,15 @@ pub fn project(acquisition: &Acquisition, request: &AxesRequest) -> Result<Proje
         grid::check_values(grid)?;
     }
     let samples = instead.as_ref().map_or(&acquisition.samples, |(samples, _)| samples);
-    let mut projected = project_samples(acquisition, samples, request)?;
+    let on_grid = stated::is_wanted(samples, request)?;
+    let mut projected = match samples {
+        Samples::Grid(grid) if on_grid => stated::project(acquisition, grid, request)?,
+        samples => project_samples(acquisition, samples, request)?,
+    };
     if let Some((_, note)) = &instead {
         projected.coverage.notes.insert(0, (*note).to_owned());
     }
-    if matches!(samples, Samples::Grid(_)) {
+    if matches!(samples, Samples::Grid(_)) && !on_grid {
         projected.coverage.notes.extend(samples::coarseness(acquisition, &projected.measurement, request));
     }
     Ok(projected)

@@ -94,7 +94,7 @@ pub(super) fn project(
     let coverage = Coverage { cells, measured: 0, interpolated: cells - empty, empty, notes, ..Coverage::default() };
     let tensor = Tensor::new(axes, samples)?;
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Average, tensor)?;
-    Ok(Projected { measurement, coverage, filled: Vec::new() })
+    Ok(Projected { measurement, coverage, filled: Vec::new(), numbers: None })
 }
 
 fn incoming(modelled: &Modelled, domain: Domain, level: Option<u8>) -> Result<Incoming<'_>, ProjectionError> {
@@ -268,8 +268,7 @@ mod tests {
     }
 
     fn projected(acquisition: &Acquisition, incoming: Option<u8>, outgoing: Option<u8>) -> Projected {
-        let request =
-            AxesRequest { incoming_level: incoming, outgoing_level: outgoing, wavelengths: None, target: None };
+        let request = AxesRequest { incoming_level: incoming, outgoing_level: outgoing, ..AxesRequest::default() };
         super::super::project(acquisition, &request).unwrap()
     }
 

@@ -35,6 +35,7 @@ pub(super) fn instead(quantity: Quantity, grid: &AngleGrid) -> Option<(Samples, 
         }
         azimuths.phi.iter_mut().for_each(|phi| *phi -= azimuth);
     }
+    grid.stated = grid.stated.and_then(|stated| stated.isotropic(azimuth)).map(Box::new);
     Some((Samples::Grid(grid), "incoming directions of one azimuth only: taken as isotropic"))
 }
 

@@ -1,7 +1,7 @@
 //! A projected measurement, and what its cells stand on.
 
 use super::scattered::report::ScatterReport;
-use crate::domain::Measurement;
+use crate::domain::{Measurement, Tensor};
 use serde::Serialize;
 
 /// A projected measurement.
@@ -14,6 +14,18 @@ pub struct Projected {
     /// Which cells are filled (continued, mirrored or exchanged, not measured): one for each spectrum of the tensor, row-major;
     /// empty where none is.
     pub filled: Vec<bool>,
+    /// The numbers of a file that states a factor beside them, on the axes of the measurement; `None` where the factor is
+    /// 1, or the numbers were resampled: then those of the measurement are all there are.
+    pub numbers: Option<Numbers>,
+}
+
+/// Numbers as the file writes them: a value of the measurement is `factor` times one of them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Numbers {
+    /// The numbers.
+    pub tensor: Tensor,
+    /// Product of all multipliers that the file states once for all numbers.
+    pub factor: f64,
 }
 
 /// What the cells of a projection stand on.

@@ -1,10 +1,28 @@
 //! The axes that a user asks for.
 
-use crate::domain::WavelengthGrid;
+use super::error::{DomainError, ProjectionError};
+use crate::domain::{WavelengthGrid, named};
+
+/// What directions lie on after projection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum DirectionDomain {
+    /// The polar angles and azimuths of the file, where it has a grid of them.
+    Grid,
+    /// The triangles of a subdivided octahedron, over which samples are averaged.
+    Triangles,
+}
+named!(DirectionDomain, "domain of directions", { Grid = "grid", Triangles = "triangles" });
+
+/// Domain of sources with a grid where neither it nor a level is named. `Grid` is to take its place as soon as compression
+/// and evaluation know such axes.
+const DEFAULT: DirectionDomain = DirectionDomain::Triangles;
 
 /// The axes the user asks for; what is not given is chosen from the data's own density.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AxesRequest {
+    /// Grid of the file or triangles; a level asks for triangles, too.
+    pub domain: Option<DirectionDomain>,
     /// Subdivision level of the incoming triangles.
     pub incoming_level: Option<u8>,
     /// Subdivision level of the outgoing triangles.
@@ -20,6 +38,16 @@ pub struct AxesRequest {
 const TARGET: f64 = 0.01;
 
 impl AxesRequest {
+    /// Returns the domain of sources with a grid.
+    pub(super) fn domain(&self) -> Result<DirectionDomain, ProjectionError> {
+        let has_level = self.incoming_level.is_some() || self.outgoing_level.is_some();
+        match (self.domain, has_level) {
+            (Some(DirectionDomain::Grid), true) => Err(DomainError::Level.into()),
+            (_, true) => Ok(DirectionDomain::Triangles),
+            (named, false) => Ok(named.unwrap_or(DEFAULT)),
+        }
+    }
+
     /// Returns the relative error that is promised.
     pub(super) fn target(&self) -> f64 {
         self.target.unwrap_or(TARGET)

@@ -51,6 +51,25 @@ impl Repeated {
     }
 }
 
+impl StatedGrid {
+    /// The grid with the elevations of its incoming directions, all of which have `azimuth`, and outgoing azimuths relative
+    /// to it; `None` where it has no such directions.
+    pub(crate) fn isotropic(&self, azimuth: f64) -> Option<Self> {
+        let mut axes = self.tensor.axes().to_vec();
+        let [Axis::Grid(incoming), Axis::Grid(outgoing), ..] = &axes[..] else { return None };
+        let turned = outgoing.azimuths().map(|azimuths| domain::Azimuths {
+            angles: azimuths.angles.iter().map(|angle| angle - azimuth).collect(),
+            extent: azimuths.extent,
+        });
+        let (low, high) = outgoing.covers();
+        let turned = DirectionGrid::new(outgoing.frame(), outgoing.polar().to_vec(), turned).ok()?;
+        let turned = turned.covering(low, high).ok()?.with_outside(outgoing.outside());
+        (axes[0], axes[1]) = (Axis::Elevation(incoming.polar().to_vec()), Axis::Grid(turned));
+        let tensor = Tensor::new(axes, self.tensor.samples().to_vec()).ok()?;
+        Some(Self { tensor, ..*self })
+    }
+}
+
 /// Reasons why a grid of angles has no form as a file states it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StatedGridError {

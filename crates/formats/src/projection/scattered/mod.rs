@@ -117,7 +117,7 @@ pub(super) fn project(
     };
     let filled =
         if coverage.filled > 0 { standing.iter().map(|s| *s == Standing::Filled).collect() } else { Vec::new() };
-    Ok(Projected { measurement, coverage, filled })
+    Ok(Projected { measurement, coverage, filled, numbers: None })
 }
 
 fn remarks(report: &ScatterReport, filled: u64, empty: u64) -> Vec<String> {

@@ -1,0 +1,127 @@
+//! Grids of directions as the file states them → tensors on the same grids: nothing is resampled but wavelengths.
+
+#[cfg(test)]
+mod tests;
+
+use super::error::{AnglesError, DomainError, ProjectionError, Role};
+use super::grid;
+use super::projected::{Coverage, Numbers, Projected};
+use super::request::{AxesRequest, DirectionDomain};
+use super::resampling::{Directions, Resampling};
+use super::spectral;
+use crate::domain::{Axis, Azimuths, DirectionGrid, Domain, Frame, Layout, Measurement, Quantity, Sampling, Tensor};
+use crate::formats::{Acquisition, AngleGrid, Samples, StatedGrid};
+
+/// Returns true where the measurement stays on the grid of its file; an error where that was asked for and cannot be.
+pub(super) fn is_wanted(samples: &Samples, request: &AxesRequest) -> Result<bool, ProjectionError> {
+    let wanted = request.domain()?;
+    let is_named = request.domain.is_some();
+    match samples {
+        Samples::Grid(_) => Ok(wanted == DirectionDomain::Grid),
+        // Such a tensor stays as it is, whatever the default.
+        Samples::OnAxes { tensor, .. } if tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_))) => {
+            if is_named && wanted == DirectionDomain::Triangles { Err(DomainError::Final.into()) } else { Ok(false) }
+        }
+        _ if is_named && wanted == DirectionDomain::Grid => Err(DomainError::NoGrid.into()),
+        _ => Ok(false),
+    }
+}
+
+/// Puts `grid`, the samples of `acquisition`, on its own axes.
+pub(super) fn project(
+    acquisition: &Acquisition,
+    grid: &AngleGrid,
+    request: &AxesRequest,
+) -> Result<Projected, ProjectionError> {
+    grid::check_values(grid)?;
+    grid::check_sides(acquisition.quantity, grid)?;
+    let StatedGrid { tensor, factor, .. } = grid.as_stated()?;
+    let (numbers, left_out) = within(acquisition.quantity, tensor)?;
+    let layout = Layout::of(acquisition.quantity, numbers.axes())?;
+    let length = |axis: Option<usize>| axis.map_or(1, |i| numbers.axes()[i].len());
+    let own = layout.spectral.map(|i| &numbers.axes()[i]);
+    let spectral = spectral::plan(own, acquisition.spectral_factor.as_ref(), request.wavelengths.as_ref())?;
+    let resampling = Resampling {
+        outer: numbers.axes()[..layout.indices].iter().map(Axis::len).product(),
+        incoming: Directions::Kept(length(layout.incoming)),
+        outgoing: Directions::Kept(length(layout.outgoing)),
+        channels: spectral.channels,
+    };
+    let (missing, all) = (numbers.masked(), numbers.len());
+    let values = scaled(&numbers, factor)?;
+    let is_kept = resampling.is_identity();
+    let tensor = if is_kept {
+        values
+    } else {
+        let directions = numbers.axes().iter().filter(|axis| !axis.is_spectral()).cloned();
+        let axes = directions.chain(spectral.axis).collect();
+        Tensor::new(axes, resampling.apply(values.samples(), missing > 0))?
+    };
+
+    let mut notes = Vec::new();
+    for (role, axis) in [(Role::Incoming, layout.incoming), (Role::Outgoing, layout.outgoing)] {
+        notes.extend(axis.map(|i| format!("{role}: {}, as the file states it", numbers.axes()[i].describe())));
+    }
+    notes.extend(left_out);
+    notes.extend(spectral.notes);
+    if missing > 0 {
+        notes.push(format!("{missing} of {all} samples are missing: masked"));
+    }
+    let width = resampling.channels.to();
+    let cells = tensor.len() / width;
+    let empty = tensor.samples().chunks(width).filter(|spectrum| spectrum.iter().all(|s| s.is_nan())).count();
+    let coverage = Coverage {
+        cells: cells as u64,
+        measured: (cells - empty) as u64,
+        empty: empty as u64,
+        notes,
+        ..Coverage::default()
+    };
+    let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Point, tensor)?;
+    let numbers = (is_kept && factor != 1.0).then_some(Numbers { tensor: numbers, factor });
+    Ok(Projected { measurement, coverage, filled: Vec::new(), numbers })
+}
+
+/// The numbers times their factor.
+fn scaled(numbers: &Tensor, factor: f64) -> Result<Tensor, ProjectionError> {
+    if factor == 1.0 {
+        return Ok(numbers.clone());
+    }
+    let values = numbers.samples().iter().map(|&number| (f64::from(number) * factor) as f32).collect();
+    Ok(Tensor::new(numbers.axes().to_vec(), values)?)
+}
+
+/// The rows on the side of the surface that the quantity has, and a note where that leaves some out.
+fn within(quantity: Quantity, tensor: Tensor) -> Result<(Tensor, Option<String>), ProjectionError> {
+    let (domain, low, high) = match quantity {
+        Quantity::Brdf => (Domain::Hemisphere, 0.0, 90.0),
+        Quantity::Btdf => (Domain::Lower, 90.0, 180.0),
+        _ => return Ok((tensor, None)),
+    };
+    let outgoing = Layout::of(quantity, tensor.axes())?.outgoing;
+    let Some((axis, Axis::Grid(directions))) = outgoing.map(|axis| (axis, &tensor.axes()[axis])) else {
+        return Ok((tensor, None));
+    };
+    let (first, last) = directions.covers();
+    if directions.frame() != Frame::Surface || first >= low && last <= high {
+        return Ok((tensor, None));
+    }
+    let polar = directions.polar();
+    let (from, to) = (polar.partition_point(|&theta| theta < low), polar.partition_point(|&theta| theta <= high));
+    if from == to {
+        let angles = AnglesError::Beside { low: first, high: last, domain, quantity };
+        return Err(ProjectionError::Angles { role: Role::Outgoing, angles });
+    }
+    let azimuths: Option<Azimuths> = directions.azimuths().cloned();
+    let part = DirectionGrid::new(directions.frame(), polar[from..to].to_vec(), azimuths)
+        .and_then(|part| part.covering(first.max(low), last.min(high)));
+    let part = part.map_err(|grid| ProjectionError::Grid(grid.into()))?.with_outside(directions.outside());
+    let row = directions.shape()[1] * tensor.axes()[axis + 1..].iter().map(Axis::len).product::<usize>();
+    let kept = tensor.samples().chunks_exact(row * polar.len()).flat_map(|table| &table[from * row..to * row]);
+    let kept = kept.copied().collect();
+    let mut axes = tensor.axes().to_vec();
+    let left_out = polar.len() - (to - from);
+    axes[axis] = Axis::Grid(part);
+    let note = format!("{left_out} of {} outgoing elevations lie beyond the {domain}: left out", polar.len());
+    Ok((Tensor::new(axes, kept)?, (left_out > 0).then_some(note)))
+}
