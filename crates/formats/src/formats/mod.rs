@@ -55,7 +55,7 @@ pub use reader::Format;
 pub use rgl::{RglGrid, write_rgl};
 pub use spectral_table::{write_spd, write_spectra};
 pub use stated::StatedQuantity;
-pub use stated_grid::{Repeated, StatedGrid, StatedGridError};
+pub use stated_grid::{Contradictions, Repeated, StatedGrid, StatedGridError};
 pub use tabphase::{TabulatedPhase, write_tabphase};
 pub use template::{TEMPLATES, Template, template};
 pub(crate) use type_c::flux as flux_of_planes;

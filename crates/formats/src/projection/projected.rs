@@ -2,6 +2,7 @@
 
 use super::scattered::report::ScatterReport;
 use crate::domain::{Measurement, Tensor};
+use crate::formats::Contradictions;
 use serde::Serialize;
 
 /// A projected measurement.
@@ -44,6 +45,9 @@ pub struct Coverage {
     pub empty: u64,
     /// Why these axes: one sentence each.
     pub notes: Vec<String>,
+    /// How far the file contradicts itself where it states several values for one direction; measured on its own grid only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contradictions: Option<Contradictions>,
     /// Errors at the samples, and at withheld ones, of data at scattered directions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scatter: Option<Box<ScatterReport>>,

@@ -1,8 +1,11 @@
 //! Grids of directions as files state them: their own angles, symmetries and numbers, before anything is unfolded,
 //! averaged or resampled.
 
+mod contradictions;
 #[cfg(test)]
 mod tests;
+
+pub use contradictions::Contradictions;
 
 use super::acquisition::{AngleGrid, Angles, AzimuthExtent, Outside};
 use crate::domain::{self, Axis, AxisError, DirectionGrid, DirectionGridError, Frame, Tensor, TensorError};

@@ -113,6 +113,7 @@ pub(super) fn project(
         filled: number(Standing::Filled),
         empty: number(Standing::Empty),
         notes,
+        contradictions: None,
         scatter: Some(Box::new(report)),
     };
     let filled =

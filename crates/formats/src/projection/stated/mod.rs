@@ -10,7 +10,7 @@ use super::request::{AxesRequest, DirectionDomain};
 use super::resampling::{Directions, Resampling};
 use super::spectral;
 use crate::domain::{Axis, Azimuths, DirectionGrid, Domain, Frame, Layout, Measurement, Quantity, Sampling, Tensor};
-use crate::formats::{Acquisition, AngleGrid, Samples, StatedGrid};
+use crate::formats::{Acquisition, AngleGrid, Contradictions, Samples, StatedGrid};
 
 /// Returns true where the measurement stays on the grid of its file; an error where that was asked for and cannot be.
 pub(super) fn is_wanted(samples: &Samples, request: &AxesRequest) -> Result<bool, ProjectionError> {
@@ -35,7 +35,7 @@ pub(super) fn project(
 ) -> Result<Projected, ProjectionError> {
     grid::check_values(grid)?;
     grid::check_sides(acquisition.quantity, grid)?;
-    let StatedGrid { tensor, factor, .. } = grid.as_stated()?;
+    let StatedGrid { tensor, factor, repeated } = grid.as_stated()?;
     let (numbers, left_out) = within(acquisition.quantity, tensor)?;
     let layout = Layout::of(acquisition.quantity, numbers.axes())?;
     let length = |axis: Option<usize>| axis.map_or(1, |i| numbers.axes()[i].len());
@@ -67,6 +67,8 @@ pub(super) fn project(
     if missing > 0 {
         notes.push(format!("{missing} of {all} samples are missing: masked"));
     }
+    let contradictions = Contradictions::of(&numbers, repeated);
+    notes.extend(contradictions.sentence());
     let width = resampling.channels.to();
     let cells = tensor.len() / width;
     let empty = tensor.samples().chunks(width).filter(|spectrum| spectrum.iter().all(|s| s.is_nan())).count();
@@ -75,6 +77,7 @@ pub(super) fn project(
         measured: (cells - empty) as u64,
         empty: empty as u64,
         notes,
+        contradictions: Some(contradictions).filter(|found| *found != Contradictions::default()),
         ..Coverage::default()
     };
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Point, tensor)?;

@@ -1,0 +1,173 @@
+//! How far a file contradicts itself where it states several values for one direction.
+
+use super::Repeated;
+use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Tensor};
+use serde::Serialize;
+
+/// Relative deviations of values from the mean of those that the file states for the same direction: root mean squares in
+/// per cent; `None` where no direction is stated more than once.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Contradictions {
+    /// All azimuths at a pole.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub poles: Option<f64>,
+    /// The first azimuth and the last, 360° later.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seam: Option<f64>,
+    /// Angles that are listed twice.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub planes: Option<f64>,
+    /// All outgoing azimuths under light along the normal of an isotropic surface, which has no azimuth.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub normal_incidence: Option<f64>,
+}
+
+impl Contradictions {
+    /// Those of a tensor on grids of directions; `planes` are the angles that its reader found listed twice.
+    pub fn of(tensor: &Tensor, planes: Repeated) -> Self {
+        let (mut poles, mut seam, mut normal) = (Repeated::default(), Repeated::default(), Repeated::default());
+        let axes = tensor.axes();
+        for (i, axis) in axes.iter().enumerate() {
+            let Axis::Grid(grid) = axis else { continue };
+            let inner = axes[i + 1..].iter().map(Axis::len).product();
+            let table = Table { samples: tensor.samples(), rows: grid.polar().len(), columns: grid.shape()[1], inner };
+            table.scan(grid, &mut poles, &mut seam);
+            if let Some(Axis::Elevation(elevations)) = i.checked_sub(1).map(|before| &axes[before])
+                && elevations[0] == 0.0
+            {
+                table.scan_normal(elevations.len(), grid, &mut normal);
+            }
+        }
+        let percent = |repeated: Repeated| repeated.rms().map(|rms| 100.0 * rms);
+        Self { poles: percent(poles), seam: percent(seam), planes: percent(planes), normal_incidence: percent(normal) }
+    }
+
+    /// One sentence for people; `None` where no direction is stated more than once.
+    pub fn sentence(&self) -> Option<String> {
+        let parts = [
+            ("poles", self.poles),
+            ("seam", self.seam),
+            ("angles listed twice", self.planes),
+            ("azimuths at normal incidence", self.normal_incidence),
+        ];
+        let parts: Vec<String> =
+            parts.iter().filter_map(|(name, percent)| Some(format!("{name} {:.2} %", (*percent)?))).collect();
+        (!parts.is_empty())
+            .then(|| format!("values stated for one direction differ from their mean (rms): {}", parts.join(", ")))
+    }
+}
+
+/// Samples `[…, rows, columns, inner]`.
+struct Table<'a> {
+    samples: &'a [f32],
+    rows: usize,
+    columns: usize,
+    inner: usize,
+}
+
+impl Table<'_> {
+    /// Adds the columns of a row of one block of `rows`, all of them or the first and the last.
+    fn add(&self, block: &[f32], row: usize, ends: bool, to: &mut Repeated) {
+        let row = &block[row * self.columns * self.inner..][..self.columns * self.inner];
+        let step = if ends { (self.columns - 1) * self.inner } else { self.inner };
+        for i in 0..self.inner {
+            to.add(row[i..].iter().step_by(step).map(|&sample| f64::from(sample)));
+        }
+    }
+
+    fn blocks(&self) -> impl Iterator<Item = &[f32]> {
+        self.samples.chunks_exact(self.rows * self.columns * self.inner)
+    }
+
+    /// Adds pole rows to `poles`, and the ends of the others to `seam`.
+    fn scan(&self, grid: &DirectionGrid, poles: &mut Repeated, seam: &mut Repeated) {
+        if self.columns < 2 {
+            return;
+        }
+        let is_closed = grid.azimuths().is_some_and(|azimuths| azimuths.extent == AzimuthExtent::Closed);
+        for block in self.blocks() {
+            for row in 0..self.rows {
+                if is_pole(grid, row) {
+                    self.add(block, row, false, poles);
+                } else if is_closed {
+                    self.add(block, row, true, seam);
+                }
+            }
+        }
+    }
+
+    /// Adds the rows behind the first of so many elevations, but those at poles.
+    fn scan_normal(&self, elevations: usize, grid: &DirectionGrid, normal: &mut Repeated) {
+        if self.columns < 2 {
+            return;
+        }
+        for block in self.blocks().step_by(elevations) {
+            (0..self.rows).filter(|&row| !is_pole(grid, row)).for_each(|row| self.add(block, row, false, normal));
+        }
+    }
+}
+
+/// Returns true for a row of which all azimuths are one direction.
+fn is_pole(grid: &DirectionGrid, row: usize) -> bool {
+    let (low, high) = grid.frame().polar_range();
+    let polar = grid.polar()[row];
+    polar == low || polar == high
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::{Azimuths, Frame};
+
+    fn grid(frame: Frame, polar: &[f64], angles: &[f64], extent: AzimuthExtent) -> Axis {
+        let azimuths = Azimuths { angles: angles.to_vec(), extent };
+        Axis::Grid(DirectionGrid::new(frame, polar.to_vec(), Some(azimuths)).unwrap())
+    }
+
+    fn close(found: Option<f64>, wanted: f64) {
+        assert!((found.unwrap() - wanted).abs() < 1e-4, "{found:?} {wanted}");
+    }
+
+    #[test]
+    fn poles_and_seams_are_told_apart() {
+        let lamp = grid(Frame::TypeC, &[0.0, 45.0, 90.0], &[0.0, 180.0, 360.0], AzimuthExtent::Closed);
+        // The pole: 0.9, 1, 1.1; the seam: 1.9 and 2.1 at 45°, none at 90°.
+        let samples = vec![0.9, 1.0, 1.1, 1.9, 7.0, 2.1, 3.0, 5.0, 3.0];
+        let found = Contradictions::of(&Tensor::new(vec![lamp], samples).unwrap(), Repeated::default());
+        close(found.poles, 100.0 * (0.02_f64 / 3.0).sqrt());
+        close(found.seam, 100.0 * (2.0 * 0.05_f64.powi(2) / 4.0).sqrt());
+        assert_eq!((found.planes, found.normal_incidence), (None, None));
+        let sentence = found.sentence().unwrap();
+        assert!(sentence.ends_with("(rms): poles 8.16 %, seam 3.54 %"), "{sentence}");
+    }
+
+    #[test]
+    fn latitudes_have_their_poles_at_90_degrees_and_channels_of_their_own() {
+        let beam = grid(Frame::TypeA, &[-30.0, 0.0, 90.0], &[-20.0, 20.0], AzimuthExtent::Sector);
+        let samples = vec![1.0, 9.0, 2.0, 8.0, 1.0, 9.0, 2.0, 8.0, 1.0, 4.0, 1.0, 6.0];
+        let mut twice = Repeated::default();
+        twice.add([1.0, 3.0].into_iter());
+        let found = Contradictions::of(
+            &Tensor::new(vec![beam, Axis::Index { count: 2, labels: Vec::new() }], samples).unwrap(),
+            twice,
+        );
+        // One channel agrees at the pole, the other has 4 and 6.
+        close(found.poles, 100.0 * (0.08_f64 / 4.0).sqrt());
+        close(found.planes, 50.0);
+        assert_eq!(found.seam, None);
+    }
+
+    #[test]
+    fn an_isotropic_surface_has_no_azimuth_under_normal_light() {
+        let paint = grid(Frame::Surface, &[0.0, 45.0], &[0.0, 180.0], AzimuthExtent::Mirrored);
+        let axes = vec![Axis::Elevation(vec![0.0, 30.0]), paint];
+        let samples = vec![1.0, 1.0, 0.8, 1.2, f32::NAN, 2.0, 3.0, 4.0];
+        let found = Contradictions::of(&Tensor::new(axes.clone(), samples).unwrap(), Repeated::default());
+        close(found.normal_incidence, 20.0);
+        close(found.poles, 0.0);
+        // Nothing is stated twice off the poles and the normal.
+        let tilted = vec![Axis::Elevation(vec![10.0, 30.0]), axes[1].clone()];
+        let found = Contradictions::of(&Tensor::new(tilted, vec![f32::NAN; 8]).unwrap(), Repeated::default());
+        assert_eq!((found, found.sentence()), (Contradictions::default(), None));
+    }
+}
