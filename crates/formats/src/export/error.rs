@@ -57,6 +57,18 @@ pub enum UnfitError {
         /// The formats that hold the material.
         fitting: Vec<ExportFormat>,
     },
+    /// A format that is written from samples of its own choice only.
+    #[error("{format} is not written on the grid of its source, expected lm63, eulumdat or mbsdf")]
+    NoGridWriter {
+        /// Name of the format.
+        format: String,
+    },
+    /// A measurement that is not on the grid of such a file.
+    #[error("this is not on the angles of a {format} file, and {format} cannot hold it as it is")]
+    OffGrid {
+        /// The format asked for.
+        format: ExportFormat,
+    },
     /// A material that emits no light by direction.
     #[error("this is no luminaire")]
     NoLuminaire,

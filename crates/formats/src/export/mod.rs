@@ -37,6 +37,7 @@ mod phase;
 mod read_back;
 mod resolution;
 mod spectra;
+mod stated;
 mod subject;
 #[cfg(test)]
 mod tests;
@@ -48,6 +49,7 @@ pub use fits::fitting;
 pub use format::ExportFormat;
 pub use measure::{AddedError, PAIRS};
 pub use options::ExportOptions;
+pub use stated::{Origin, Restated, restate};
 
 #[cfg(doc)]
 use crate::domain::ErrorReport;

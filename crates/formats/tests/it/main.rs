@@ -7,6 +7,7 @@ mod examples;
 mod formats;
 mod projection;
 mod recorded;
+mod restated;
 
 use std::path::Path;
 

@@ -20,7 +20,7 @@ pub(super) struct Header {
 }
 
 /// Lines 13 to 21: what they measure, in mm.
-const DIMENSIONS: [&str; 9] = [
+pub(super) const DIMENSIONS: [&str; 9] = [
     "luminaire_length_mm",
     "luminaire_width_mm",
     "luminaire_height_mm",
@@ -32,7 +32,7 @@ const DIMENSIONS: [&str; 9] = [
     "luminous_height_c270_mm",
 ];
 /// The room indices of the direct ratios.
-const ROOM_INDICES: [&str; 10] = ["0.6", "0.8", "1", "1.25", "1.5", "2", "2.5", "3", "4", "5"];
+pub(super) const ROOM_INDICES: [&str; 10] = ["0.6", "0.8", "1", "1.25", "1.5", "2", "2.5", "3", "4", "5"];
 
 impl Header {
     pub(super) fn read(lines: &mut Lines<'_>, report: &mut ParseReport) -> Result<Self, FormatError> {

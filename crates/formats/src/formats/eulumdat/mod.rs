@@ -9,10 +9,12 @@ mod about;
 mod header;
 mod lines;
 mod planes;
+mod restate;
 #[cfg(test)]
 mod tests;
 mod write;
 
+pub use restate::restate_eulumdat;
 pub use write::write_eulumdat;
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};

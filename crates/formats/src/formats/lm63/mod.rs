@@ -9,8 +9,10 @@ mod header;
 mod labels;
 mod native;
 mod numbers;
+mod restate;
 mod write;
 
+pub use restate::restate_lm63;
 pub use write::write_lm63;
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};

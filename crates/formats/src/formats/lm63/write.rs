@@ -3,11 +3,12 @@
 use super::super::error::{FormatError, FormatErrorKind};
 use super::super::planes::{CPlanes, ascii, plain};
 use super::about::NAME;
+use super::restate::list;
 use crate::domain::Unit;
 use std::fmt::Write as _;
 
 /// Characters of a line at most; the standard of 1995 allows no more, that of 2002 does.
-const LONGEST: usize = 132;
+pub(super) const LONGEST: usize = 132;
 
 /// Writes intensities in `unit`. `notes` become `[OTHER]`, whatever their length.
 ///
@@ -46,11 +47,11 @@ pub fn write_lm63(planes: &CPlanes, unit: Unit, notes: &[String]) -> Result<Vec<
     let _ = writeln!(text, "TILT=NONE");
     let _ = writeln!(text, "1 {lumens} {multiplier} {} {} 1 2 0 0 0", planes.gamma.len(), c.len());
     let _ = writeln!(text, "1 1 0");
-    numbers(&mut text, planes.gamma.iter().copied());
-    numbers(&mut text, c.iter().copied());
+    list(&mut text, planes.gamma.iter().copied().map(plain));
+    list(&mut text, c.iter().copied().map(plain));
     let plane = |i: usize| &planes.values[(i % planes.c.len()) * planes.gamma.len()..][..planes.gamma.len()];
     for i in 0..c.len() {
-        numbers(&mut text, plane(i).iter().map(|value| value / multiplier));
+        list(&mut text, plane(i).iter().map(|value| plain(value / multiplier)));
     }
     Ok(text.replace('\n', "\r\n").into_bytes())
 }
@@ -68,25 +69,6 @@ fn keyword(text: &mut String, key: &str, value: &str) {
         let _ = write!(line, " {word}");
     }
     let _ = writeln!(text, "{line}");
-}
-
-/// A list, in lines that are not too long.
-fn numbers(text: &mut String, values: impl Iterator<Item = f64>) {
-    let mut line = 0;
-    for value in values {
-        let shown = plain(value);
-        if line > 0 && line + 1 + shown.len() > LONGEST {
-            text.push('\n');
-            line = 0;
-        }
-        if line > 0 {
-            text.push(' ');
-            line += 1;
-        }
-        line += shown.len();
-        text.push_str(&shown);
-    }
-    text.push('\n');
 }
 
 #[cfg(test)]

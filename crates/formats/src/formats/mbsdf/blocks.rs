@@ -2,6 +2,7 @@
 
 use super::about::NAME;
 use super::refusal::malformed;
+use super::restate::SHORT_LINE;
 use crate::domain::first_where;
 use crate::domain::limits::MAX_SAMPLES;
 use crate::formats::acquisition::ParseReport;
@@ -52,7 +53,11 @@ pub(super) fn blocks(bytes: &[u8], report: &mut ParseReport) -> Result<(Option<B
         let start = at;
         at += line.len() + 1;
         let side = match line.trim_ascii_end() {
-            b"MBSDF_DATA=" | b"MBSDF_DATA_REFLECTION=" => &mut reflection,
+            b"MBSDF_DATA=" => {
+                report.metadata.push((SHORT_LINE.to_owned(), "MBSDF_DATA=".to_owned()));
+                &mut reflection
+            }
+            b"MBSDF_DATA_REFLECTION=" => &mut reflection,
             b"MBSDF_DATA_TRANSMISSION=" => &mut transmission,
             _ => {
                 let is_metadata = reflection.is_none() && transmission.is_none() && lines < MAX_LINES;

@@ -9,8 +9,10 @@ mod angles;
 mod blocks;
 mod joined;
 mod refusal;
+mod restate;
 mod write;
 
+pub use restate::restate_mbsdf;
 pub use write::{MbsdfGrid, write_mbsdf};
 
 use super::acquisition::{

@@ -1,0 +1,95 @@
+//! Measurements on the grid of their file, written as the file that they came from: angles, keywords, header and
+//! multipliers are its own.
+
+use super::error::{ExportError, UnfitError};
+use super::format::ExportFormat;
+use crate::domain::{Axis, ErrorAccumulator, ErrorReport, Measurement, Quantity, Unit};
+use crate::formats::{
+    self, Acquisition, Digits, FormatError, Interpretation, Restatement, restate_eulumdat, restate_lm63, restate_mbsdf,
+};
+use crate::projection::{self, AxesRequest, DirectionDomain};
+
+/// The file that a measurement came from, as its provenance tells.
+#[derive(Clone, Copy, Debug)]
+pub struct Origin<'a> {
+    /// Name of the format in the table of formats.
+    pub format: &'a str,
+    /// Revision and flavour, as its reader named them.
+    pub dialect: &'a str,
+    /// Keywords and header fields in the order in which its reader kept them.
+    pub metadata: &'a [(String, String)],
+}
+
+impl<'a> Origin<'a> {
+    /// The origin of what was just read.
+    pub fn of(acquisition: &'a Acquisition) -> Self {
+        Self { format: acquisition.format, dialect: &acquisition.dialect, metadata: &acquisition.report.metadata }
+    }
+}
+
+/// A file on the grid of its source.
+#[derive(Clone, Debug)]
+pub struct Restated {
+    /// The file.
+    pub bytes: Vec<u8>,
+    /// Its format.
+    pub format: ExportFormat,
+    /// Masked samples, which the format cannot say: 0.
+    pub filled: usize,
+    /// Errors of the file, read again, at every sample of the measurement.
+    pub errors: ErrorReport,
+}
+
+/// Writes `measurement` as a file of the format that it came from, reads it again, and compares angles and samples.
+///
+/// Refuses measurements on other axes than those of the file, and formats without such a writer: then [`super::export`]
+/// resamples.
+pub fn restate(measurement: &Measurement, origin: &Origin<'_>, digits: Digits) -> Result<Restated, ExportError> {
+    let format = ExportFormat::of_name(origin.format).ok();
+    let Some(format) = format.filter(|format| FORMATS.contains(format)) else {
+        return Err(UnfitError::NoGridWriter { format: origin.format.to_owned() }.into());
+    };
+    let off_grid = || ExportError::from(UnfitError::OffGrid { format });
+    let is_luminaire = measurement.quantity == Quantity::Edf;
+    let bytes = match (format, measurement.tensor.axes()) {
+        (ExportFormat::Mbsdf, _) if measurement.unit == Unit::PerSteradian => {
+            restate_mbsdf(&measurement.tensor, origin.metadata)?
+        }
+        (ExportFormat::Lm63 | ExportFormat::Eulumdat, [Axis::Grid(directions)]) if is_luminaire => {
+            let values = measurement.tensor.samples();
+            let (dialect, metadata, unit) = (origin.dialect, origin.metadata, measurement.unit);
+            let grid = Restatement { directions, values, unit, dialect, metadata, digits };
+            if format == ExportFormat::Eulumdat {
+                restate_eulumdat(&grid)?
+            } else {
+                let bytes = restate_lm63(&grid, false)?;
+                // A unit that the user named is not in the keywords.
+                if read_again(&bytes, measurement, format)?.unit == unit { bytes } else { restate_lm63(&grid, true)? }
+            }
+        }
+        _ => return Err(off_grid()),
+    };
+    let found = read_again(&bytes, measurement, format)?;
+    let request = AxesRequest { domain: Some(DirectionDomain::Grid), ..AxesRequest::default() };
+    let found = projection::project(&found, &request).map_err(|_| off_grid())?.measurement;
+    if (found.unit, found.tensor.axes()) != (measurement.unit, measurement.tensor.axes()) {
+        return Err(off_grid());
+    }
+    let mut errors = ErrorAccumulator::default();
+    let filled = measurement.tensor.masked();
+    errors.add(measurement.tensor.samples(), found.tensor.samples(), 0.0);
+    Ok(Restated { bytes, format, filled, errors: errors.finish() })
+}
+
+/// The formats that are written on the grid of their source.
+const FORMATS: [ExportFormat; 3] = [ExportFormat::Lm63, ExportFormat::Eulumdat, ExportFormat::Mbsdf];
+
+/// The file as its reader takes it, in the unit of the measurement where the reader can be told.
+fn read_again(bytes: &[u8], measurement: &Measurement, format: ExportFormat) -> Result<Acquisition, FormatError> {
+    let how = Interpretation {
+        unit: (format == ExportFormat::Eulumdat).then_some(measurement.unit),
+        quantity: Some(measurement.quantity.into()),
+        ..Interpretation::default()
+    };
+    formats::read(bytes, &how)
+}

@@ -1,0 +1,110 @@
+//! A luminaire as EULUMDAT with the planes, symmetry, lamps and texts of the file that it came from.
+
+use super::super::error::{FormatError, FormatErrorKind};
+use super::super::restated::{Restatement, unfit};
+use super::about::NAME;
+use super::header::{DIMENSIONS, ROOM_INDICES};
+use crate::domain::limits::MAX_ENTRIES;
+use crate::domain::{AzimuthExtent, Frame, Unit};
+
+/// Fields of a set of lamps, as the reader names them.
+const LAMP: [&str; 6] = ["lamps", "lamp", "lumens", "colour", "colour_rendering", "watts"];
+
+/// Writes the planes of a grid of type C under the header that the reader kept.
+pub fn restate_eulumdat(grid: &Restatement<'_>) -> Result<Vec<u8>, FormatError> {
+    let directions = grid.directions;
+    if directions.frame() != Frame::TypeC {
+        return unfit(NAME, "directions that are no C planes, expected type C");
+    }
+    let gamma = directions.polar();
+    let azimuths = directions.azimuths();
+    let stored = azimuths.map_or(&[0.0][..], |azimuths| &azimuths.angles);
+    if gamma.len().saturating_mul(stored.len()) > MAX_ENTRIES || grid.values.len() != directions.len() {
+        let message = format!("{} × {} intensities, expected at most {MAX_ENTRIES}", gamma.len(), stored.len());
+        return Err(FormatError::new(FormatErrorKind::OverLimit, NAME, message));
+    }
+    let Some((symmetry, listed)) = planes(grid, azimuths.map(|azimuths| azimuths.extent), stored) else {
+        return unfit(NAME, "planes of no symmetry that the format has");
+    };
+    let factor = factor(grid)?;
+    let mut lines: Vec<String> = Vec::new();
+    let kept = |key: &str| grid.kept(key).unwrap_or_default().to_owned();
+    lines.extend([kept("company"), grid.kept("luminaire_type").unwrap_or("3").to_owned(), symmetry.to_string()]);
+    lines.extend([listed.len().to_string(), kept("c_step"), gamma.len().to_string(), kept("gamma_step")]);
+    lines.extend(["report", "luminaire", "luminaire_number", "file_name", "date"].map(kept));
+    lines.extend(DIMENSIONS.map(kept));
+    lines
+        .extend(["downward_flux_percent", "light_output_ratio_percent", "conversion_factor", "tilt_degrees"].map(kept));
+    let sets = sets(grid);
+    lines.push(sets.len().to_string());
+    for set in sets {
+        lines.extend(LAMP.map(|field| kept(&format!("{set}{field}"))));
+    }
+    lines.extend(ROOM_INDICES.map(|index| kept(&format!("direct_ratio_k{index}"))));
+    lines.extend(listed.iter().chain(gamma).map(f64::to_string));
+    let columns = stored.len();
+    for plane in 0..columns {
+        // Symmetry 3 is stored from C270 over C0 to C90: C(180 - C) of the planes from C90 to C270, the last first.
+        let column = if symmetry == 3 { columns - 1 - plane } else { plane };
+        lines.extend((0..gamma.len()).map(|row| grid.spelled(row * columns + column, factor)));
+    }
+    let mut text = lines.join("\r\n");
+    text.push_str("\r\n");
+    Ok(text.into_bytes())
+}
+
+/// The symmetry, and all planes on the circle, stored ones and mirror images.
+fn planes(grid: &Restatement<'_>, extent: Option<AzimuthExtent>, stored: &[f64]) -> Option<(u8, Vec<f64>)> {
+    let ends = (stored[0], stored[stored.len() - 1]);
+    let mut listed = stored.to_vec();
+    let symmetry = match (extent, ends) {
+        (None, _) => {
+            // The other planes, which hold nothing, are listed, too.
+            let (count, step) = (grid.number("c_planes").unwrap_or(1.0), grid.number("c_step").unwrap_or(0.0));
+            let is_even = (1.0..=720.0).contains(&count) && (count * step - 360.0).abs() < 1e-9;
+            let count = if is_even { count as usize } else { 1 };
+            return Some((1, (0..count).map(|plane| plane as f64 * step).collect()));
+        }
+        (Some(AzimuthExtent::Quadrant), (0.0, 90.0)) => {
+            listed.extend(stored.iter().rev().skip(1).map(|c| 180.0 - c));
+            let half = listed.clone();
+            listed.extend(half[1..half.len() - 1].iter().rev().map(|c| 360.0 - c));
+            4
+        }
+        (Some(AzimuthExtent::Mirrored), (0.0, 180.0)) => {
+            listed.extend(stored[1..stored.len() - 1].iter().rev().map(|c| 360.0 - c));
+            2
+        }
+        (Some(AzimuthExtent::MirroredAt90), (90.0, 270.0)) => {
+            listed.extend(stored[1..stored.len() - 1].iter().map(|c| (540.0 - c) % 360.0));
+            listed.sort_by(f64::total_cmp);
+            3
+        }
+        (Some(AzimuthExtent::Circle | AzimuthExtent::Closed), _) => 0,
+        _ => return None,
+    };
+    Some((symmetry, listed))
+}
+
+/// What the intensities are times their numbers, as the reader has it.
+fn factor(grid: &Restatement<'_>) -> Result<f64, FormatError> {
+    let conversion = grid.number("conversion_factor").unwrap_or(1.0);
+    if grid.unit == Unit::CandelaPerKilolumen {
+        return Ok(conversion);
+    }
+    let lumens = grid.number("lumens").or_else(|| grid.number("set_1_lumens")).filter(|lumens| *lumens > 0.0);
+    match lumens {
+        Some(lumens) => Ok(conversion * lumens / 1000.0),
+        None if grid.unit == Unit::Relative => Ok(conversion),
+        None => unfit(NAME, format!("intensities in {} without the lumens of the lamps, expected them", grid.unit)),
+    }
+}
+
+/// What the names of the fields of each set of lamps begin with.
+fn sets(grid: &Restatement<'_>) -> Vec<String> {
+    if grid.kept("lamps").is_some() {
+        return vec![String::new()];
+    }
+    let prefixes = (1..).map(|set| format!("set_{set}_"));
+    prefixes.take_while(|prefix| grid.kept(&format!("{prefix}lamps")).is_some()).collect()
+}

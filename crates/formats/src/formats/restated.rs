@@ -1,0 +1,130 @@
+//! Files written anew with the angles, keywords and multipliers that they came with: what the writers share.
+
+use super::error::{FormatError, FormatErrorKind};
+use crate::domain::{DirectionGrid, Unit};
+
+/// Digits of the numbers of a text file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Digits {
+    /// The fewest that read back as the same float32.
+    Shortest,
+    /// The fewest that change no number by more than this part of it.
+    Within(f64),
+}
+
+/// Samples on the grid of a file, and what its reader kept of the rest of the file.
+#[derive(Clone, Copy, Debug)]
+pub struct Restatement<'a> {
+    /// The directions of the outgoing axis.
+    pub directions: &'a DirectionGrid,
+    /// Values in `unit`, `[polar, azimuth]`; NaN = masked, written as 0.
+    pub values: &'a [f32],
+    /// Unit of the values.
+    pub unit: Unit,
+    /// Revision and flavour of the file, as its reader named them.
+    pub dialect: &'a str,
+    /// Keywords and header fields of the file, as its reader kept them, in order.
+    pub metadata: &'a [(String, String)],
+    /// Digits of the values.
+    pub digits: Digits,
+}
+
+/// Numbers beyond these sizes are written with an exponent.
+const PLAIN: std::ops::Range<f64> = 1e-6..1e15;
+/// Significant digits of any float32.
+const MOST_DIGITS: usize = 9;
+
+impl Restatement<'_> {
+    /// The text that the reader kept under `key`.
+    pub(super) fn kept(&self, key: &str) -> Option<&str> {
+        self.metadata.iter().find(|(found, _)| found == key).map(|(_, text)| text.as_str())
+    }
+
+    /// The number that begins the text under `key`.
+    pub(super) fn number(&self, key: &str) -> Option<f64> {
+        self.kept(key)?.split_whitespace().next()?.parse().ok()
+    }
+
+    /// The text of the number of which an entry is `factor` times.
+    pub(super) fn spelled(&self, entry: usize, factor: f64) -> String {
+        let value = self.values[entry];
+        if value.is_nan() { "0".to_owned() } else { self.digits.spelled(value, factor) }
+    }
+}
+
+impl Digits {
+    /// The text of a number of which `value` is `factor` times.
+    fn spelled(self, value: f32, factor: f64) -> String {
+        let quotient = f64::from(value) / factor;
+        let number = if factor != 0.0 && quotient.is_finite() { quotient } else { 0.0 };
+        match self {
+            Self::Shortest => shortest(number as f32, |number| (f64::from(number) * factor) as f32 == value),
+            Self::Within(part) => fewest(number, part),
+        }
+    }
+}
+
+/// The shortest text of the numbers beside `number` that are right; of `number` itself, where none is.
+fn shortest(number: f32, is_right: impl Fn(f32) -> bool) -> String {
+    let near = [number, number.next_down(), number.next_up()];
+    let right = near.into_iter().filter(|&number| number.is_finite() && is_right(number)).map(plain_f32);
+    right.min_by_key(String::len).unwrap_or_else(|| plain_f32(number))
+}
+
+fn plain_f32(number: f32) -> String {
+    let size = f64::from(number.abs());
+    if size == 0.0 {
+        // Zero has no sign.
+        "0".to_owned()
+    } else if PLAIN.contains(&size) {
+        number.to_string()
+    } else {
+        format!("{number:e}")
+    }
+}
+
+fn fewest(number: f64, part: f64) -> String {
+    if number == 0.0 {
+        return "0".to_owned();
+    }
+    let rounded = (0..MOST_DIGITS).find_map(|decimals| {
+        let rounded: f64 = format!("{number:.decimals$e}").parse().ok()?;
+        ((rounded - number).abs() <= part * number.abs()).then_some(rounded)
+    });
+    let number = rounded.unwrap_or(number);
+    if PLAIN.contains(&number.abs()) { number.to_string() } else { format!("{number:e}") }
+}
+
+/// Refuses what the format cannot say.
+pub(super) fn unfit<T>(format: &'static str, message: impl Into<String>) -> Result<T, FormatError> {
+    Err(FormatError::new(FormatErrorKind::NeedsOption, format, message))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_a_file_come_back_through_their_factor() {
+        for factor in [1.0, 1.5, 0.1 * 0.7, 0.95 * 1.03, 1e-3] {
+            for text in ["1328.4", "0.0001", "94.51997", "7", "123456", "0.33", "16777216", "2.5e-9"] {
+                let number: f32 = text.parse().unwrap();
+                let value = (f64::from(number) * factor) as f32;
+                let spelled = Digits::Shortest.spelled(value, factor);
+                let back = (f64::from(spelled.parse::<f32>().unwrap()) * factor) as f32;
+                assert_eq!(back, value, "{text} {factor}");
+                assert!(spelled.len() <= text.len(), "{spelled} {text} {factor}");
+            }
+        }
+        assert_eq!([Digits::Shortest.spelled(-0.0, 2.0), Digits::Shortest.spelled(3.0, 0.0)], ["0", "0"]);
+    }
+
+    #[test]
+    fn lossy_numbers_have_the_fewest_digits_within_their_part() {
+        for (number, part, text) in
+            [(123.456, 1e-3, "123.5"), (123.456, 0.05, "120"), (-0.009_96, 0.01, "-0.01"), (2e-9, 0.1, "2e-9")]
+        {
+            assert_eq!(fewest(number, part), text);
+        }
+    }
+}

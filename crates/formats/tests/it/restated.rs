@@ -1,0 +1,192 @@
+//! What comes back is what went in: files read, kept on their own grid, written again and read again.
+
+use crate::root;
+use std::fs;
+use std::path::PathBuf;
+use wavelume_core::domain::{Axis, DirectionGrid, Measurement, Unit};
+use wavelume_formats::export::{Origin, restate};
+use wavelume_formats::formats::{Acquisition, Digits, Interpretation, read};
+use wavelume_formats::projection::{AxesRequest, DirectionDomain, project};
+
+const FOLDERS: [&str; 5] = [
+    "data",
+    "tests/fixtures/ies",
+    "tests/fixtures/ies/photometric-viewer",
+    "tests/fixtures/ldt",
+    "tests/fixtures/mbsdf",
+];
+
+/// Files of an extension that are measurements, with their bytes.
+fn files(extension: &str) -> Vec<(PathBuf, Vec<u8>, Acquisition)> {
+    let of_folder = |folder: &&str| fs::read_dir(root().join(folder)).unwrap().map(|entry| entry.unwrap().path());
+    let mut paths: Vec<PathBuf> = FOLDERS.iter().flat_map(of_folder).collect();
+    paths.retain(|path| path.extension().is_some_and(|found| found == extension));
+    paths.sort();
+    let measured = |path: PathBuf| {
+        let bytes = fs::read(&path).unwrap();
+        let acquisition = read(&bytes, &Interpretation::default()).ok()?;
+        Some((path, bytes, acquisition))
+    };
+    paths.into_iter().filter_map(measured).collect()
+}
+
+fn on_grid(acquisition: &Acquisition) -> Measurement {
+    let request = AxesRequest { domain: Some(DirectionDomain::Grid), ..AxesRequest::default() };
+    project(acquisition, &request).unwrap().measurement
+}
+
+fn directions(measurement: &Measurement) -> &DirectionGrid {
+    let Some(Axis::Grid(grid)) = measurement.tensor.axes().iter().rfind(|axis| matches!(axis, Axis::Grid(_))) else {
+        panic!("a grid")
+    };
+    grid
+}
+
+#[test]
+fn luminaires_come_back_with_their_angles_numbers_and_keywords() {
+    let mut count = 0;
+    for (path, bytes, acquisition) in files("ies").into_iter().chain(files("ldt")) {
+        let name = path.display();
+        let measurement = on_grid(&acquisition);
+        let restated = restate(&measurement, &Origin::of(&acquisition), Digits::Shortest)
+            .unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!((restated.filled, restated.errors.max_absolute_error), (0, 0.0), "{name}");
+        let text = String::from_utf8_lossy(&restated.bytes);
+        assert!(10 * text.len() <= 13 * bytes.len() + 10 * text.lines().count(), "{name}: {text}");
+        let again = read(&restated.bytes, &Interpretation::default()).unwrap();
+        assert_eq!(again.report.metadata, acquisition.report.metadata, "{name}");
+        assert_eq!((again.dialect, again.unit), (acquisition.dialect, acquisition.unit), "{name}");
+        let back = on_grid(&read(&restated.bytes, &Interpretation::default()).unwrap());
+        assert!(back.tensor.samples().iter().zip(measurement.tensor.samples()).all(|(a, b)| a == b), "{name}");
+        assert_eq!(directions(&back), directions(&measurement), "{name}");
+        count += 1;
+    }
+    assert!(count > 25, "{count} files");
+}
+
+/// The numbers of a text behind its header.
+fn numbers(bytes: &[u8], behind: &str) -> Vec<f64> {
+    let text = String::from_utf8_lossy(bytes);
+    let (_, rest) = text.split_once(behind).unwrap();
+    rest.split_whitespace().filter_map(|word| word.parse().ok()).collect()
+}
+
+#[test]
+fn short_decimals_come_back_as_the_numbers_that_were_written() {
+    let mut count = 0;
+    for (path, bytes, acquisition) in files("ies") {
+        let text = String::from_utf8_lossy(&bytes);
+        let is_long = |word: &str| word.parse::<f64>().is_ok() && word.chars().filter(char::is_ascii_digit).count() > 6;
+        if text.split_whitespace().any(is_long) {
+            continue;
+        }
+        let restated = restate(&on_grid(&acquisition), &Origin::of(&acquisition), Digits::Shortest).unwrap();
+        let tilt = if text.contains("TILT=INCLUDE") { "TILT=INCLUDE" } else { "TILT=NONE" };
+        assert_eq!(numbers(&restated.bytes, tilt), numbers(&bytes, tilt), "{}", path.display());
+        count += 1;
+    }
+    assert!(count > 15, "{count} files");
+}
+
+#[test]
+fn measured_bsdfs_come_back_byte_for_byte() {
+    let mut equal = 0;
+    for (path, bytes, acquisition) in files("mbsdf") {
+        // Sides of different resolution are joined on the angles of both, which no such file has.
+        let restated = restate(&on_grid(&acquisition), &Origin::of(&acquisition), Digits::Shortest);
+        if path.display().to_string().contains("theta_2_phi_3_transmission") {
+            assert!(restated.is_err(), "{}", path.display());
+            continue;
+        }
+        assert!(restated.unwrap().bytes == bytes, "{}", path.display());
+        equal += 1;
+    }
+    assert_eq!(equal, 4);
+}
+
+#[test]
+fn lossy_files_have_fewer_digits_and_the_same_angles() {
+    let (path, _, acquisition) =
+        files("ies").into_iter().find(|(path, ..)| path.ends_with("data/aerolamp.ies")).unwrap();
+    let measurement = on_grid(&acquisition);
+    let origin = Origin::of(&acquisition);
+    let exact = restate(&measurement, &origin, Digits::Shortest).unwrap();
+    let lossy = restate(&measurement, &origin, Digits::Within(1e-3)).unwrap();
+    let largest = lossy.errors.max_relative_error;
+    assert!(largest > 1e-4 && largest <= 1.001e-3, "{}: {largest}", path.display());
+    assert!(2 * lossy.bytes.len() < exact.bytes.len() + 2000, "{} {}", lossy.bytes.len(), exact.bytes.len());
+}
+
+#[test]
+fn units_that_the_user_named_are_written_where_keywords_do_not_tell_them() {
+    let path = root().join("tests/fixtures/ies/example_modules.ies");
+    let how = Interpretation { unit: Some(Unit::MilliwattPerSteradian), ..Interpretation::default() };
+    let acquisition = read(&fs::read(path).unwrap(), &how).unwrap();
+    let restated = restate(&on_grid(&acquisition), &Origin::of(&acquisition), Digits::Shortest).unwrap();
+    assert!(String::from_utf8(restated.bytes).unwrap().contains("[_INTENSITYUNITS] mW/sr"));
+    let path = root().join("tests/fixtures/ldt/example.ldt");
+    let how = Interpretation { unit: Some(Unit::CandelaPerKilolumen), ..Interpretation::default() };
+    let acquisition = read(&fs::read(path).unwrap(), &how).unwrap();
+    assert!(restate(&on_grid(&acquisition), &Origin::of(&acquisition), Digits::Shortest).is_ok());
+}
+
+#[test]
+fn files_without_provenance_are_written_with_the_least_that_the_format_asks_for() {
+    let (_, _, acquisition) = files("ies").into_iter().find(|(path, ..)| path.ends_with("data/ushio_b1.ies")).unwrap();
+    let measurement = on_grid(&acquisition);
+    let origin = Origin { format: "lm-63", dialect: "", metadata: &[] };
+    let restated = restate(&measurement, &origin, Digits::Shortest).unwrap();
+    assert_eq!(restated.errors.max_absolute_error, 0.0);
+    assert!(restated.bytes.starts_with(b"IESNA:LM-63-2002\r\n[TEST] not stated"));
+    for (format, tensor) in [("rgl", &measurement), ("eulumdat", &measurement)] {
+        assert!(restate(tensor, &Origin { format, dialect: "", metadata: &[] }, Digits::Shortest).is_err());
+    }
+}
+
+/// What the grid of a text file is after it was written again.
+fn comes_back(text: &str) -> bool {
+    let acquisition =
+        read(text.as_bytes(), &Interpretation::default()).unwrap_or_else(|error| panic!("{error}: {text}"));
+    let measurement = on_grid(&acquisition);
+    let restated = restate(&measurement, &Origin::of(&acquisition), Digits::Shortest).unwrap();
+    let again = read(&restated.bytes, &Interpretation::default()).unwrap();
+    on_grid(&again) == measurement && again.report.metadata == acquisition.report.metadata
+}
+
+#[test]
+fn every_form_of_planes_comes_back() {
+    let list = |angles: &[f64]| angles.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
+    let half = [0.0, 45.0, 90.0];
+    for (kind, vertical, horizontal) in [
+        (1, &half[..], &[0.0][..]),
+        (1, &half, &[15.0]),
+        (1, &half, &[0.0, 30.0, 90.0]),
+        (1, &[90.0, 180.0], &[0.0, 30.0, 180.0]),
+        (1, &[0.0, 180.0], &[90.0, 100.0, 270.0]),
+        (1, &half, &[0.0, 120.0, 240.0, 360.0]),
+        (1, &half, &[0.0, 120.0, 240.0]),
+        (2, &[-20.0, 0.0, 20.0], &[-40.0, 40.0]),
+        (2, &[-90.0, 0.0, 90.0], &[0.0, 90.0]),
+        (3, &[-20.0, 0.0, 20.0], &[0.0, 90.0]),
+        (3, &[-90.0, 90.0], &[-180.0, 0.0, 180.0]),
+    ] {
+        let numbers: Vec<f64> = (0..vertical.len() * horizontal.len()).map(|i| 0.3 + 1.7 * i as f64).collect();
+        let (v, h) = (vertical.len(), horizontal.len());
+        let lists = [vertical, horizontal, &numbers].map(list).join("\n");
+        let text = format!(
+            "IES:LM-63-2019\n[TEST] a\n[MORE] b\nTILT=INCLUDE\n1\n2\n0 90\n1 0.5\n1 500 1.1 {v} {h} {kind} 1 1 2 0 0.93 \
+             1.10000 9\n{lists}\n"
+        );
+        assert!(comes_back(&text), "{text}");
+    }
+    for (symmetry, stored) in [(0, 8), (1, 1), (2, 5), (3, 5), (4, 3)] {
+        let mut lines: Vec<String> = ["a company", "3", &symmetry.to_string(), "8", "45"].map(str::to_owned).into();
+        lines.extend(["2", "90", "r", "l", "n", "f", "d"].map(str::to_owned));
+        lines.extend((0..9).map(|_| "1.5".to_owned()));
+        lines.extend(["100", "80", "1.25", "0", "1", "1", "lamp", "500", "warm", "", "9"].map(str::to_owned));
+        lines.extend((0..10).map(|i| format!("0.{i}")));
+        lines.extend((0..8).map(|plane| (45 * plane).to_string()).chain(["0".to_owned(), "90".to_owned()]));
+        lines.extend((0..2 * stored).map(|i| format!("{:.1}", 0.3 + 1.7 * f64::from(i))));
+        assert!(comes_back(&(lines.join("\n") + "\n")), "{symmetry}");
+    }
+}
