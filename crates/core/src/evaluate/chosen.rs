@@ -136,7 +136,6 @@ impl Chosen<'_> {
     }
 
     /// The values at a place, in the order of the wavelengths; 0 beyond them. As [`Material::at_wavelengths`].
-    #[inline]
     pub fn at(&self, place: Place<'_>, how: Interpolation) -> Result<[f32; Chosen::MOST], EvaluateError> {
         self.at_known(place, how, None)
     }
@@ -203,7 +202,6 @@ impl Chosen<'_> {
     /// Draws a direction as [`Material::sample`] does, by the mean over all wavelengths, with the weight of each chosen one:
     /// f · |cos θo| / pdf (without the cosine for emission and phase functions). A uniform density goes with the piecewise
     /// constant form, a linear one with the smooth form.
-    #[inline]
     pub fn sample(
         &self,
         index: &[usize],
@@ -211,11 +209,22 @@ impl Chosen<'_> {
         u: [f64; 2],
         options: impl Into<SampleOptions>,
     ) -> Result<Option<ChosenSample>, EvaluateError> {
+        self.drawn(index, wi, u, options.into())
+    }
+
+    /// Not generic: compiled once, here, and not by every crate that draws.
+    fn drawn(
+        &self,
+        index: &[usize],
+        wi: Option<Direction>,
+        u: [f64; 2],
+        options: SampleOptions,
+    ) -> Result<Option<ChosenSample>, EvaluateError> {
         let sampler = self.material.sampler()?;
         let drawn = wide(
             #[inline(always)]
             || {
-                sampler.drawn_with(index, wi, u, options.into(), |place, how, incoming, cell| {
+                sampler.drawn_with(index, wi, u, options, |place, how, incoming, cell| {
                     match (self.material.planes(), &self.columns, cell) {
                         (Some((_, planes, _)), Some(columns), Some(cell)) if planes.presence(cell) > 0.0 => {
                             Ok(self.held(planes.picked(planes.row(cell), 1.0, columns)))
@@ -239,9 +248,20 @@ impl Chosen<'_> {
         wi: Option<Directions<'_>>,
         u: [&[f32]; 2],
         options: impl Into<SampleOptions>,
+        out: Drawings<'_>,
+    ) -> Result<(), EvaluateError> {
+        self.drawn_all(index, wi, u, options.into(), out)
+    }
+
+    /// Not generic either.
+    fn drawn_all(
+        &self,
+        index: &[usize],
+        wi: Option<Directions<'_>>,
+        u: [&[f32]; 2],
+        options: SampleOptions,
         mut out: Drawings<'_>,
     ) -> Result<(), EvaluateError> {
-        let options = options.into();
         let count = u[0].len();
         let lengths = [u[1].len(), out.x.len(), out.y.len(), out.z.len(), out.pdf.len()];
         if lengths != [count; 5] || out.weights.len() != count * self.count {
@@ -285,7 +305,7 @@ impl Chosen<'_> {
     ) -> Result<(), EvaluateError> {
         for i in 0..u[0].len() {
             let u = u.map(|u| f64::from(u[i]));
-            let drawn = self.sample(pairs.index, pairs.wi_at(i)?, u, options)?;
+            let drawn = self.drawn(pairs.index, pairs.wi_at(i)?, u, options)?;
             let ([x, y, z], pdf) = drawn.map_or(([0.0; 3], 0.0), |drawn| (drawn.direction.xyz(), drawn.pdf));
             (out.x[i], out.y[i], out.z[i], out.pdf[i]) = (x as f32, y as f32, z as f32, pdf as f32);
             let weights = drawn.map_or([0.0; FEW], |drawn| drawn.weights);

@@ -169,7 +169,6 @@ impl<'a> Sampler<'a> {
     }
 
     /// The density with which directions are drawn; 0 where nothing is.
-    #[inline]
     pub(super) fn pdf(
         &self,
         index: &[usize],
@@ -206,7 +205,6 @@ impl<'a> Sampler<'a> {
     }
 
     /// A direction and its density alone.
-    #[inline]
     pub(super) fn draw(
         &self,
         index: &[usize],
