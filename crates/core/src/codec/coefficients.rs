@@ -132,9 +132,11 @@ impl State {
         }
         for &lane in &rows.lane_order {
             let j = lane as usize;
-            let [a, b, c] = neighbours.map(|n| self.magnitude(n[j]));
-            let [up, before] =
-                rows.lane_neighbours[j].map(|n| if n == NONE { 0 } else { self.magnitude(row[n as usize]) });
+            let [a, b, c] = neighbours;
+            let [a, b, c] = [self.magnitude(a[j]), self.magnitude(b[j]), self.magnitude(c[j])];
+            let beside = |n: u32| if n == NONE { 0 } else { self.magnitude(row[n as usize]) };
+            let [up, before] = rows.lane_neighbours[j];
+            let [up, before] = [beside(up), beside(before)];
             let lane_level = usize::from(rows.lane_level[j]).min(LEVELS - 1);
             // Magnitudes are capped so that the sums cannot overflow; classes saturate long before.
             let by_rows = fine(8 * a + 4 * b + 4 * c);

@@ -82,7 +82,10 @@ impl Model {
     #[inline]
     pub(crate) fn code<C: BitCoder>(&mut self, coder: &mut C, bit: bool, slots: [usize; INPUTS], set: usize) -> bool {
         // A probability is below 2^22.
-        let stretched = slots.map(|slot| i32::from(self.tables.stretch[(self.slots[slot].p >> 10 & 4095) as usize]));
+        let stretch = |slot: usize| i32::from(self.tables.stretch[(self.slots[slot].p >> 10 & 4095) as usize]);
+        // Written out here and in `coefficients`: a `map` of the array is several calls in builds for tests, for each decision.
+        let [first, second, third] = slots;
+        let stretched = [stretch(first), stretch(second), stretch(third)];
         let weights = &mut self.weights[set];
         let sum: i64 = stretched.iter().zip(weights.iter()).map(|(&s, &w)| i64::from(s) * i64::from(w)).sum();
         let odds = (sum >> 16).clamp(-i64::from(STRETCH_LIMIT), i64::from(STRETCH_LIMIT)) as i32;
