@@ -1,0 +1,34 @@
+//! Compresses a measurement again as a material of it says it was asked for, and compares the bytes.
+//!
+//! `cargo run --release -p wavelume-formats --example again -- MEASUREMENT MATERIAL.wlm`; of an array the manifest stands beside
+//! it. It fails (exit code 1) if a byte differs: equal measurements and requests give equal files, whoever built the program.
+
+mod common;
+
+use std::error::Error;
+use std::io::Write;
+use std::process::ExitCode;
+use wavelume_core::compress::inspect;
+use wavelume_core::domain::Silent;
+use wavelume_formats::pipeline::{self, Request};
+
+fn main() -> ExitCode {
+    let material = std::env::args().nth(2);
+    common::main("again", |measurement, out| {
+        let expected = "expected the file of a measurement and that of its material";
+        run(measurement.ok_or(expected)?, &material.ok_or(expected)?, out)
+    })
+}
+
+/// Compares the file `material` with what becomes of `measurement` now; whether they are equal.
+pub(crate) fn run(measurement: &str, material: &str, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
+    let before = std::fs::read(material)?;
+    let stated = inspect(&before)?.metadata.ok_or_else(|| format!("{material} does not say what was asked for"))?;
+    let stated: serde_json::Value = serde_json::from_str(&stated)?;
+    let request: Request = serde_json::from_value(stated["request"].clone())?;
+    let now = pipeline::compress(&wavelume_formats::read(measurement)?, &request, &Silent)?.bytes;
+    let equal = before == now;
+    let verdict = if equal { "the same" } else { "other bytes" };
+    writeln!(out, "{material}: {} bytes, now {}: {verdict}", before.len(), now.len())?;
+    Ok(equal)
+}
