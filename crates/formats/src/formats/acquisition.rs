@@ -87,6 +87,9 @@ pub struct Modelled {
     pub numbers: usize,
     /// How many of them are missing.
     pub missing: usize,
+    /// The list of a phase function over the scattering angle, which the file states: light comes from `+z`, so that its
+    /// polar angles are 180° less the scattering angle. Elsewhere the function depends on the angle between the directions.
+    pub stated: Option<Box<StatedGrid>>,
     /// The function.
     pub function: Arc<dyn DirectionalFunction>,
 }

@@ -91,6 +91,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         quantity: Quantity::Brdf,
         unit: Unit::PerSteradian,
         samples: Samples::Function(Modelled {
+            stated: None,
             incoming: Angles { theta, covers: (0.0, 90.0), phi: None },
             outgoing_spacing: SPACING,
             spectral: Some(Axis::Rgb),

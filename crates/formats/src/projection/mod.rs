@@ -49,7 +49,7 @@ pub fn project(acquisition: &Acquisition, request: &AxesRequest) -> Result<Proje
     let samples = instead.as_ref().map_or(&acquisition.samples, |(samples, _)| samples);
     let on_grid = stated::is_wanted(samples, request)?;
     let mut projected = match samples {
-        Samples::Grid(grid) if on_grid => stated::project(acquisition, grid, request)?,
+        samples if on_grid => stated::project(acquisition, samples, request)?,
         samples => project_samples(acquisition, samples, request)?,
     };
     if let Some((_, note)) = &instead {

@@ -255,6 +255,7 @@ mod tests {
             quantity: Quantity::Brdf,
             unit: Unit::PerSteradian,
             samples: Samples::Function(Modelled {
+                stated: None,
                 incoming: Angles { theta: vec![0.0, 30.0, 60.0], covers: (0.0, 90.0), phi },
                 outgoing_spacing: spacing,
                 spectral: Some(Axis::Rgb),

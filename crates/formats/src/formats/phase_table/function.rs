@@ -27,6 +27,8 @@ pub(super) struct Curve {
     pub(super) between: Between,
     /// How far beyond the first and last entry their values hold.
     pub(super) held: f64,
+    /// Whether the angles are those of the file.
+    pub(super) is_listed: bool,
     /// The cosines of the angles, where it is linear in them.
     cosines: Vec<f64>,
 }
@@ -45,13 +47,13 @@ impl Curve {
     /// A table that holds nothing beyond its ends.
     pub(super) fn over_angles(angles: Vec<f64>, values: Vec<f64>, is_volume: bool) -> Self {
         let between = if is_volume { Between::PowerLaws } else { Between::Angles };
-        Self { angles, values, between, held: 0.0, cosines: Vec::new() }
+        Self { angles, values, between, held: 0.0, is_listed: true, cosines: Vec::new() }
     }
 
     /// The same over decreasing cosines.
     pub(super) fn over_cosines(cosines: Vec<f64>, values: Vec<f64>) -> Self {
         let angles = cosines.iter().map(|&cosine| libm::acos(cosine).to_degrees()).collect();
-        Self { angles, values, between: Between::Cosines, held: 0.0, cosines }
+        Self { angles, values, between: Between::Cosines, held: 0.0, is_listed: true, cosines }
     }
 
     /// Where a scattering angle in degrees is in the table.

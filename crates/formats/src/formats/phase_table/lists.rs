@@ -151,7 +151,9 @@ fn expanded(mut moments: Vec<f64>, report: &mut ParseReport) -> Result<Curve, Fo
     report.note(NoteKind::Filled, format!("the moments became a table of {} angles", count + 1));
     let angles: Vec<f64> = (0..=count).map(|i| 180.0 * i as f64 / count as f64).collect();
     let values = angles.iter().map(|angle| series(&moments, libm::cos(angle.to_radians())) / (4.0 * PI)).collect();
-    Ok(Curve::over_angles(angles, values, false))
+    let mut curve = Curve::over_angles(angles, values, false);
+    curve.is_listed = false;
+    Ok(curve)
 }
 
 /// `Σ c_m P_m(x)` (Bonnet's recurrence).

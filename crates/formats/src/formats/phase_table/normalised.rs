@@ -3,10 +3,11 @@
 use super::about::NAME;
 use super::function::{Curve, Curves};
 use super::refusal::needs;
-use crate::domain::Axis;
+use crate::domain::{Axis, DirectionGrid, Frame, Tensor};
 use crate::formats::acquisition::{Angles, AzimuthExtent, Azimuths, Modelled, NoteKind, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::normalization::Normalization;
+use crate::formats::stated_grid::{Repeated, StatedGrid};
 use crate::formats::text::Brief;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -47,6 +48,7 @@ pub(super) fn modelled(curves: Vec<Curve>, spectral: Option<Axis>, report: &mut 
         );
     }
     Modelled {
+        stated: stated(&curves, spectral.as_ref()).map(Box::new),
         incoming: Angles { theta, covers: (0.0, 180.0), phi },
         outgoing_spacing: spacing,
         spectral,
@@ -54,6 +56,20 @@ pub(super) fn modelled(curves: Vec<Curve>, spectral: Option<Axis>, report: &mut 
         missing,
         function: Arc::new(Curves(curves)),
     }
+}
+
+/// The lists over the scattering angle under light from `+z`; `None` where a file holds no lists.
+fn stated(curves: &[Curve], spectral: Option<&Axis>) -> Option<StatedGrid> {
+    let first = curves.first().filter(|curve| curve.is_listed)?;
+    let (nearest, farthest) = (first.angles[0], first.angles[first.angles.len() - 1]);
+    let polar = first.angles.iter().rev().map(|angle| 180.0 - angle).collect();
+    let covers = if first.held > 0.0 { (0.0, 180.0) } else { (180.0 - farthest, 180.0 - nearest) };
+    let directions = DirectionGrid::new(Frame::Surface, polar, None).ok()?.covering(covers.0, covers.1).ok()?;
+    let rows = (0..first.angles.len()).rev();
+    let values = rows.flat_map(|row| curves.iter().map(move |curve| curve.values[row] as f32)).collect();
+    let axes = [Axis::Elevation(vec![0.0]), Axis::Grid(directions)].into_iter().chain(spectral.cloned());
+    let tensor = Tensor::new(axes.collect(), values).ok()?;
+    Some(StatedGrid { tensor, factor: 1.0, repeated: Repeated::default() })
 }
 
 /// A function of two directions from `values` `[angle, wavelength]` over increasing scattering angles in degrees.

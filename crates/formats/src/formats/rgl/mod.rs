@@ -113,6 +113,7 @@ fn modelled(model: Model, spectral: Axis, report: &mut ParseReport) -> Modelled 
     });
     let spacing = model.spacing().map_or(SPACING.1, |degrees| degrees.clamp(SPACING.0, SPACING.2));
     Modelled {
+        stated: None,
         incoming: Angles { theta, covers: (0.0, 90.0), phi },
         outgoing_spacing: spacing,
         spectral: Some(spectral),

@@ -10,7 +10,7 @@ use super::request::{AxesRequest, DirectionDomain};
 use super::resampling::{Directions, Resampling};
 use super::spectral;
 use crate::domain::{Axis, Azimuths, DirectionGrid, Domain, Frame, Layout, Measurement, Quantity, Sampling, Tensor};
-use crate::formats::{Acquisition, AngleGrid, Contradictions, Samples, StatedGrid};
+use crate::formats::{Acquisition, Contradictions, Modelled, Samples, StatedGrid};
 
 /// Returns true where the measurement stays on the grid of its file; an error where that was asked for and cannot be.
 pub(super) fn is_wanted(samples: &Samples, request: &AxesRequest) -> Result<bool, ProjectionError> {
@@ -18,6 +18,8 @@ pub(super) fn is_wanted(samples: &Samples, request: &AxesRequest) -> Result<bool
     let is_named = request.domain.is_some();
     match samples {
         Samples::Grid(_) => Ok(wanted == DirectionDomain::Grid),
+        // By name only: a default has to wait until evaluation takes such a list by the angle between directions.
+        Samples::Function(modelled) if modelled.stated.is_some() => Ok(is_named && wanted == DirectionDomain::Grid),
         // Such a tensor stays as it is, whatever the default.
         Samples::OnAxes { tensor, .. } if tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_))) => {
             if is_named && wanted == DirectionDomain::Triangles { Err(DomainError::Final.into()) } else { Ok(false) }
@@ -27,15 +29,22 @@ pub(super) fn is_wanted(samples: &Samples, request: &AxesRequest) -> Result<bool
     }
 }
 
-/// Puts `grid`, the samples of `acquisition`, on its own axes.
+/// Puts `samples` of `acquisition`, of which [`is_wanted`] says so, on their own axes.
 pub(super) fn project(
     acquisition: &Acquisition,
-    grid: &AngleGrid,
+    samples: &Samples,
     request: &AxesRequest,
 ) -> Result<Projected, ProjectionError> {
-    grid::check_values(grid)?;
-    grid::check_sides(acquisition.quantity, grid)?;
-    let StatedGrid { tensor, factor, repeated } = grid.as_stated()?;
+    let stated = match samples {
+        Samples::Grid(grid) => {
+            grid::check_values(grid)?;
+            grid::check_sides(acquisition.quantity, grid)?;
+            grid.as_stated()?
+        }
+        Samples::Function(Modelled { stated: Some(stated), .. }) => (**stated).clone(),
+        _ => return Err(DomainError::NoGrid.into()),
+    };
+    let StatedGrid { tensor, factor, repeated } = stated;
     let (numbers, left_out) = within(acquisition.quantity, tensor)?;
     let layout = Layout::of(acquisition.quantity, numbers.axes())?;
     let length = |axis: Option<usize>| axis.map_or(1, |i| numbers.axes()[i].len());
