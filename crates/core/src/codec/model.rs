@@ -8,12 +8,16 @@ use std::sync::LazyLock;
 
 /// Contexts that predict one decision together.
 pub(crate) const INPUTS: usize = 3;
+/// Inputs of a decision that has a stated probability beside its slots.
+const GUIDED: usize = INPUTS + 1;
 
 /// Probabilities are stored in 22 bits, coded in 16.
 const PROBABILITY_BITS: u32 = 22;
 const ONE: u32 = 1 << PROBABILITY_BITS;
+/// Units of log-odds in one natural logarithm.
+pub(crate) const LOG_ODDS: f64 = 256.0;
 /// Log-odds have 8 fractional bits and end at ±12 (probability 6e-6).
-const STRETCH_SCALE: f64 = 256.0;
+const STRETCH_SCALE: f64 = LOG_ODDS;
 const STRETCH_LIMIT: i32 = 3072;
 /// Counts stop here: the slowest adaptation is 1 / 255.
 const COUNT_LIMIT: u8 = 254;
@@ -47,22 +51,68 @@ struct Slot {
     count: u8,
 }
 
-/// A set of adaptive probabilities and of mixing weights.
-pub(crate) struct Model {
+/// A set of adaptive probabilities and of weights that mix `N` predictions.
+pub(crate) struct Model<const N: usize = INPUTS> {
     slots: Vec<Slot>,
     /// 16.16 fixed point.
-    weights: Vec<[i32; INPUTS]>,
+    weights: Vec<[i32; N]>,
     tables: &'static Tables,
 }
 
 impl Model {
     /// `slots` probabilities at one half, `sets` sets of weights.
     pub(crate) fn new(slots: usize, sets: usize) -> Self {
-        Self {
-            slots: vec![Slot { p: ONE / 2, count: 0 }; slots],
-            weights: vec![[26_214; INPUTS]; sets],
-            tables: &TABLES,
+        Self::starting(slots, sets, [26_214; INPUTS])
+    }
+
+    /// Codes one decision predicted by three slots, mixed with weight set `set`.
+    #[inline]
+    pub(crate) fn code<C: BitCoder>(&mut self, coder: &mut C, bit: bool, slots: [usize; INPUTS], set: usize) -> bool {
+        // Written out here and in `coefficients`: a `map` of the array is several calls in builds for tests, for each decision.
+        let [first, second, third] = slots;
+        let stretched = [self.odds_of(first), self.odds_of(second), self.odds_of(third)];
+        let bit = self.mix(coder, bit, stretched, set);
+        for slot in slots {
+            self.update(slot, bit);
         }
+        bit
+    }
+}
+
+impl Model<GUIDED> {
+    /// `slots` probabilities at one half and `sets` sets of weights, which start at the given log-odds alone.
+    pub(crate) fn guided(slots: usize, sets: usize) -> Self {
+        Self::starting(slots, sets, [1 << 16, 0, 0, 0])
+    }
+
+    /// Codes one decision predicted by log-odds (see [`LOG_ODDS`]) and three slots, mixed with weight set `set`.
+    #[inline]
+    pub(crate) fn code_guided<C: BitCoder>(
+        &mut self,
+        coder: &mut C,
+        bit: bool,
+        (odds, slots): (i32, [usize; INPUTS]),
+        set: usize,
+    ) -> bool {
+        let [first, second, third] = slots;
+        let stretched = [odds, self.odds_of(first), self.odds_of(second), self.odds_of(third)];
+        let bit = self.mix(coder, bit, stretched, set);
+        for slot in slots {
+            self.update(slot, bit);
+        }
+        bit
+    }
+}
+
+impl<const N: usize> Model<N> {
+    fn starting(slots: usize, sets: usize, weights: [i32; N]) -> Self {
+        Self { slots: vec![Slot { p: ONE / 2, count: 0 }; slots], weights: vec![weights; sets], tables: &TABLES }
+    }
+
+    #[inline]
+    fn odds_of(&self, slot: usize) -> i32 {
+        // A probability is below 2^22.
+        i32::from(self.tables.stretch[(self.slots[slot].p >> 10 & 4095) as usize])
     }
 
     /// Sets the probability that slot `slot` starts from, of 65536.
@@ -78,14 +128,9 @@ impl Model {
         bit
     }
 
-    /// Codes one decision predicted by three slots, mixed with weight set `set`.
+    /// Codes one decision predicted by log-odds; weight set `set` mixes them and learns.
     #[inline]
-    pub(crate) fn code<C: BitCoder>(&mut self, coder: &mut C, bit: bool, slots: [usize; INPUTS], set: usize) -> bool {
-        // A probability is below 2^22.
-        let stretch = |slot: usize| i32::from(self.tables.stretch[(self.slots[slot].p >> 10 & 4095) as usize]);
-        // Written out here and in `coefficients`: a `map` of the array is several calls in builds for tests, for each decision.
-        let [first, second, third] = slots;
-        let stretched = [stretch(first), stretch(second), stretch(third)];
+    fn mix<C: BitCoder>(&mut self, coder: &mut C, bit: bool, stretched: [i32; N], set: usize) -> bool {
         let weights = &mut self.weights[set];
         let sum: i64 = stretched.iter().zip(weights.iter()).map(|(&s, &w)| i64::from(s) * i64::from(w)).sum();
         let odds = (sum >> 16).clamp(-i64::from(STRETCH_LIMIT), i64::from(STRETCH_LIMIT)) as i32;
@@ -96,9 +141,6 @@ impl Model {
             // A learning rate of 0.02 in real units; |error · s · 5| < 2^30.
             let step = (error * s / 16 * 5) >> 12;
             *weight = weight.saturating_add(step).clamp(-(1 << 20), 1 << 20);
-        }
-        for slot in slots {
-            self.update(slot, bit);
         }
         bit
     }

@@ -108,7 +108,12 @@ pub(crate) fn code_magnitude<C: BitCoder>(
 pub(crate) const GOLOMB_SLOTS: usize = (DOUBLINGS as usize + 1) * 2;
 
 /// Codes `value` < 2^31 − 1 by an adaptive Exp-Golomb code: the number of doublings, the bit below the first, the rest.
-pub(crate) fn code_golomb<C: BitCoder>(coder: &mut C, model: &mut Model, first: usize, value: u32) -> u32 {
+pub(crate) fn code_golomb<C: BitCoder, const N: usize>(
+    coder: &mut C,
+    model: &mut Model<N>,
+    first: usize,
+    value: u32,
+) -> u32 {
     let target = if C::DECODES { 0 } else { (value + 1).ilog2() };
     let mut doublings = 0;
     while doublings < DOUBLINGS && model.code_one(coder, target > doublings, first + doublings as usize) {

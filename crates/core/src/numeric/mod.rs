@@ -10,6 +10,7 @@ pub mod exponential;
 pub(crate) mod least_squares;
 pub(crate) mod orthogonal;
 pub mod random;
+pub(crate) mod recursive;
 mod wide;
 
 pub use wide::wide;

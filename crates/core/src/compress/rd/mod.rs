@@ -13,6 +13,8 @@ mod folding;
 mod largest_step;
 mod layer;
 pub(super) mod levels;
+#[cfg_attr(not(test), allow(dead_code, unused_imports, reason = "no layer codes grids of angles yet"))]
+pub(crate) mod lines;
 mod metric;
 pub(super) mod predictive;
 mod pyramid;

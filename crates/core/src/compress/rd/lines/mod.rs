@@ -1,0 +1,247 @@
+//! Planes on a product of lines as a pyramid of pairs: weighted means, halved along one axis at a time, each detail predicted
+//! from all that is decoded.
+//!
+//! Two entries with weights w₁, w₂ become their mean and the detail δ = c₁ − c₀. √W·δ, W = w₁w₂ / (w₁ + w₂), is an
+//! orthonormal coefficient (Parseval is exact over weighted samples), so δ has the step Δ / √W. Predictions blend average
+//! interpolation with recursive least squares; residuals are coded by the density that errors nearby suggest. Between bytes
+//! and samples there are f64 additions, multiplications, divisions and square roots in a fixed order, and tables of integers.
+
+mod expectation;
+mod guess;
+mod neighbours;
+mod order;
+mod plane;
+mod source;
+mod template;
+
+use crate::codec::{BitCoder, ResidualCoder, code_number};
+use crate::numeric::recursive::Recursive;
+use expectation::Expectation;
+use guess::Coefficients;
+use neighbours::Places;
+pub(crate) use order::{code_order, order_of_halvings};
+use plane::{Halved, Learned, PlaneOf};
+pub(crate) use source::Source;
+use template::Template;
+
+/// Axes of a product of lines.
+pub(crate) const AXES: usize = 4;
+/// Planes with a system of least squares and with expected errors of their own; all later ones share the last.
+const PLANE_CLASSES: usize = 4;
+/// Weight of earlier examples when an axis is halved again.
+const FADING: f64 = 0.3;
+/// Quantised magnitudes stay below this.
+const LARGEST: f64 = (1 << 30) as f64;
+
+/// A line axis: positions of its entries, strictly increasing.
+#[derive(Clone, Debug)]
+pub(crate) struct Line {
+    /// Positions, in any unit.
+    pub(crate) positions: Vec<f64>,
+    /// The circumference, of a circle.
+    pub(crate) period: Option<f64>,
+}
+
+impl Line {
+    /// Evenly spaced entries, around a circle or not.
+    pub(crate) fn even(length: usize, is_circle: bool) -> Self {
+        let positions = (0..length).map(|i| i as f64).collect();
+        Self { positions, period: is_circle.then_some(length as f64) }
+    }
+}
+
+/// Up to four lines, the last of them last; missing ones in front have one entry.
+#[derive(Clone, Debug)]
+pub(crate) struct Grid {
+    lines: [Line; AXES],
+}
+
+impl Grid {
+    /// The product of at most four lines.
+    pub(crate) fn new(lines: &[Line]) -> Self {
+        let missing = AXES.saturating_sub(lines.len());
+        Self {
+            lines: std::array::from_fn(|axis| {
+                axis.checked_sub(missing).and_then(|i| lines.get(i)).cloned().unwrap_or_else(|| Line::even(1, false))
+            }),
+        }
+    }
+
+    /// Entries of each axis.
+    pub(crate) fn lengths(&self) -> [usize; AXES] {
+        std::array::from_fn(|axis| self.lines[axis].positions.len())
+    }
+}
+
+/// One halving: `children` become `parents`.
+struct Halving {
+    axis: usize,
+    children: [usize; AXES],
+    parents: Places,
+    /// By node of the halved axis.
+    guess: Vec<Coefficients>,
+}
+
+/// Weights of the samples of planes and of all means over them.
+struct Weights {
+    /// By halving from the finest, last the root.
+    levels: Vec<Vec<f32>>,
+}
+
+/// The pyramid of planes `[planes, leaves]` on a grid.
+pub(crate) struct PairPyramid {
+    /// From the finest.
+    halvings: Vec<Halving>,
+    /// One for all planes, or one for each.
+    weights: Vec<Weights>,
+    templates: [Template; AXES],
+}
+
+impl PairPyramid {
+    /// The pyramid of planes on a grid, halved in an order (what it lacks is added, what is too much left out); `weights` of
+    /// all leaves, for all planes or for each of them.
+    pub(crate) fn new(grid: &Grid, order: &[u8], weights: &[f32]) -> Self {
+        let mut children = grid.lengths();
+        let leaves = children.iter().product::<usize>();
+        let long: [bool; AXES] = children.map(|n| n > 1);
+        let mut levels: Vec<Weights> =
+            weights.chunks(leaves.max(1)).map(|w| Weights { levels: vec![w.to_vec()] }).collect();
+        let mut halved = [0; AXES];
+        let mut halvings = Vec::with_capacity(order.len());
+        let rest = (0..AXES).flat_map(|axis| std::iter::repeat_n(axis, usize::BITS as usize));
+        for axis in order.iter().map(|&axis| usize::from(axis) % AXES).chain(rest) {
+            if children[axis] < 2 {
+                continue;
+            }
+            let circles = grid.lines.each_ref().map(|line| line.period.is_some());
+            let mut wraps = circles;
+            wraps[axis] &= children[axis].is_multiple_of(2);
+            let mut parents = children;
+            parents[axis] = children[axis].div_ceil(2);
+            halved[axis] += 1;
+            let guess = guess::coefficients(&grid.lines[axis], halved[axis], wraps[axis]);
+            for set in &mut levels {
+                if let Some(last) = set.levels.last() {
+                    let sums = source::sums(last, children, axis);
+                    set.levels.push(sums);
+                }
+            }
+            halvings.push(Halving { axis, children, parents: Places::new(parents, wraps), guess });
+            children = parents;
+        }
+        let templates = std::array::from_fn(|axis| Template::new(axis, long));
+        Self { halvings, weights: levels, templates }
+    }
+
+    /// Halvings from leaves to roots.
+    pub(crate) fn halvings(&self) -> usize {
+        self.halvings.len()
+    }
+
+    fn weights_of(&self, plane: usize, level: usize) -> &[f32] {
+        &self.weights[plane % self.weights.len()].levels[level]
+    }
+
+    /// Codes `planes` planes in units of the step `step`: an encoder is given their source, a decoder nothing; both return
+    /// what a decoder has, and the number of integers that are not 0. `unit` is that of values, one natural logarithm where
+    /// values are logarithms. Below the finest `left_out` halvings nothing is coded: means of their blocks come back.
+    pub(crate) fn code<C: BitCoder>(
+        &self,
+        coder: &mut C,
+        (step, unit): (f64, f64),
+        planes: usize,
+        source: Option<&Source>,
+        left_out: usize,
+    ) -> (Vec<f32>, u64) {
+        let mut residuals = ResidualCoder::default();
+        let mut kept = 0;
+        let mut values = self.code_roots(coder, step, planes, source, &mut kept);
+        let unit = unit / step;
+        let mut expectations = vec![Expectation::new(unit); PLANE_CLASSES];
+        let system = |axis: usize| vec![Recursive::new(self.templates[axis].features()); PLANE_CLASSES];
+        let mut systems: [Vec<Recursive>; AXES] = std::array::from_fn(system);
+        let mut seen = [false; AXES];
+        let mut inherited: Vec<f32> = Vec::new();
+        for (level, halving) in self.halvings.iter().enumerate().skip(left_out).rev() {
+            if std::mem::replace(&mut seen[halving.axis], true) {
+                systems[halving.axis].iter_mut().for_each(|system| system.fade(FADING));
+            }
+            let (parents, children) = (halving.parents.count(), halving.children.iter().product::<usize>());
+            let mut finer = vec![0.0; planes * children];
+            let mut errors_of_finer = vec![0.0; planes * children];
+            let mut details = [vec![0.0; parents + 1], vec![0.0; parents + 1], vec![0.0; parents + 1]];
+            let mut means = vec![0.0; parents + 1];
+            let mut errors = vec![[0.0; 4]; parents + 1];
+            let halved = Halved::new(halving, &self.templates[halving.axis], self.depth(level));
+            for plane in 0..planes {
+                means[..parents].copy_from_slice(&values[plane * parents..][..parents]);
+                errors.fill([0.0; 4]);
+                details.rotate_right(1);
+                details[0].fill(0.0);
+                let class = plane.min(PLANE_CLASSES - 1);
+                kept += halved.code(
+                    coder,
+                    (
+                        &mut residuals,
+                        &mut Learned {
+                            expectation: &mut expectations[class],
+                            system: &mut systems[halving.axis][class],
+                            unit,
+                        },
+                    ),
+                    &mut PlaneOf {
+                        number: plane,
+                        means: &mut means,
+                        weights: self.weights_of(plane, level),
+                        wanted: source.map(|source| source.details(level, plane, parents)),
+                        per_step: 1.0 / step,
+                        inherited: inherited.get(plane * parents..).and_then(|all| all.get(..parents)),
+                        details: &mut details,
+                        errors: &mut errors,
+                        children: &mut finer[plane * children..][..children],
+                        errors_of_children: &mut errors_of_finer[plane * children..][..children],
+                    },
+                );
+            }
+            values = finer;
+            inherited = errors_of_finer;
+        }
+        let step = step as f32;
+        for value in &mut values {
+            *value *= step;
+        }
+        (values, kept)
+    }
+
+    /// The class of depths that contexts tell apart.
+    fn depth(&self, level: usize) -> usize {
+        let axes = self.templates.iter().filter(|template| template.is_long()).count();
+        level / axes.max(1)
+    }
+
+    /// Codes the means over all leaves, in steps.
+    fn code_roots<C: BitCoder>(
+        &self,
+        coder: &mut C,
+        step: f64,
+        planes: usize,
+        source: Option<&Source>,
+        kept: &mut u64,
+    ) -> Vec<f32> {
+        let root = |plane: usize| {
+            let weight = self.weights_of(plane, self.halvings.len()).first().copied().unwrap_or(0.0);
+            if weight <= 0.0 {
+                return 0.0;
+            }
+            let scale = f64::from(weight).sqrt();
+            let wanted = source.map_or(0.0, |source| source.root(plane) / step * scale);
+            let q = code_number(coder, plane::integer_of(wanted));
+            *kept += u64::from(q != 0);
+            (f64::from(q) / scale) as f32
+        };
+        (0..planes).map(root).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,96 @@
+//! The order of halvings: along which axis neighbours resemble each other most, level by level.
+
+use super::source::{halve, sums};
+use super::{AXES, Grid};
+use crate::codec::BitCoder;
+
+/// The order of halvings whose details cost least, from the finest: at each, that axis whose details are predicted best from
+/// the original means. `planes` `[planes, leaves]`; `weights` of all leaves, for all planes or for as many runs of them.
+pub(crate) fn order_of_halvings(grid: &Grid, planes: &[f32], weights: &[f32], step: f64) -> Vec<u8> {
+    let leaves = grid.lengths().iter().product::<usize>();
+    let mut values: Vec<Vec<f64>> =
+        planes.chunks_exact(leaves).map(|plane| plane.iter().map(|&x| f64::from(x)).collect()).collect();
+    let mut weights: Vec<Vec<f32>> = weights.chunks_exact(leaves).map(<[f32]>::to_vec).collect();
+    let mut lengths = grid.lengths();
+    let mut order = Vec::new();
+    loop {
+        let axes: Vec<usize> = (0..AXES).filter(|&axis| lengths[axis] > 1).collect();
+        let mut best: Option<(f64, usize, Vec<Vec<f64>>)> = None;
+        for &axis in &axes {
+            let circle = grid.lines[axis].period.is_some() && lengths[axis].is_multiple_of(2);
+            let (mut bits, mut count) = (0.0, 0_u64);
+            let mut means = values.clone();
+            for (plane, means) in means.iter_mut().enumerate() {
+                let weights = &weights[plane * weights.len() / values.len()];
+                let mut details = Vec::new();
+                halve(means, weights, (lengths, axis), |parent, detail, weight| details.push((parent, detail, weight)));
+                if axes.len() > 1 {
+                    bits += cost(&details, means, (lengths, axis, circle), step);
+                    count += details.len() as u64;
+                }
+            }
+            let mean = bits / count.max(1) as f64;
+            if best.as_ref().is_none_or(|(least, ..)| mean < *least) {
+                best = Some((mean, axis, means));
+            }
+        }
+        let Some((_, axis, means)) = best else { return order };
+        order.push(axis as u8);
+        values = means;
+        for weights in &mut weights {
+            *weights = sums(weights, lengths, axis);
+        }
+        lengths[axis] = lengths[axis].div_ceil(2);
+    }
+}
+
+/// Sum of log₂(1 + |δ − prediction|·√W / step) of details (parent, δ, W), predicted by (m₊ − m₋) / 4, linearly at the ends.
+fn cost(
+    details: &[(usize, f64, f64)],
+    means: &[f64],
+    (children, axis, circle): ([usize; AXES], usize, bool),
+    step: f64,
+) -> f64 {
+    let behind = children[axis + 1..].iter().product::<usize>();
+    let parents = children[axis].div_ceil(2);
+    let mut bits = 0.0;
+    // Logarithms are taken of products.
+    let mut product = 1.0;
+    for &(parent, detail, weight) in details {
+        let at = parent / behind % parents;
+        let own = means[parent];
+        let side = |by: isize| {
+            let to = at as isize + by;
+            let exists = circle || (0..parents as isize).contains(&to);
+            exists.then(|| means[parent - at * behind + to.rem_euclid(parents as isize) as usize * behind])
+        };
+        let (after, before) = match (side(1), side(-1)) {
+            (Some(after), Some(before)) => (after, before),
+            (Some(after), None) => (after, 2.0 * own - after),
+            (None, Some(before)) => (2.0 * own - before, before),
+            (None, None) => (own, own),
+        };
+        let residual = (detail - (after - before) / 4.0).abs() * weight.sqrt() / step;
+        product *= 1.0 + residual.min(1e30);
+        if product > 1e200 {
+            bits += libm::log2(product);
+            product = 1.0;
+        }
+    }
+    bits + libm::log2(product)
+}
+
+/// Codes an order of halvings down to one entry on all axes; any bytes give some order.
+pub(crate) fn code_order<C: BitCoder>(coder: &mut C, grid: &Grid, order: &[u8]) -> Vec<u8> {
+    let mut lengths = grid.lengths();
+    let mut coded = Vec::new();
+    loop {
+        let axes: Vec<usize> = (0..AXES).filter(|&axis| lengths[axis] > 1).collect();
+        let Some(&last) = axes.last() else { return coded };
+        let wanted = order.get(coded.len()).map_or(last, |&axis| usize::from(axis));
+        // Is it the first of those left, else the second, …: one decision less than there are.
+        let axis = axes[..axes.len() - 1].iter().copied().find(|&axis| coder.even(axis == wanted)).unwrap_or(last);
+        coded.push(axis as u8);
+        lengths[axis] = lengths[axis].div_ceil(2);
+    }
+}

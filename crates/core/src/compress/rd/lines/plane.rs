@@ -1,0 +1,315 @@
+//! One halving of one plane: features, predictions, residuals, children.
+
+use super::expectation::Expectation;
+use super::neighbours::{Along, Places};
+use super::template::{BEFORE, Template};
+use super::{AXES, Halving, LARGEST, PLANE_CLASSES};
+use crate::codec::{BitCoder, DEPTHS, Expected, ResidualCoder};
+use crate::numeric::recursive::Recursive;
+use crate::numeric::wide;
+
+/// Most features, padded.
+const FEATURES: usize = 40;
+/// Weight of what to expect without neighbours.
+const PRIOR: f64 = 0.5;
+/// Errors of fixed prediction are expected to be this much larger than those of the blend.
+const FIXED: f64 = 0.6;
+/// Part of a squared step that every expected squared error has.
+const FLOOR: f64 = 0.0125;
+/// Variance of the error of quantisation, in squared steps.
+const QUANTISATION: f64 = 1.0 / 12.0;
+/// Least ridge of least squares, in squared units.
+const RIDGE: f64 = 1e-9;
+/// Largest detail that least squares may predict, in units.
+const LARGEST_PREDICTION: f64 = 6.0;
+/// Weight of the error at the parent of a node, and how much it has shrunk.
+const INHERITED: (f32, f32) = (0.5, 0.8);
+/// Bounds of the ratio of two expected errors.
+const LARGEST_RATIO: f64 = 1e9;
+/// Largest squared error that is remembered.
+const LARGEST_ERROR: f64 = 1e30;
+
+/// The integer nearest to a number of steps.
+#[inline]
+pub(super) fn integer_of(steps: f64) -> i32 {
+    steps.round().clamp(-LARGEST, LARGEST) as i32
+}
+
+/// Places of a halving, for all planes.
+pub(super) struct Halved<'a> {
+    halving: &'a Halving,
+    template: &'a Template,
+    depth: usize,
+    /// By coordinate on the last axis.
+    offsets: Vec<[u32; 5]>,
+}
+
+/// What earlier details taught about those of a plane.
+pub(super) struct Learned<'a> {
+    pub(super) expectation: &'a mut Expectation,
+    pub(super) system: &'a mut Recursive,
+    /// The unit of values in steps.
+    pub(super) unit: f64,
+}
+
+/// Everything of one plane, in steps; arrays by node have one more entry for what does not exist.
+pub(super) struct PlaneOf<'a> {
+    pub(super) number: usize,
+    pub(super) means: &'a mut [f32],
+    /// Weights of the children.
+    pub(super) weights: &'a [f32],
+    /// Details of the source, in its own unit.
+    pub(super) wanted: Option<&'a [f32]>,
+    /// Steps in that unit.
+    pub(super) per_step: f64,
+    /// By node: the squared error at its parent, negative where there was none.
+    pub(super) inherited: Option<&'a [f32]>,
+    /// Of this plane and the two before; 0 where nothing is decoded.
+    pub(super) details: &'a mut [Vec<f32>; BEFORE + 1],
+    /// By node: squared errors of fixed prediction, least squares, and their blend, and 1 where there is one.
+    pub(super) errors: &'a mut [[f32; 4]],
+    pub(super) children: &'a mut [f32],
+    pub(super) errors_of_children: &'a mut [f32],
+}
+
+/// Places along one row.
+#[derive(Default)]
+struct Row {
+    differences: [Along; 4],
+    slopes: Vec<[Along; 2]>,
+    details: Vec<Along>,
+    others: [Along; 3],
+    errors: Vec<(Along, f32)>,
+}
+
+impl Row {
+    fn set(&mut self, places: &Places, template: &Template, coordinates: [usize; AXES - 1]) {
+        let along = |distance| places.along(coordinates, distance);
+        self.differences = template.differences.map(along);
+        self.slopes.clear();
+        self.slopes.extend(template.slopes.iter().map(|pair| pair.map(along)));
+        self.details.clear();
+        self.details.extend(template.details.iter().map(|&distance| along(distance)));
+        self.others = template.others.map(along);
+        self.errors.clear();
+        self.errors.extend(template.errors.iter().map(|&(distance, counts)| (along(distance), counts)));
+    }
+}
+
+/// Predictions of one detail.
+struct Predicted {
+    fixed: f64,
+    learned: f64,
+    blend: f64,
+    /// Expected squared error of the blend.
+    variance: f64,
+    /// Mean squared error of the blend nearby.
+    near: f64,
+}
+
+impl<'a> Halved<'a> {
+    pub(super) fn new(halving: &'a Halving, template: &'a Template, depth: usize) -> Self {
+        Self { halving, template, depth: depth.min(DEPTHS - 1), offsets: halving.parents.last_axis() }
+    }
+
+    /// Codes the details of a plane and makes its children; returns the number of residuals that are not 0.
+    pub(super) fn code<C: BitCoder>(
+        &self,
+        coder: &mut C,
+        models: (&mut ResidualCoder, &mut Learned<'_>),
+        plane: &mut PlaneOf<'_>,
+    ) -> u64 {
+        wide(
+            #[inline(always)]
+            || self.code_rows(coder, models, plane),
+        )
+    }
+
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+    fn code_rows<C: BitCoder>(
+        &self,
+        coder: &mut C,
+        (residuals, learned): (&mut ResidualCoder, &mut Learned<'_>),
+        plane: &mut PlaneOf<'_>,
+    ) -> u64 {
+        let Halving { axis, children, parents, guess } = self.halving;
+        let axis = *axis;
+        let second = children[axis + 1..].iter().product::<usize>();
+        let place = axis * PLANE_CLASSES + plane.number.min(PLANE_CLASSES - 1);
+        let on_last = axis == AXES - 1;
+        let width = parents.lengths[AXES - 1];
+        let nowhere = parents.count();
+        let mut kept = 0;
+        let mut row = Row::default();
+        for number in 0..parents.rows() {
+            let coordinates = parents.coordinates(number);
+            row.set(parents, self.template, coordinates);
+            let first = first_child(coordinates, axis, children);
+            for x in 0..width {
+                let node = number * width + x;
+                let at = if on_last { x } else { coordinates[axis] };
+                let child = first + if on_last { 2 * x } else { x };
+                let mean = plane.means[node];
+                let inherited = plane.inherited.map_or(-1.0, |inherited| inherited[node]);
+                if 2 * at + 1 >= children[axis] {
+                    plane.children[child] = mean;
+                    plane.errors_of_children[child] = inherited;
+                    continue;
+                }
+                let [w0, w1] = [child, child + second].map(|child| f64::from(plane.weights[child]));
+                let sum = w0 + w1;
+                let weight = if w0 > 0.0 && w1 > 0.0 { w0 * w1 / sum } else { 0.0 };
+                plane.means[nowhere] = mean;
+                let features = self.features(&row, plane, x, nowhere);
+                let squared_step = if weight > 0.0 { 1.0 / weight } else { 1.0 };
+                let bin = learned.expectation.bin_of(f64::from(mean));
+                let prior = learned.expectation.of(bin);
+                if learned.system.is_due() {
+                    let least = QUANTISATION * squared_step + RIDGE * learned.unit * learned.unit;
+                    learned.system.solve(&guess[at], least);
+                }
+                let errors = self.errors_around(&row, plane.errors, x, inherited);
+                let predicted = predict(&features, &guess[at], learned, errors, (prior, squared_step));
+                let (detail, error) = if weight > 0.0 {
+                    let step = squared_step.sqrt();
+                    let wanted = plane.wanted.map_or(0.0, |wanted| f64::from(wanted[node]) * plane.per_step);
+                    let wanted = integer_of((wanted - predicted.blend) / step);
+                    let expected =
+                        Expected::new(predicted.variance * weight, predicted.near * weight, self.depth, place);
+                    let q = residuals.code(coder, expected, wanted);
+                    kept += u64::from(q != 0);
+                    let detail = predicted.blend + expected.mean_of(q) * step;
+                    let squared = |prediction: f64| {
+                        let error = detail - prediction;
+                        (error * error).min(LARGEST_ERROR)
+                    };
+                    let error = squared(predicted.blend);
+                    plane.errors[node] =
+                        [squared(predicted.fixed) as f32, squared(predicted.learned) as f32, error as f32, 1.0];
+                    learned.expectation.learn(bin, error);
+                    learned.system.learn(&features, detail);
+                    plane.details[0][node] = detail as f32;
+                    (detail, error as f32 * INHERITED.1)
+                } else {
+                    (predicted.blend, inherited)
+                };
+                let mean = f64::from(mean);
+                // Where nothing weighs, both children count alike; where one does, it has the mean.
+                let (down, up) = if weight > 0.0 {
+                    (w1 / sum, w0 / sum)
+                } else {
+                    let moved = |own: f64, other: f64| match (own > 0.0, other > 0.0) {
+                        (true, _) => 0.0,
+                        (false, true) => 1.0,
+                        (false, false) => 0.5,
+                    };
+                    (moved(w0, w1), moved(w1, w0))
+                };
+                plane.children[child] = (mean - down * detail) as f32;
+                plane.children[child + second] = (mean + up * detail) as f32;
+                plane.errors_of_children[child] = error;
+                plane.errors_of_children[child + second] = error;
+            }
+        }
+        kept
+    }
+
+    /// The features of a node.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+    fn features(&self, row: &Row, plane: &PlaneOf<'_>, x: usize, nowhere: usize) -> [f64; FEATURES] {
+        let offsets = &self.offsets[x];
+        let means = &plane.means[..=nowhere];
+        let mean = f64::from(means[nowhere]);
+        let mut features = [0.0; FEATURES];
+        let mut next = 0;
+        let mut push = |feature: f64| {
+            features[next] = feature;
+            next += 1;
+        };
+        let has_second = self.halving.parents.lengths[self.halving.axis] > 4;
+        for (i, along) in row.differences.iter().enumerate() {
+            let at = if i < 2 || has_second { along.at(offsets, nowhere) } else { nowhere };
+            push(f64::from(means[at]) - mean);
+        }
+        for pair in &row.slopes {
+            let [after, before] = pair.map(|along| along.at(offsets, nowhere));
+            let exist = after < nowhere && before < nowhere;
+            push(if exist { f64::from(means[after]) - f64::from(means[before]) } else { 0.0 });
+        }
+        let [own, others @ ..] = &*plane.details;
+        for along in &row.details {
+            push(f64::from(own[along.at(offsets, nowhere)]));
+        }
+        for other in others {
+            for along in &row.others {
+                push(f64::from(other[along.at(offsets, nowhere)]));
+            }
+        }
+        features
+    }
+
+    /// Sums of the errors around a node, and of their weights.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+    fn errors_around(&self, row: &Row, errors: &[[f32; 4]], x: usize, inherited: f32) -> [f32; 4] {
+        let offsets = &self.offsets[x];
+        let nowhere = errors.len() - 1;
+        let mut sums = [0.0; 4];
+        for (along, counts) in &row.errors {
+            let error = &errors[along.at(offsets, nowhere)];
+            for k in 0..4 {
+                sums[k] += counts * error[k];
+            }
+        }
+        if inherited >= 0.0 {
+            let inherited = INHERITED.0 * inherited;
+            sums[0] += inherited;
+            sums[1] += inherited;
+            sums[2] += inherited;
+            sums[3] += INHERITED.0;
+        }
+        sums
+    }
+}
+
+/// The first child of the first node of a row.
+fn first_child(coordinates: [usize; AXES - 1], axis: usize, children: &[usize; AXES]) -> usize {
+    let mut first = 0;
+    for b in 0..AXES - 1 {
+        first = first * children[b] + if b == axis { 2 * coordinates[b] } else { coordinates[b] };
+    }
+    first * children[AXES - 1]
+}
+
+/// Blends fixed prediction and least squares by the inverse fourth powers of their expected squared errors.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+fn predict(
+    features: &[f64; FEATURES],
+    guess: &[f64; 4],
+    learned: &Learned<'_>,
+    errors: [f32; 4],
+    (prior, squared_step): (f64, f64),
+) -> Predicted {
+    let fixed = ((guess[0] * features[0] + guess[1] * features[1]) + guess[2] * features[2]) + guess[3] * features[3];
+    let largest = LARGEST_PREDICTION * learned.unit;
+    let by_squares = learned.system.predict(features).clamp(-largest, largest);
+    let floor = FLOOR * squared_step;
+    let [of_fixed, of_learned, of_blend, weight] = errors.map(f64::from);
+    let share = 1.0 / (weight + PRIOR);
+    let variance = |sum: f64, prior: f64| (sum + PRIOR * (prior + floor)) * share + floor;
+    let ratio = variance(of_learned, prior) / variance(of_fixed, FIXED * prior);
+    let ratio = ratio.min(LARGEST_RATIO);
+    let square = ratio * ratio;
+    let by_fixed = square * square;
+    let blend = (by_squares + by_fixed * fixed) / (1.0 + by_fixed);
+    Predicted {
+        fixed,
+        learned: by_squares,
+        blend,
+        variance: variance(of_blend, prior),
+        near: if weight > 0.0 { of_blend / weight } else { prior },
+    }
+}
