@@ -284,7 +284,7 @@ class Axis:
         if self.kind == "triangles":
             return f"{self.count} triangles of the {DOMAINS[self.domain]}, level {self.level}"
         if self.kind == "grid":
-            polar, azimuths, frame = self.values
+            polar, azimuths, frame, _ = self.values
             around = f" x {len(azimuths)} azimuths" if azimuths else ""
             return f"{len(polar)} polar angles{around}, {FRAMES[frame]}"
         if self.kind in ("wavelength", "elevation"):
@@ -324,7 +324,7 @@ def read_grid(r, form):
         span = azimuths[-1] - azimuths[0]
         require(span == 360 if extent == 1 else span < 360 if extent == 0 else span <= 360, "azimuths of another extent")
         require(len(polar) * len(azimuths) <= MAX_SAMPLES, "too many directions")
-    return Axis("grid", len(polar) * max(len(azimuths), 1), (polar, azimuths, frame))
+    return Axis("grid", len(polar) * max(len(azimuths), 1), (polar, azimuths, frame, extent if azimuths else None))
 
 
 def triangles(domain, level):
@@ -427,7 +427,7 @@ def check_layout(quantity, axes):
 
 RD, CONVENTIONAL, LOSSLESS, GENERIC, ADAPTIVE = range(5)
 POLICIES = ["rate-distortion", "conventional", "lossless", "generic", "adaptive"]
-KLT, PREDICTED, CLASSES, FLOOR, CORRECTIONS, UNSCORED, COUNTS, LINEAR, LIGHT = (1 << k for k in range(9))
+KLT, PREDICTED, CLASSES, FLOOR, CORRECTIONS, UNSCORED, COUNTS, LINEAR, LIGHT, GRIDDED = (1 << k for k in range(10))
 FIXED = ["identity", "bio-haar", "orthonormal-area", "orthonormal-count"]
 
 
@@ -446,7 +446,7 @@ def read_header(r):
     require(h.unit < len(UNITS) and h.policy < len(POLICIES), "an unknown unit or policy")
     r.note(r.at - 1, f"unit {UNITS[h.unit]}, policy {POLICIES[h.policy]}")
     start, h.flags = r.at, r.varint()
-    allowed = {RD: 511, LOSSLESS: CLASSES | FLOOR | COUNTS}.get(h.policy, CLASSES | FLOOR | UNSCORED | COUNTS)
+    allowed = {RD: 1023, LOSSLESS: CLASSES | FLOOR | COUNTS}.get(h.policy, CLASSES | FLOOR | UNSCORED | COUNTS)
     require(h.flags & ~allowed == 0, "unknown flags, or flags that do not fit the policy")
     r.note(start, f"flags {h.flags:#05x}")
     h.axes = [read_axis(r) for _ in range(axes)]
@@ -456,10 +456,12 @@ def read_header(r):
     check_layout(h.quantity, h.axes)
     there = any(axis.kind == "triangles" for axis in h.axes)
     require(there or not h.flags & (PREDICTED | LIGHT), "a pyramid or light without triangles")
+    h.grid = GridShape.of(h.axes)
+    require(not h.flags & GRIDDED or h.grid and not h.flags & PREDICTED, "a predicted grid without one, or with a pyramid")
     require(not h.flags & LIGHT or not h.flags & LINEAR, "light of what are no logarithms")
     require(not h.flags & KLT or h.axes, "a spectral basis without an axis")
     h.transforms = ["identity"] * axes
-    if h.policy != LOSSLESS and not h.flags & PREDICTED:
+    if h.policy != LOSSLESS and not h.flags & (PREDICTED | GRIDDED):
         for i in range(axes - bool(h.flags & KLT)):
             start, code = r.at, r.varint()
             require(code < 4 or 16 <= code < 139, "an unknown transform")
@@ -502,8 +504,8 @@ def read_header(r):
 
 
 def announced(h):
-    letters = [("C", h.flags & CLASSES), ("B", h.flags & KLT), ("P", h.flags & PREDICTED)]
-    letters += [("Q", h.policy != LOSSLESS and not h.flags & PREDICTED)]
+    letters = [("C", h.flags & CLASSES), ("B", h.flags & KLT), ("P", h.flags & PREDICTED), ("G", h.flags & GRIDDED)]
+    letters += [("Q", h.policy != LOSSLESS and not h.flags & (PREDICTED | GRIDDED))]
     letters += [("L", h.flags & LIGHT), ("R", h.flags & CORRECTIONS), ("X", h.policy == LOSSLESS)]
     return [letter for letter, there in letters if there]
 
@@ -537,6 +539,38 @@ def decode_classes(data, count, lanes):
         rows += row
         further, above = above, row
     return np.array(rows, np.uint8)
+
+
+def decode_grid_classes(data, shape):
+    coder, model = Decoder(data), Model()
+    classes = np.zeros((shape.incoming, shape.polar, shape.around, shape.length), np.uint8)
+    nothing, other_lane = [POSITIVE] * shape.around, None
+    for lane in lanes_of(shape.length):
+        repeats = 0
+        for i in range(shape.incoming):
+            for p in range(shape.polar):
+                back = list(classes[i - 1, p, :, lane]) if i > 0 else nothing
+                up = list(classes[i, p - 1, :, lane]) if p > 0 else nothing
+                other = nothing if other_lane is None else list(classes[i, p, :, other_lane])
+                repeat = model.one(coder, ("repeat", repeats))
+                repeats = (repeats << 1 | repeat) & 3
+                row = list(back if i > 0 else up) if repeat else []
+                at = lambda line, j: line[j] if 0 <= j < len(line) else POSITIVE
+                while len(row) < shape.around:
+                    j = len(row)
+                    left, u, b, o = at(row, j - 1), up[j], back[j], other[j]
+                    for kind, code in enumerate([POSITIVE, NEGATIVE, ZERO]):
+                        contexts = [("near", kind, left, u, b, o)]
+                        contexts += [("ahead", kind, left, at(up, j + 1), at(back, j + 1), at(other, j + 1))]
+                        contexts += [("along", kind, left, at(row, j - 2), u, o)]
+                        if not model.mixed(coder, contexts, (kind, o)):
+                            row.append(code)
+                            break
+                    else:
+                        row.append(MASKED)
+                classes[i, p, :, lane] = row
+        other_lane = lane
+    return classes.reshape(-1)
 
 
 class Rows:
@@ -1089,11 +1123,11 @@ def dequantise(q, step, axes, transforms):
 
 
 class Basis:
-    def __init__(self, r, axes, rows, step):
+    def __init__(self, r, axes, rows, step, gridded=False):
         start, first = r.at, r.unsigned(1)
-        rank, coarseness = first & 31, first >> 5
+        rank, coarseness = (first, r.unsigned(1)) if gridded else (first & 31, first >> 5)
         axis = axes[-1]
-        require(1 <= rank <= min(24, axis.count), "too many or no basis vectors")
+        require(1 <= rank <= min(64 if gridded else 24, axis.count) and coarseness < 8, "too many or no basis vectors")
         r.note(start, f"{rank} vectors, coarseness {coarseness}")
         start, codes = r.at, r.take(rank)
         spreads = [float(8 + k % 8) * float(1 << k // 8) / float(1 << 23) for k in codes]
@@ -1693,6 +1727,516 @@ def predicted_logs(h, classes, basis, r, finest):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
+# Grids of angles
+
+
+def lanes_of(length):
+    return [1, 2, 0] if length == 3 else list(range(length))
+
+
+class Line:
+    def __init__(self, angles, extent=None, poles=(None, None)):
+        self.angles, self.extent, self.poles = list(angles), extent, poles
+
+
+class GridShape:
+    @staticmethod
+    def of(axes):
+        at = max((i for i, axis in enumerate(axes) if axis.kind in ("triangles", "grid")), default=None)
+        if at is None or axes[at].kind != "grid" or len(axes) > at + 2:
+            return None
+        return GridShape(axes, at)
+
+    def __init__(self, axes, at):
+        front = axes[at - 1] if at > 0 else None
+        own = []
+        if front is not None and front.kind == "elevation":
+            own = [Line(front.values)]
+        elif front is not None and front.kind == "grid":
+            own = self.lines_of(front)
+        self.blocks = math.prod(axis.count for axis in axes[: at - bool(own)])
+        self.first = len(own)
+        outgoing = self.lines_of(axes[at])
+        self.lines = own + outgoing
+        self.length = axes[at + 1].count if at + 1 < len(axes) else 1
+        self.incoming = self.blocks * math.prod(len(line.angles) for line in own)
+        lengths = [len(line.angles) for line in outgoing]
+        self.polar, self.around = lengths if len(lengths) == 2 else (1, lengths[0])
+        self.rows = self.blocks * math.prod(len(line.angles) for line in self.lines)
+
+    @staticmethod
+    def lines_of(axis):
+        polar, azimuths, frame, extent = axis.values
+        low, high = (0, 180) if frame < 2 else (-90, 90)
+        if len(azimuths) < 2:
+            return [Line(polar)]
+        return [Line(polar, poles=(polar[0] == low, polar[-1] == high)), Line(azimuths, extent)]
+
+
+class Kept:
+    def __init__(self):
+        self.source, self.positions, self.circle, self.poles = [], [], False, []
+
+
+def read_repeats(coder, shape):
+    all_kept = []
+    for line in shape.lines:
+        kept, count = Kept(), len(line.angles)
+        seam = line.extent == 1 and coder.even()
+        count -= bool(seam)
+        drops = [0] * count
+        if count > 1 and coder.even():
+            model = Model()
+            drops[1:] = [model.one(coder, "repeats") for _ in range(count - 1)]
+        for angle, drop in zip(line.angles, drops):
+            if not drop:
+                kept.positions.append(float(angle))
+            kept.source.append(len(kept.positions) - 1)
+        if seam:
+            kept.source.append(0)
+        kept.circle = bool(seam) or line.extent == 0
+        all_kept.append(kept)
+    for line, kept, behind in zip(shape.lines, all_kept, all_kept[1:]):
+        for entry, pole in zip((0, len(kept.positions) - 1), line.poles):
+            if pole and len(behind.positions) > 1 and entry not in kept.poles and coder.even():
+                kept.poles.append(entry)
+    return all_kept
+
+
+def rows_of(kept):
+    rows, before = [0], None
+    for line in kept:
+        n = len(line.positions)
+        pole = lambda row: before is not None and row % len(before.positions) in before.poles
+        rows = [row * n + (0 if pole(row) else entry) for row in rows for entry in line.source]
+        before = line
+    return rows
+
+
+def read_order(coder, lengths):
+    lengths, order = list(lengths), []
+    while max(lengths) > 1:
+        axes = [a for a in range(4) if lengths[a] > 1]
+        axis = next((a for a in axes[:-1] if coder.even()), axes[-1])
+        order.append(axis)
+        lengths[axis] = (lengths[axis] + 1) // 2
+    return order
+
+
+def gauss(rows):
+    """Solves rows `[A | b]` with partial pivoting; None if A is singular."""
+    n = len(rows)
+    largest = max(abs(x) for row in rows for x in row[:n])
+    for c in range(n):
+        pivot = max(range(c, n), key=lambda r: (abs(rows[r][c]), r))
+        if abs(rows[pivot][c]) <= 1e-14 * largest:
+            return None
+        rows[c], rows[pivot] = rows[pivot], rows[c]
+        for r in range(c + 1, n):
+            factor = rows[r][c] / rows[c][c]
+            rows[r] = [x - factor * y for x, y in zip(rows[r], rows[c])]
+    x = [0.0] * n
+    for i in reversed(range(n)):
+        x[i] = (rows[i][n] - sum(rows[i][k] * x[k] for k in range(i + 1, n))) / rows[i][i]
+    return x
+
+
+def guesses(positions, circle, halvings, wraps):
+    span = 1 << halvings
+    nodes = -(-len(positions) // span)
+    to_units = lambda c: nearest(c * 65536) / 65536
+
+    def entries(at):
+        turns, node = divmod(at, nodes)
+        if turns != 0 and not wraps:
+            return None
+        return [x + turns * (360.0 if circle else 0.0) for x in positions[node * span : (node + 1) * span]]
+
+    def of_node(node):
+        own = entries(node)
+        if len(own) <= span // 2:
+            return [0.0] * 4
+        mean = lambda x: sum(x) / len(x)
+        centre, halves = mean(own), (own[: span // 2], own[span // 2 :])
+        children = mean(halves[1]) - mean(halves[0])
+        around = [entries(node + by) for by in (1, -1, 2, -2)]
+        if around[0] is None and around[1] is None:
+            return [0.0] * 4
+        if around[1] is None:
+            return [to_units(0.8 * min(children / (mean(around[0]) - centre), 0.625)), 0.0, 0.0, 0.0]
+        if around[0] is None:
+            return [0.0, -to_units(0.8 * min(children / (centre - mean(around[1])), 0.625)), 0.0, 0.0]
+        distance = mean(around[0]) - mean(around[1])
+        moment = lambda x, k: mean([((y - centre) / (0.5 * distance)) ** k for y in x])
+        wanted = [moment(halves[1], k) - moment(halves[0], k) for k in range(1, 5)]
+        for count in [4, 2] if nodes > 4 and all(x is not None for x in around) else [2]:
+            rows = [[moment(x, k) - moment(own, k) for x in around[:count]] + [wanted[k - 1]] for k in range(1, count + 1)]
+            c = gauss(rows)
+            if c is not None and sum(abs(x) for x in c) <= 1.5:
+                return [to_units(x) for x in c] + [0.0] * (4 - count)
+        slope = to_units(min(children / distance, 0.5))
+        return [slope, -slope, 0.0, 0.0]
+
+    return [of_node(node) for node in range(nodes)]
+
+
+class Squares:
+    """Recursive least squares."""
+
+    def __init__(self, n):
+        self.n, self.a, self.b, self.count, self.next = n, np.zeros((n, n)), np.zeros(n), 0.0, 0.0
+        self.c = np.zeros(n)
+
+    def fade(self):
+        self.a, self.b, self.count, self.next = self.a * 0.3, self.b * 0.3, self.count * 0.3, 0.0
+
+    def solve(self, prior, least):
+        n, u, x = self.n, self.a.copy(), self.b.copy()
+        prior = np.concatenate([prior, np.zeros(n - 4)])
+        self.next = self.count * 1.05 + 1.0
+        own = np.diag(self.a)
+        ridge = (10.0 * own / self.count if self.count > 0 else 0.0 * own) + least
+        u[range(n), range(n)] = own + ridge
+        x += ridge * prior
+        self.c = prior
+        for k in range(n):
+            if not u[k, k] > 0:
+                return
+            pivot = math.sqrt(u[k, k])
+            inverse = 1.0 / pivot
+            u[k, k] = pivot
+            u[k, k + 1 :] *= inverse
+            x[k] *= inverse
+            x[k + 1 :] -= u[k, k + 1 :] * x[k]
+            for i in range(k + 1, n):
+                u[i, i:] -= u[k, i] * u[k, i:]
+        for i in reversed(range(n)):
+            for k in range(i + 1, n):
+                x[i] -= u[i, k] * x[k]
+            x[i] /= u[i, i]
+        if np.isfinite(x).all():
+            self.c = x
+
+    def predict(self, f):
+        sums = [0.0] * 4
+        for i in range(self.n):
+            sums[i % 4] += self.c[i] * f[i]
+        return (sums[0] + sums[2]) + (sums[1] + sums[3])
+
+    def learn(self, f, wanted):
+        self.a += f[:, None] * f[None, :]
+        self.b += wanted * f
+        self.count += 1.0
+
+
+def residual_tables():
+    odds, offsets = [], []
+    for s in range(256):
+        deviation = 2.0 ** ((s + 0.5 - 80) / 16)
+        t = math.exp(-0.5 / (0.579 * deviation))
+        p = [2 * t / (1 + t)] + [t * t * (1 + t ** (2 * k - 1)) / (1 + t ** (2 * k + 1)) for k in range(1, 16)]
+        log = lambda x: math.log(max(x, 1e-300))
+        odds.append([nearest(min(max(256 * (log(x) - log(1 - x)), -2944), 2944)) for x in p])
+        h, row = 1 / (0.58 * deviation), [0]
+        for m in range(1, 16):
+            z = [(i + 0.5) / 8 - 0.5 for i in range(8)]
+            d = [math.exp(-(x + 0.5) * h) / (1 + math.exp(-(m + x) * h)) ** 2 for x in z]
+            row.append(nearest(4096 * sum(a * b for a, b in zip(d, z)) / sum(d)))
+        offsets.append(row)
+    return odds, offsets
+
+
+OCTAVES = [math.floor(8 * math.log2(1 + (i + 0.5) / 64)) for i in range(64)]
+
+
+def octaves(x):
+    raw = struct.unpack("<Q", struct.pack("<d", x))[0]
+    return ((raw >> 52 & 0x7FF) - 1023) * 8 + OCTAVES[raw >> 46 & 63]
+
+
+class Residuals(Model):
+    def __init__(self):
+        super().__init__()
+        self.odds, self.offsets = residual_tables()
+
+    def guided(self, coder, odds, contexts, name):
+        slots = [self.slot(context) for context in contexts]
+        weights = self.weights.setdefault(name, [65536, 0, 0, 0])
+        stretched = [odds] + [STRETCH[slot[0] >> 10] for slot in slots]
+        p1 = SQUASH[min(max(sum(s * w for s, w in zip(stretched, weights)) >> 16, -ODDS), ODDS) + ODDS]
+        bit = coder.bit(p1)
+        for i, s in enumerate(stretched):
+            product = ((bit << 16) - p1) * s
+            part = abs(product) // 16 * (1 if product >= 0 else -1)
+            weights[i] = min(max(weights[i] + (part * 5 >> 12), -(1 << 20)), 1 << 20)
+        for slot in slots:
+            self.update(slot, bit)
+        return bit
+
+    def decode(self, coder, variance, near, depth, place):
+        clamp = lambda x, high: min(max(x, 0), high)
+        s = clamp(octaves(variance) + 80, 255)
+        c, k = clamp((5 * (s - 80) >> 5) + 12, 39), clamp((3 * octaves(near) >> 5) + 9, 23)
+        def decide(kind):
+            contexts = [("scale", kind, c), ("near", kind, k, depth), ("place", kind, place, c // 3)]
+            return self.guided(coder, self.odds[s][kind], contexts, kind)
+        if not decide(0):
+            return 0.0
+        sign, m = -1.0 if coder.even() else 1.0, 1
+        while m < 16 and decide(m):
+            m += 1
+        if m == 16:
+            low = clamp(math.trunc((s - 80) / 16), 12)
+            m += golomb(coder, self, "rest") << low
+            m += coder.bits(low)
+        return sign * (m + self.offsets[s][min(m, 15)] / 4096)
+
+
+class Expected:
+    def __init__(self, unit):
+        self.unit, self.mean, self.bins = unit, 0.02 * unit * unit, [[0.0, 0.0] for _ in range(64)]
+
+    def bin(self, mean):
+        return self.bins[int(min(max(math.floor(mean * (2.0 / self.unit)) + 32, 0), 63))]
+
+    def of(self, one):
+        return (self.mean * 4.0 + one[0]) / (4.0 + one[1])
+
+    def learn(self, one, error):
+        self.mean += (error - self.mean) * 0.02
+        one[0], one[1] = one[0] * 0.98 + error, one[1] * 0.98 + 1.0
+
+
+def offset(*parts):
+    place = [0, 0, 0, 0]
+    for axis, by in parts:
+        place[axis] += by
+    return tuple(place)
+
+
+class Around:
+    """Places of features and of errors when one axis is halved."""
+
+    def __init__(self, a, long):
+        across, every = [b for b in range(4) if b != a and long[b]], [b for b in range(4) if long[b]]
+        pairs = lambda axes: [(b, c) for i, b in enumerate(axes) for c in axes[i + 1 :]]
+        self.differences = [offset((a, by)) for by in (1, -1, 2, -2)]
+        self.slopes = [(offset((a, 1), (b, s)), offset((a, -1), (b, s))) for b in across for s in (1, -1)]
+        self.details = [offset((a, -1))]
+        for b in across:
+            self.details += [offset((b, -1))] + [offset((b, -1), (a, 1))] * (b < a)
+            self.details += [offset((b, -1), (a, -1)), offset((b, -2))]
+        self.details += [offset((b, -1), (c, s)) for b, c in pairs(across) for s in (-1, 1)]
+        self.others = [offset((a, by)) for by in (0, 1, -1)]
+        self.errors = [(offset((b, -k)), 1.0 / k) for b in every for k in (1, 2)]
+        knights = [(-1, -1, 0.5), (-1, 1, 0.5), (-1, 2, 0.25), (-2, 1, 0.25), (-2, -1, 0.25)]
+        self.errors += [(offset((b, x), (c, y)), w) for b, c in pairs(every) for x, y, w in knights]
+        self.count = 10 + len(self.slopes) + len(self.details)
+
+
+class Pairs:
+    """The pyramid of planes on up to four lines."""
+
+    def __init__(self, lines, order, weights, by_plane):
+        lines = [Line([0.0])] * (4 - len(lines)) + [Line(k.positions, k.circle) for k in lines]
+        self.halvings, self.by_plane = [], by_plane
+        lengths, halved = [len(line.angles) for line in lines], [0] * 4
+        self.long = [n > 1 for n in lengths]
+        self.weights = [[np.array(w, F).reshape(lengths)] for w in weights]
+        for axis in order:
+            wraps = [bool(line.extent) for line in lines]
+            wraps[axis] &= lengths[axis] % 2 == 0
+            halved[axis] += 1
+            guess = guesses(lines[axis].angles, bool(lines[axis].extent), halved[axis], wraps[axis])
+            children = list(lengths)
+            lengths[axis] = (lengths[axis] + 1) // 2
+            self.halvings.append((axis, children, list(lengths), wraps, guess))
+            for levels in self.weights:
+                even, odd = [np.take(levels[-1], range(k, children[axis], 2), axis) for k in (0, 1)]
+                pad = [(0, int(b == axis and children[axis] % 2)) for b in range(4)]
+                levels.append(even + np.pad(odd, pad))
+
+    def weight(self, plane, vectors, level):
+        sets = self.weights
+        return sets[min(plane if self.by_plane else plane // vectors, len(sets) - 1)][level]
+
+    def decode(self, coder, step, unit, learns, planes, vectors):
+        residuals, unit = Residuals(), unit / step
+        expected = [Expected(unit) for _ in range(4)]
+        around = [Around(a, self.long) for a in range(4)]
+        squares = [[Squares(around[a].count) for _ in range(4)] for a in range(4)]
+        values, inherited, seen = [], [None] * planes, set()
+        for plane in range(planes):
+            weight = float(self.weight(plane, vectors, len(self.halvings)).reshape(-1)[0])
+            root = F(0)
+            if weight > 0:
+                count = coder.bits(5)
+                number = (1 << count - 1 | coder.bits(count - 1)) if count else 0
+                root = F((-number if count and coder.even() else number) / math.sqrt(weight))
+            values.append(np.full((1, 1, 1, 1), root, F))
+        for level in reversed(range(len(self.halvings))):
+            axis = self.halvings[level][0]
+            if axis in seen:
+                for system in squares[axis]:
+                    system.fade()
+            seen.add(axis)
+            before = []
+            for plane in range(planes):
+                kind = min(plane % vectors, 3)
+                state = (residuals, expected[kind], squares[axis][kind] if learns else None, around[axis], unit)
+                found = self.halve(coder, state, level, kind, values[plane], inherited[plane], before, self.weight(plane, vectors, level))
+                values[plane], inherited[plane] = found[0], found[1]
+                before = [found[2]] + before[:1]
+        return [(v * F(step)).reshape(-1) for v in values]
+
+    def halve(self, coder, state, level, kind, means, inherited, before, weights):
+        residuals, expected, squares, around, unit = state
+        axis, children, parents, wraps, guess = self.halvings[level]
+        new, errors_of_new = np.zeros(children, F), np.full(children, -1, F)
+        details, errors = np.zeros(parents, F), np.zeros(parents + [4], F)
+        depth = min(level // max(sum(self.long), 1), 3)
+
+        def place(u, by):
+            at = [x + d for x, d in zip(u, by)]
+            for b in range(4):
+                if not 0 <= at[b] < parents[b]:
+                    if not wraps[b]:
+                        return None
+                    at[b] %= parents[b]
+            return tuple(at)
+
+        for u in np.ndindex(*parents):
+            mean, own_inherited = means[u], F(-1) if inherited is None else inherited[u]
+            first = tuple(2 * x if b == axis else x for b, x in enumerate(u))
+            second = tuple(x + (b == axis) for b, x in enumerate(first))
+            if second[axis] >= children[axis]:
+                new[first], errors_of_new[first] = mean, own_inherited
+                continue
+            w0, w1 = float(weights[first]), float(weights[second])
+            weight = w0 * w1 / (w0 + w1) if w0 > 0 and w1 > 0 else 0.0
+            f = []
+            for i, by in enumerate(around.differences):
+                at = place(u, by) if i < 2 or parents[axis] > 4 else None
+                f.append(0.0 if at is None else float(means[at]) - float(mean))
+            for pair in around.slopes:
+                a, b = (place(u, by) for by in pair)
+                f.append(0.0 if a is None or b is None else float(means[a]) - float(means[b]))
+            get = lambda array, by: 0.0 if place(u, by) is None else float(array[place(u, by)])
+            f += [get(details, by) for by in around.details]
+            for k in range(2):
+                f += [get(before[k], by) if k < len(before) else 0.0 for by in around.others]
+            f = np.array(f)
+            square = 1.0 / weight if weight > 0 else 1.0
+            c = guess[u[axis]]
+            fixed = ((c[0] * f[0] + c[1] * f[1]) + c[2] * f[2]) + c[3] * f[3]
+            one = expected.bin(float(mean))
+            prior, learned = expected.of(one), fixed
+            if squares is not None:
+                if squares.next <= 0 or squares.count >= squares.next:
+                    squares.solve(np.array(c), (1.0 / 12.0) * square + 1e-9 * unit * unit)
+                learned = min(max(squares.predict(f), -6.0 * unit), 6.0 * unit)
+            sums = np.zeros(4, F)
+            for by, counts in around.errors:
+                at = place(u, by)
+                if at is not None:
+                    sums = sums + F(counts) * errors[at]
+            if own_inherited >= 0:
+                half = F(0.5) * own_inherited
+                sums = sums + np.array([half, half, half, 0.5], F)
+            of_fixed, of_learned, of_blend, number = (float(x) for x in sums)
+            floor, share = 0.0125 * square, 1.0 / (number + 0.5)
+            variance = lambda total, prior: (total + 0.5 * (prior + floor)) * share + floor
+            blend = fixed
+            if squares is not None:
+                ratio = min(variance(of_learned, prior) / variance(of_fixed, 0.6 * prior), 1e9)
+                by_fixed = (ratio * ratio) * (ratio * ratio)
+                blend = (learned + by_fixed * fixed) / (1.0 + by_fixed)
+            detail, error = blend, own_inherited
+            if weight > 0:
+                near = of_blend / number if number > 0 else prior
+                q = residuals.decode(coder, variance(of_blend, prior) * weight, near * weight, depth, 4 * axis + kind)
+                detail = blend + q * math.sqrt(square)
+                found = [min((detail - x) * (detail - x), 1e30) for x in (fixed, learned, blend)]
+                errors[u] = found + [1.0]
+                expected.learn(one, found[2])
+                if squares is not None:
+                    squares.learn(f, detail)
+                details[u] = detail
+                error = F(found[2]) * F(0.8)
+            if weight > 0:
+                down, up = w1 / (w0 + w1), w0 / (w0 + w1)
+            else:
+                down = 0.0 if w0 > 0 else 1.0 if w1 > 0 else 0.5
+                up = 0.0 if w1 > 0 else 1.0 if w0 > 0 else 0.5
+            new[first], new[second] = float(mean) - down * detail, float(mean) + up * detail
+            errors_of_new[first] = errors_of_new[second] = error
+        return new, errors_of_new, details
+
+
+def decode_grid(h, classes, basis, r):
+    shape = h.grid
+    require(basis is None or shape.length > 1, "a basis chunk without a last axis behind the directions")
+    basis = None if basis is None else Basis(basis, h.axes, shape.rows, h.step, gridded=True)
+    start, form = r.at, r.unsigned(1)
+    require(form < 8, "an unknown form of a grid chunk")
+    random, has_bound, learns = form & 1, form & 2, not form & 4
+    r.note(start, f"form of the grid chunk {form}")
+    bound = F(r.number("f")) if has_bound else None
+    coder = Decoder(r.take(r.varint() if random else r.left(), "range-coded: what repeats, order of halvings"))
+    kept = read_repeats(coder, shape)
+    lines = kept[shape.first :] if random else kept
+    lengths = [1] * (4 - len(lines)) + [len(k.positions) for k in lines]
+    order = read_order(coder, lengths)
+    inner = rows_of(kept)
+    leaves = math.prod(len(k.positions) for k in kept)
+    rows = [block * leaves + row for block in range(shape.blocks) for row in inner]
+    unit_leaves = math.prod(lengths)
+    units = shape.blocks * leaves // unit_leaves
+    vectors = shape.length if basis is None else basis.rank
+    first = {}
+    for row, leaf in enumerate(rows):
+        first.setdefault(leaf, row)
+    lanes = lanes_of(shape.length)
+    live = None if classes is None else (classes == POSITIVE).reshape(shape.rows, shape.length)
+
+    def weights(unit, lane):
+        found = []
+        for leaf in range(unit * unit_leaves, (unit + 1) * unit_leaves):
+            there = leaf in first
+            if there and live is not None:
+                there = live[first[leaf]].any() if lane is None else live[first[leaf], lane]
+            found.append(1.0 if there else 0.0)
+        return found
+
+    by_plane = basis is None and classes is not None
+    which = [None] if not by_plane else lanes
+    sets = [[weights(unit, lane) for lane in which] for unit in range(units if classes is not None or random else 1)]
+    quantiser = (float(h.step), 32.0 * float(h.step) if h.flags & LINEAR else 1.0, learns)
+    if random:
+        start, sizes = r.at, [r.varint() for _ in range(units)]
+        r.note(start, "lengths of the streams")
+        planes = []
+        for unit, size in enumerate(sizes):
+            own = Decoder(r.take(size, f"range-coded: incoming entry {unit}" if size else None))
+            pyramid = Pairs(lines, order, sets[min(unit, len(sets) - 1)], by_plane)
+            planes += pyramid.decode(own, *quantiser, vectors, vectors)
+        require(r.left() == 0, "bytes after the last stream")
+    else:
+        pyramid = Pairs(lines, order, [one for unit in sets for one in unit], by_plane)
+        planes = pyramid.decode(coder, *quantiser, units * vectors, vectors)
+    planes = np.array(planes).reshape(units, vectors, unit_leaves).transpose(0, 2, 1).reshape(-1, vectors)
+    if basis is None:
+        values = np.zeros((len(planes), shape.length), F)
+        values[:, lanes] = planes
+    else:
+        values = basis.synthesise(planes)
+    logs = values[rows].reshape(-1)
+    if bound is not None and classes is not None:
+        logs = np.where(classes == NEGATIVE, np.minimum(logs, bound), logs).astype(F)
+    return logs
+
+
+# ---------------------------------------------------------------------------------------------------------------------
 # Samples
 
 
@@ -1743,10 +2287,14 @@ class Material:
             self.chunks["M"] = self.chunk(r, "M", level)
         require(r.left() == 0, "bytes after the last chunk")
         lanes = h.shape[-1] if h.shape else 1
+        if h.axes and h.axes[-1].kind == "grid":
+            polar, azimuths = h.axes[-1].values[:2]
+            lanes = len(azimuths) if len(azimuths) > 1 else len(polar)
         self.classes = None
         if "C" in self.chunks:
             chunk = self.chunks["C"]
-            self.classes = decode_classes(chunk.take(chunk.left(), "range-coded: classes"), h.count, lanes)
+            coded = chunk.take(chunk.left(), "range-coded: classes")
+            self.classes = decode_grid_classes(coded, h.grid) if h.grid else decode_classes(coded, h.count, lanes)
         self.samples = self.decode(h, lanes) if level is None else self.decode_level(h, level)
         if "M" in self.chunks and level is None:
             chunk = self.chunks["M"]
@@ -1783,6 +2331,8 @@ class Material:
             self.index = LevelIndex(r, Shape(h.axes).mesh.level, self.lengths["P"])
             self.coded_at = r.at
             logs, self.shape, self.plan = predicted_logs(h, classes, self.chunks.get("B"), r, MAX_LEVEL + 1)
+        elif h.flags & GRIDDED:
+            logs = decode_grid(h, classes, self.chunks.get("B"), self.chunks["G"])
         else:
             axes, live, basis = h.axes, classes, None
             if h.flags & KLT:
@@ -1926,7 +2476,7 @@ def check():
             failed += not same
         found |= set(material.chunks) | {"H"} | {POLICIES[h.policy]} | {str(t) for t in h.transforms}
     models = {("model", k) for k in range(4)}
-    wanted = models | set("HCBPQLRXM") | {"symmetries", "dead triangles", "conventional", "orthonormal-count", "bio-haar"}
+    wanted = models | set("HCBPGQLRXM") | {"symmetries", "dead triangles", "conventional", "orthonormal-count", "bio-haar"}
     wanted |= {"random access", "samples", "samples with signs"}
     wanted |= {"(0, 4)", "(78, 2)", "(87, 2)"}
     for what, damaged in damaged_files(open(os.path.join(golden, DUMPED + ".wlm"), "rb").read()):

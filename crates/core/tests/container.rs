@@ -120,6 +120,9 @@ fn all() -> Vec<Golden> {
         signed(),
         lossless(),
         stated(),
+        lamp(),
+        paint(),
+        leaf(),
         conventional(),
     ]
 }
@@ -283,6 +286,64 @@ fn random() -> Golden {
     let mut golden = golden("random", Quantity::Brdf, data, Target::ErL2(0.03));
     golden.settings.random_access = true;
     golden.settings.albedo_error = Some(0.003);
+    golden
+}
+
+/// A grid of type C in chunk G: a seam, a pole with one value, planes that repeat, angles where nothing shines.
+fn lamp() -> Golden {
+    let azimuths = Azimuths { angles: (0..13).map(|i| 30.0 * f64::from(i)).collect(), extent: AzimuthExtent::Closed };
+    let polar: Vec<f64> = (0..16).map(|i| 6.0 * f64::from(i)).collect();
+    let axes = vec![Axis::Grid(DirectionGrid::new(Frame::TypeC, polar, Some(azimuths)).unwrap())];
+    let data = tensor(axes, |_, at| {
+        let (polar, azimuth) = (at[0] / 13, at[0] % 13 % 12);
+        let down = 1.0 - polar as f64 / 16.0;
+        let side = if polar == 0 { 0.5 } else { (azimuth as f64 - 5.5).abs() / 6.0 };
+        if polar == 15 && azimuth > 6 {
+            0.0
+        } else {
+            900.0 * down * down * (1.0 + 0.4 * side * side) * if azimuth == 4 { 1.0 } else { 1.1 }
+        }
+    });
+    golden("lamp", Quantity::Edf, data, Target::ErL2(0.01))
+}
+
+/// Grids on incoming elevations in chunk G, every incoming entry a stream of its own: masks, zeros, negative samples.
+fn paint() -> Golden {
+    let azimuths = Azimuths { angles: (0..9).map(|i| 22.5 * f64::from(i)).collect(), extent: AzimuthExtent::Mirrored };
+    let grid =
+        DirectionGrid::new(Frame::Surface, vec![0.0, 8.0, 15.0, 30.0, 31.0, 50.0, 75.0], Some(azimuths)).unwrap();
+    let axes = vec![Axis::Elevation(vec![0.0, 20.0, 21.0, 60.0]), Axis::Grid(grid), Axis::Rgb];
+    let data = tensor(axes, |i, at| {
+        let (polar, azimuth) = (at[1] / 9, at[1] % 9);
+        let incoming = at[0] - usize::from(at[0] == 2);
+        let far = (polar as f64 - 2.0 * incoming as f64) * 0.4;
+        let value = (0.02 + 1.0 / (1.0 + far * far + 0.1 * azimuth as f64)) * [0.2, 0.5, 1.0][at[2]];
+        let other = noise(3 * (63 * incoming + at[1]) + at[2]);
+        match i % 41 {
+            _ if polar == 6 && azimuth == 3 => f64::NAN,
+            _ if polar == 5 && azimuth > 5 && at[2] == 0 => 0.01 * other,
+            _ => value * (1.0 + 0.01 * other),
+        }
+    });
+    let mut golden = golden("paint", Quantity::Brdf, data, Target::ErL2(0.02));
+    golden.settings.random_access = true;
+    golden
+}
+
+/// A grid in chunk G on the data's own spectral basis, with corrections: a circle of an odd number of azimuths, latitudes.
+fn leaf() -> Golden {
+    let azimuths = Azimuths { angles: (0..7).map(|i| 50.0 * f64::from(i)).collect(), extent: AzimuthExtent::Circle };
+    let polar: Vec<f64> = (0..9).map(|i| -90.0 + 22.5 * f64::from(i)).collect();
+    let grid = DirectionGrid::new(Frame::TypeA, polar, Some(azimuths)).unwrap();
+    let axes = vec![Axis::Grid(grid), wavelengths(12)];
+    let data = tensor(axes, |i, at| {
+        let (polar, azimuth) = ((at[0] / 7) as f64 - 4.0, (at[0] % 7) as f64 - 3.0);
+        let shape = 1.0 / (1.0 + 0.2 * polar * polar + 0.1 * azimuth * azimuth);
+        let spectrum = 0.1 + shape * (at[1] as f64 / 12.0) + 0.02 * (at[1] % 5) as f64;
+        if i % 97 < 3 { f64::NAN } else { spectrum * (1.0 + 0.02 * noise(i)) }
+    });
+    let mut golden = golden("leaf", Quantity::Edf, data, Target::MaxRelativeError(0.05));
+    golden.settings.basis = "klt".to_owned();
     golden
 }
 

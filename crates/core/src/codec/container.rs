@@ -4,7 +4,7 @@
 //! offset  size    field
 //! 0       4       magic 89 57 4C 4D ("\x89WLM")
 //! 4       1       version, 1
-//! 5       …       the header chunk H; then the chunks that it announces, of C classes, B basis, P pyramid, Q coefficients,
+//! 5       …       the header chunk H; then the chunks that it announces, of C classes, B basis, P pyramid, G grid, Q coefficients,
 //!                 L light, R corrections and X exact samples, in this order; then the metadata chunk M, unless the file ends before
 //!
 //! chunk:  varint  length of the payload in bytes (LEB128, shortest form)
@@ -39,6 +39,8 @@ pub(crate) enum ChunkKind {
     Basis,
     /// Triangles predicted level by level.
     Pyramid,
+    /// Grids of angles predicted halving by halving.
+    Grid,
     /// Quantised or exact coefficients.
     Coefficients,
     /// Corrections of the light of whole blocks.
@@ -58,6 +60,7 @@ impl ChunkKind {
             Self::Classes => b'C',
             Self::Basis => b'B',
             Self::Pyramid => b'P',
+            Self::Grid => b'G',
             Self::Coefficients => b'Q',
             Self::Light => b'L',
             Self::Corrections => b'R',
@@ -72,6 +75,7 @@ impl ChunkKind {
             Self::Classes => "classes chunk",
             Self::Basis => "basis chunk",
             Self::Pyramid => "pyramid chunk",
+            Self::Grid => "grid chunk",
             Self::Coefficients => "coefficients chunk",
             Self::Light => "light chunk",
             Self::Corrections => "corrections chunk",

@@ -11,6 +11,7 @@ mod container;
 mod details;
 mod error;
 mod exact;
+mod grid_classes;
 mod model;
 mod polynomial;
 mod range;
@@ -27,7 +28,8 @@ pub(crate) use container::{Announced, ChunkKind, Container, MAGIC, write_contain
 pub(crate) use details::{DetailCoder, Surroundings};
 pub use error::CodecError;
 pub(crate) use exact::code_exact;
+pub(crate) use grid_classes::{ClassGrid, code_grid_classes};
 pub(crate) use range::{BitCoder, Decoder, Encoder};
 pub(crate) use residuals::{DEPTHS, Expected, ResidualCoder, code_number};
-pub(crate) use steps::code_steps;
+pub(crate) use steps::{code_flags, code_steps};
 pub(crate) use text::{read_text, write_text};

@@ -39,6 +39,14 @@ pub(crate) fn code_steps<C: BitCoder>(coder: &mut C, lanes: usize, steps: &mut [
     }
 }
 
+/// Codes flags that are alike in their frequency only; a decoder fills them.
+pub(crate) fn code_flags<C: BitCoder>(coder: &mut C, flags: &mut [bool]) {
+    let mut model = Model::new(1, 0);
+    for flag in flags {
+        *flag = model.code_one(coder, *flag, 0);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

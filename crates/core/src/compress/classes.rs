@@ -1,8 +1,9 @@
 //! Classes of samples (positive, negative, zero, masked): their chunk, and their effect on decoded magnitudes.
 
 use super::header::Header;
+use super::rd::gridded::Shape;
 use super::rows::lanes;
-use crate::codec::{ChunkKind, Class, Decoder, Encoder, code_classes};
+use crate::codec::{BitCoder, ChunkKind, Class, Decoder, Encoder, code_classes, code_grid_classes};
 use crate::domain::Axis;
 
 /// The classes chunk; `None` where every sample has the default class.
@@ -11,7 +12,7 @@ pub(super) fn classes_chunk(axes: &[Axis], classes: &mut [Class]) -> Option<(Chu
         return None;
     }
     let mut encoder = Encoder::default();
-    code_classes(&mut encoder, lanes(axes), classes);
+    code(&mut encoder, axes, classes);
     Some((ChunkKind::Classes, encoder.finish()))
 }
 
@@ -20,9 +21,17 @@ pub(super) fn classes_of<'a>(header: &Header, chunk: impl Fn(ChunkKind) -> Optio
     header.has_classes.then(|| {
         let mut classes = vec![Class::Positive; header.axes.iter().map(Axis::len).product()];
         let coded = chunk(ChunkKind::Classes).unwrap_or_default();
-        code_classes(&mut Decoder::new(coded), lanes(&header.axes), &mut classes);
+        code(&mut Decoder::new(coded), &header.axes, &mut classes);
         classes
     })
+}
+
+/// Codes the classes of all samples, on grids of angles in the context of the neighbours on every axis.
+fn code<C: BitCoder>(coder: &mut C, axes: &[Axis], classes: &mut [Class]) {
+    match Shape::of(axes) {
+        Some(shape) => code_grid_classes(coder, &shape.class_grid(), classes),
+        None => code_classes(coder, lanes(axes), classes),
+    }
 }
 
 /// Puts signs, zeros and the mask on magnitudes.

@@ -11,7 +11,7 @@ use super::light::Light;
 use super::metadata::metadata_of;
 use super::policy::Policy;
 use super::rd::levels::{LevelIndex, coarsen, level_samples};
-use super::rd::{adaptive, predictive};
+use super::rd::{adaptive, gridded, predictive};
 use super::rows::{coding_order, lanes};
 use super::scales::Scales;
 use super::summary::Summary;
@@ -133,8 +133,8 @@ pub struct DecodedBlock {
 pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecError> {
     let (header, container) = open(bytes)?;
     let malformed = |reason: String| CodecError::Malformed { at: bytes.len(), reason };
-    let at = header.axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_)));
-    let at = at.ok_or_else(|| malformed("no triangles in the material, hence no slices of directions".to_owned()))?;
+    let at = header.axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_) | Axis::Grid(_)));
+    let at = at.ok_or_else(|| malformed("no directions in the material, hence no slices of them".to_owned()))?;
     let blocks: usize = header.axes[..at].iter().map(Axis::len).product();
     let length: usize = header.axes[at..].iter().map(Axis::len).product();
     if block >= blocks {
@@ -155,7 +155,18 @@ pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecErr
             finish_samples(classes.as_deref().map(|classes| &classes[own]), &mut samples)?;
             samples
         }
-        None => samples_of(&header, payload)?[own].to_vec(),
+        None => match random_grid(&header, payload(ChunkKind::Grid))? {
+            Some(coded) => {
+                let classes = classes_of(&header, payload);
+                let chunks = (payload(ChunkKind::Basis), coded);
+                let fineness = (header.step, header.linear);
+                let mut samples = gridded::decode_block(&header.axes, classes.as_deref(), fineness, chunks, block)?;
+                header.values().finish(&mut samples);
+                finish_samples(classes.as_deref().map(|classes| &classes[own]), &mut samples)?;
+                samples
+            }
+            None => samples_of(&header, payload)?[own].to_vec(),
+        },
     };
     let tensor = Tensor::new(axes[at..].to_vec(), samples).map_err(|e| malformed(e.to_string()))?;
     Ok(DecodedBlock { tensor, summary: Summary { axes, ..header.summary(metadata) } })
@@ -169,6 +180,13 @@ fn random_pyramid<'a>(header: &Header, payload: Option<&'a [u8]>) -> Result<Opti
     LevelIndex::read(&mut r, header.finest_level(), payload.len())?;
     let coded = r.take(r.remaining(), "pyramid")?;
     Ok(predictive::is_random(&header.axes, coded)?.then_some(coded))
+}
+
+/// The grid chunk whose incoming entries are decoded by themselves; `None` where they are not, or where they have
+/// corrections.
+fn random_grid<'a>(header: &Header, payload: Option<&'a [u8]>) -> Result<Option<&'a [u8]>, CodecError> {
+    let Some(payload) = payload.filter(|_| header.gridded && header.correction_step == 0.0) else { return Ok(None) };
+    Ok(gridded::is_random(payload)?.then_some(payload))
 }
 
 fn measurement_of(header: &Header, axes: Vec<Axis>, samples: Vec<f32>, at: usize) -> Result<Measurement, CodecError> {
@@ -233,6 +251,10 @@ pub(crate) fn samples_behind<'a>(
                     let classes = classes.as_deref();
                     predictive::decode(&header.axes, classes, header.step, chunks, usize::MAX, finish)?.0
                 }
+            } else if header.gridded {
+                let chunks = (chunk(ChunkKind::Basis), payload(ChunkKind::Grid));
+                let fineness = (header.step, header.linear);
+                gridded::decode(&header.axes, classes.as_deref(), fineness, chunks, finish)?
             } else if header.klt {
                 let chunks = (payload(ChunkKind::Basis), coefficients);
                 adaptive::decode(&header.axes, &header.transforms, classes.as_deref(), header.step, chunks)?
@@ -248,7 +270,7 @@ pub(crate) fn samples_behind<'a>(
                 code_corrections(&mut corrections, lanes(&header.axes), &mut steps);
                 add_corrections(header.correction_step, &steps, &mut logs);
             }
-            if finish.is_none() || !header.predicted {
+            if finish.is_none() || !(header.predicted || header.gridded) {
                 header.values().finish(&mut logs);
             }
             logs

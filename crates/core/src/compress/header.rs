@@ -8,9 +8,10 @@
 //!         4 there is a classes chunk (else every sample is positive or, other than in policy 0, measured);
 //!         8 a floor was declared; 16 there is a corrections chunk (policy 0); 32 unscored samples have errors;
 //!         64 not every sample is scored; 128 samples themselves are approximated, not logarithms (policy 0);
-//!         256 there is a light chunk (policy 0, not flag 128)
+//!         256 there is a light chunk (policy 0, not flag 128);
+//!         512 the last directions are the grid of the grid chunk (policy 0, not flag 2; there is no coefficients chunk then)
 //! axes    as in `codec`'s axes
-//! not policy 2, not flag 2: varint a transform for each axis (flag 1: but the last):
+//! not policy 2, not flags 2, 512: varint a transform for each axis (flag 1: but the last):
 //!               0 identity, 1 bio-Haar, 2 orthonormal by area, 3 orthonormal by count,
 //!               16 + the number of a basis on a line, followed by u8 its boundary rule
 //! flag 2: varint  length of the pyramid chunk: without it a flipped bit in that chunk's own length could make a whole file
@@ -25,6 +26,7 @@
 //! ```
 
 use super::policy::Policy;
+use super::rd::gridded::Shape as GridShape;
 use super::spectral_basis::basis_of;
 use super::stated::{read_error, write_error};
 use super::summary::Summary;
@@ -49,6 +51,8 @@ pub(crate) struct Header {
     pub(crate) klt: bool,
     /// Whether the last triangle axis is predicted; all transforms are then identities.
     pub(crate) predicted: bool,
+    /// The last directions are a grid that is predicted; all transforms are then identities.
+    pub(crate) gridded: bool,
     /// The length of the pyramid chunk's payload, 0 without one.
     pub(crate) pyramid_length: usize,
     /// Whether samples are approximated rather than logarithms.
@@ -76,7 +80,8 @@ impl Flags {
     const COUNTS: u16 = 64;
     const LINEAR: u16 = 128;
     const LIGHT: u16 = 256;
-    const ALL: u16 = 511;
+    const GRIDDED: u16 = 512;
+    const ALL: u16 = 1023;
 
     fn of(header: &Header) -> Self {
         let e = &header.errors;
@@ -91,6 +96,7 @@ impl Flags {
             (Self::COUNTS, left_out > 0),
             (Self::LINEAR, header.linear),
             (Self::LIGHT, header.light_step != 0.0),
+            (Self::GRIDDED, header.gridded),
         ];
         Self(flags.into_iter().filter(|(_, set)| *set).map(|(flag, _)| flag).sum())
     }
@@ -101,7 +107,7 @@ impl Flags {
 
     /// Refuses flags that contradict the policy or the axes.
     fn check(&self, r: &Reader<'_>, policy: Policy, axes: &[Axis]) -> Result<(), CodecError> {
-        let of_rd = Self::KLT | Self::PREDICTED | Self::CORRECTIONS | Self::LINEAR | Self::LIGHT;
+        let of_rd = Self::KLT | Self::PREDICTED | Self::CORRECTIONS | Self::LINEAR | Self::LIGHT | Self::GRIDDED;
         let allowed = match policy {
             Policy::Rd => Self::ALL,
             Policy::Lossless => Self::ALL & !(of_rd | Self::UNSCORED_ERROR),
@@ -112,6 +118,9 @@ impl Flags {
         }
         if self.has(Self::PREDICTED) && !axes.iter().any(|axis| matches!(axis, Axis::Triangles(_))) {
             return Err(r.malformed("a predicted pyramid without a triangle axis"));
+        }
+        if self.has(Self::GRIDDED) && (self.has(Self::PREDICTED) || GridShape::of(axes).is_none()) {
+            return Err(r.malformed("a predicted grid without directions on a grid, or with a pyramid"));
         }
         if self.has(Self::LIGHT)
             && (self.has(Self::LINEAR) || !axes.iter().any(|axis| matches!(axis, Axis::Triangles(_))))
@@ -142,6 +151,7 @@ impl Header {
             transforms: Vec::new(),
             klt: false,
             predicted: false,
+            gridded: false,
             pyramid_length: 0,
             linear: false,
             step: 0.0,
@@ -161,7 +171,7 @@ impl Header {
         w.u8(self.unit.code() | self.policy.code() << 5);
         w.varint(u64::from(flags.0));
         write_axes(&mut w, &self.axes);
-        let written = transforms_written(self.policy, self.klt, self.predicted, self.axes.len());
+        let written = transforms_written(self.policy, self.klt, self.predicted || self.gridded, self.axes.len());
         for &transform in self.transforms.iter().take(written) {
             write_transform(&mut w, transform);
         }
@@ -214,8 +224,8 @@ impl Header {
         // The limit on the product of the axes holds before anything is decoded.
         let samples = crate::domain::check_axes(&axes).map_err(|e| r.malformed(e.to_string()))? as u64;
         crate::domain::Layout::of(quantity, &axes).map_err(|e| r.malformed(e.to_string()))?;
-        let (klt, predicted) = (flags.has(Flags::KLT), flags.has(Flags::PREDICTED));
-        let written = transforms_written(policy, klt, predicted, axes.len());
+        let (klt, predicted, gridded) = (flags.has(Flags::KLT), flags.has(Flags::PREDICTED), flags.has(Flags::GRIDDED));
+        let written = transforms_written(policy, klt, predicted || gridded, axes.len());
         let mut transforms = (0..written).map(|_| read_transform(r)).collect::<Result<Vec<_>, _>>()?;
         if policy != Policy::Lossless {
             transforms.resize(axes.len(), AxisTransform::Identity);
@@ -246,6 +256,7 @@ impl Header {
             transforms,
             klt,
             predicted,
+            gridded,
             pyramid_length,
             linear: flags.has(Flags::LINEAR),
             step: if policy == Policy::Rd { step } else { 0.0 },
@@ -291,7 +302,8 @@ impl Header {
             (ChunkKind::Classes, self.has_classes),
             (ChunkKind::Basis, self.klt),
             (ChunkKind::Pyramid, self.predicted),
-            (ChunkKind::Coefficients, !lossless && !self.predicted),
+            (ChunkKind::Grid, self.gridded),
+            (ChunkKind::Coefficients, !lossless && !self.predicted && !self.gridded),
             (ChunkKind::Light, self.light_step != 0.0),
             (ChunkKind::Corrections, self.correction_step != 0.0),
             (ChunkKind::Exact, lossless),
@@ -365,6 +377,7 @@ mod tests {
             axes,
             klt: true,
             predicted: true,
+            gridded: false,
             pyramid_length: 300,
             step: 0.015_625,
             linear: false,
@@ -399,6 +412,7 @@ mod tests {
             has_classes: true,
             floor: 0.25,
             predicted: false,
+            gridded: false,
             pyramid_length: 0,
             ..plain.clone()
         };
@@ -412,6 +426,7 @@ mod tests {
             transforms: vec![],
             klt: false,
             predicted: false,
+            gridded: false,
             pyramid_length: 0,
             step: 0.0,
             kept: 0,

@@ -116,6 +116,8 @@ pub fn compress(
 #[cfg(test)]
 mod block_tests;
 #[cfg(test)]
+mod grid_tests;
+#[cfg(test)]
 mod level_tests;
 #[cfg(test)]
 mod tests;

@@ -6,6 +6,7 @@ use super::error::CompressError;
 use super::figures::shown;
 use super::light::Light;
 use super::policy::Policy;
+use super::rd::gridded::Shape as GridShape;
 use super::rd::shape::Shape;
 use super::setting_error::{AlbedoConflict, RandomAccessConflict, RdOption, SettingError};
 use super::settings::Settings;
@@ -64,7 +65,9 @@ pub(crate) fn check_random_access(measurement: &Measurement, settings: &Settings
         RandomAccessConflict::Basis(settings.basis.clone())
     } else if matches!(settings.target, Target::MaxRelativeError(_) | Target::MaxAbsoluteError(_)) {
         RandomAccessConflict::EverySample
-    } else if Shape::of(axes).is_none_or(|shape| shape.block_axes().is_empty()) {
+    } else if Shape::of(axes).is_none_or(|shape| shape.block_axes().is_empty())
+        && GridShape::of(axes).is_none_or(|shape| shape.is_single())
+    {
         RandomAccessConflict::Axes(axes.to_vec())
     } else {
         return Ok(());

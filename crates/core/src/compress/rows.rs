@@ -4,9 +4,16 @@ use crate::codec::{Class, NONE, Rows};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan};
 
-/// Length of the last axis: the lanes of a row.
+/// Lanes of a row: the length of the last axis; of a grid of angles that of its last line, so that the row above is the polar
+/// angle before.
 pub(crate) fn lanes(axes: &[Axis]) -> usize {
-    axes.last().map_or(1, Axis::len)
+    match axes.last() {
+        Some(Axis::Grid(grid)) => match grid.shape() {
+            [polar, 1] => polar,
+            [_, azimuths] => azimuths,
+        },
+        axis => axis.map_or(1, Axis::len),
+    }
 }
 
 /// The coding order of a tensor on `axes` transformed by `plan`: the last axis gives the lanes, all others the rows.

@@ -5,7 +5,7 @@ use super::super::scales::Scales;
 use super::super::setting_error::SettingError;
 use super::super::spectral_basis::SpectralBasis;
 use super::layer::{FirstLayer, transform_of};
-use super::spectrum::{Basis, components};
+use super::spectrum::{Basis, MAX_RANK, components};
 use super::steps::Fineness;
 use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Payload, Rows, code_coefficients};
 use crate::domain::Axis;
@@ -36,7 +36,7 @@ impl<'a> AdaptiveLayer<'a> {
     /// Analyses `logs` on `axes`, the last of which is spectral.
     pub(crate) fn new(axes: &[Axis], classes: Option<&'a [Class]>, logs: Vec<f32>) -> Result<Self, SettingError> {
         let length = axes.last().map_or(1, Axis::len);
-        let klt = components(&logs, length)?;
+        let klt = components(&logs, length, MAX_RANK)?;
         let transforms: Vec<_> = axes.iter().map(|axis| transform_of(axis, SpectralBasis::Klt)).collect();
         plan_of_planes(axes, &transforms, 1)?;
         Ok(Self { axes: axes.to_vec(), classes, transforms, klt, logs, last: RefCell::new(None) })
@@ -49,7 +49,8 @@ impl<'a> AdaptiveLayer<'a> {
         {
             return Rc::clone(coefficients);
         }
-        let (basis, chunk) = Basis::encode(&self.klt, &self.axes, self.logs.len() / self.klt.length(), fineness);
+        let (basis, chunk) =
+            Basis::encode(&self.klt, &self.axes, (self.logs.len() / self.klt.length(), MAX_RANK), fineness);
         let planes = self.planes(&basis).ok();
         let coefficients = Rc::new(Coefficients { basis, chunk, planes });
         self.last.replace(Some((fineness, Rc::clone(&coefficients))));
@@ -117,7 +118,7 @@ pub(crate) fn decode(
 ) -> Result<Vec<f32>, CodecError> {
     let count: usize = axes.iter().map(Axis::len).product();
     let length = axes.last().map_or(1, Axis::len);
-    let basis = Basis::decode(basis, axes, count / length, step)?;
+    let basis = Basis::decode(basis, axes, (count / length, MAX_RANK), step)?;
     let rank = basis.rank();
     let (plane_axes, plan) =
         plan_of_planes(axes, transforms, rank).map_err(|e| CodecError::Malformed { at: 0, reason: e.to_string() })?;

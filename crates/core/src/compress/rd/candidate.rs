@@ -15,6 +15,7 @@ use super::super::settings::Settings;
 use super::super::spectral_basis::SpectralBasis;
 use super::adaptive::AdaptiveLayer;
 use super::class_plane::{ClassPlane, approximated};
+use super::gridded::{Form, GridLayer};
 use super::layer::{Counted, FirstLayer, FixedLayer};
 use super::predictive::PredictiveLayer;
 use super::schemes::Scheme;
@@ -69,6 +70,16 @@ impl<'a> Candidate<'a> {
             Scheme::Predicted(folded, chart) => {
                 let layer = PredictiveLayer::new(Arc::clone(folded), *chart, settings.random_access);
                 Box::new(layer?)
+            }
+            Scheme::Gridded { shape, klt, learns, step } => {
+                let form = Form {
+                    klt: *klt,
+                    learns: *learns,
+                    is_linear: plane.values.is_linear(),
+                    random: settings.random_access,
+                    step: *step,
+                };
+                Box::new(GridLayer::new(axes, shape.clone(), coded, &logs(), form)?)
             }
             Scheme::Fixed(basis) => {
                 let layer = FixedLayer::new(axes, coded, *basis, logs());
@@ -150,7 +161,7 @@ impl<'a> Candidate<'a> {
         if !logs.iter().all(|log| log.is_finite()) {
             return None;
         }
-        let (values, floor) = (self.plane.values, self.floor);
+        let (values, floor, is_gridded) = (self.plane.values, self.floor, self.layer.is_gridded());
         let mut corrections: Vec<i32> = self
             .original()
             .par_iter()
@@ -158,7 +169,8 @@ impl<'a> Candidate<'a> {
             .zip(self.plane.classes)
             .map(|((&s, &value), &class)| {
                 let wanted = values.wanted(s, class, floor);
-                if wanted.is_nan() {
+                // On grids negative samples are bounded, not scored.
+                if wanted.is_nan() || is_gridded && class == Class::Negative {
                     return 0;
                 }
                 let k = libm::round((wanted - f64::from(value)) / f64::from(steps.correction));
@@ -176,6 +188,7 @@ impl<'a> Candidate<'a> {
             transforms: self.layer.transforms().to_vec(),
             klt: self.layer.basis() == SpectralBasis::Klt,
             predicted: self.layer.is_predicted(),
+            gridded: self.layer.is_gridded(),
             linear: self.plane.values.is_linear(),
             step: steps.first.step,
             light_step: self.light.as_ref().map_or(0.0, |(_, step)| *step),

@@ -98,7 +98,7 @@ pub(super) fn best_of<'a>(
         ranking.push((place, Ranked { basis: scheme.name().to_owned(), bytes: bytes as u64, er_l2 }));
         if best.is_none_or(|(least, _, _)| score < least) {
             best = Some((score, scheme, own));
-            best_work = candidate.layer.is_predicted().then_some(candidate);
+            best_work = (candidate.layer.is_predicted() || candidate.layer.is_gridded()).then_some(candidate);
         }
         progress.step(0.05 + 0.5 * (i + 1) as f64 / schemes.len() as f64)?;
     }

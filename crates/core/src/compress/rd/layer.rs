@@ -36,6 +36,10 @@ pub(crate) trait FirstLayer {
     fn is_predicted(&self) -> bool {
         false
     }
+    /// Returns true where grids of angles are predicted.
+    fn is_gridded(&self) -> bool {
+        false
+    }
 }
 
 /// Coefficients in fixed bases on all axes.
@@ -150,6 +154,10 @@ impl FirstLayer for Counted<'_> {
 
     fn is_predicted(&self) -> bool {
         self.layer.is_predicted()
+    }
+
+    fn is_gridded(&self) -> bool {
+        self.layer.is_gridded()
     }
 }
 

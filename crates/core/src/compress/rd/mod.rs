@@ -10,11 +10,11 @@ mod chart;
 mod class_plane;
 mod contest;
 mod folding;
+pub(super) mod gridded;
 mod largest_step;
 mod layer;
 pub(super) mod levels;
-#[cfg_attr(not(test), allow(dead_code, unused_imports, reason = "no layer codes grids of angles yet"))]
-pub(crate) mod lines;
+mod lines;
 mod metric;
 pub(super) mod predictive;
 mod pyramid;
@@ -56,13 +56,48 @@ pub(crate) fn compress(
     floor: f32,
     (progress, tally): (&dyn Progress, &Tally),
 ) -> Result<Compressed, CompressError> {
+    let attempt = |below| compress_with(measurement, settings, bases, (floor, below), (progress, tally));
+    let clipped = attempt(Below::Clipped);
+    let values = Values::of(settings.target, measurement.tensor.samples());
+    if floor <= 0.0 || values.is_linear() || gridded::Shape::of(measurement.tensor.axes()).is_none() {
+        return clipped;
+    }
+    let dark = attempt(Below::Zero);
+    let (Ok(first), Ok(second)) = (&clipped, &dark) else { return clipped.or(dark) };
+    let by_size = matches!(settings.target, Target::Bytes(_) | Target::Ratio(_) | Target::Auto);
+    let is_better = if by_size {
+        second.summary.errors.er_l2 < first.summary.errors.er_l2
+    } else {
+        second.bytes.len() < first.bytes.len()
+    };
+    if is_better { dark } else { clipped }
+}
+
+/// Where samples below the floor go.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Below {
+    /// To the floor: they are approximated like others.
+    Clipped,
+    /// To 0, by their class.
+    Zero,
+}
+
+fn compress_with(
+    measurement: &Measurement,
+    settings: &Settings,
+    bases: &[SpectralBasis],
+    (floor, below): (f32, Below),
+    (progress, tally): (&dyn Progress, &Tally),
+) -> Result<Compressed, CompressError> {
     let axes = measurement.tensor.axes();
     let samples = measurement.tensor.samples();
     let values = Values::of(settings.target, samples);
-    let (classes, classes_coded) = if values::all_positive(samples) {
+    let is_dark = |s: f32| below == Below::Zero && s > 0.0 && s < floor;
+    let class_of = |&s: &f32| if is_dark(s) { Class::Zero } else { values.class_of(s, floor) };
+    let (classes, classes_coded) = if values::all_positive(samples) && below == Below::Clipped {
         (vec![Class::Positive; samples.len()], None)
     } else {
-        let mut classes: Vec<Class> = samples.iter().map(|&s| values.class_of(s, floor)).collect();
+        let mut classes: Vec<Class> = samples.iter().map(class_of).collect();
         let coded = classes_chunk(axes, &mut classes);
         (classes, coded)
     };

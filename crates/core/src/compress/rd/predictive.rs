@@ -26,7 +26,7 @@ use super::folding::{fold_rows, live_leaves, spectra, synthesise, transposed};
 use super::layer::FirstLayer;
 use super::pyramid::Pyramid;
 use super::shape::Shape;
-use super::spectrum::{Basis, components};
+use super::spectrum::{Basis, MAX_RANK, components};
 use super::steps::Fineness;
 use super::streams::Streams;
 use super::symmetry::{Group, Representatives};
@@ -68,7 +68,7 @@ impl Folded {
         let live = live_leaves(shape, &group, &representatives, all.clone(), classes);
         let klt = (shape.length() > 1).then(|| {
             let spectra = spectra(shape, &group, &representatives, &rows, (live.as_deref(), ANALYSED));
-            components(&spectra, shape.length())
+            components(&spectra, shape.length(), MAX_RANK)
         });
         let pyramid = Pyramid::new(shape.mesh(), &group, &representatives, all, live.as_deref());
         let klt = klt.transpose()?;
@@ -140,7 +140,7 @@ impl PredictiveLayer {
         let (step, leaves) = (fineness.step, folded.shape.leaves());
         let mut chunks = Vec::new();
         let basis = folded.klt.as_ref().map(|klt| {
-            let (basis, chunk) = Basis::encode(klt, folded.shape.axes(), folded.shape.rows(), fineness);
+            let (basis, chunk) = Basis::encode(klt, folded.shape.axes(), (folded.shape.rows(), MAX_RANK), fineness);
             chunks.push((ChunkKind::Basis, chunk));
             basis
         });

@@ -7,6 +7,7 @@ use super::super::spectral_basis::SpectralBasis;
 use super::super::target::Target;
 use super::chart::{ChartKind, has_chart};
 use super::class_plane::{ClassPlane, approximated};
+use super::gridded::Shape as GridShape;
 use super::metric::root_mean_square;
 use super::predictive::Folded;
 use super::shape::Shape;
@@ -17,6 +18,10 @@ use std::sync::Arc;
 
 /// Entries of an index axis that the data's own basis is tried on.
 const MOST_INDICES: usize = 64;
+/// Entries of a last axis behind a grid that are tried as planes of their own.
+const MOST_CHANNELS: usize = 8;
+/// Rows of a grid up to which fixed prediction alone is tried.
+const FEW_ROWS: usize = 20_000;
 /// The symmetries of a hemisphere's mesh.
 const ALL_SYMMETRIES: usize = 8;
 
@@ -29,6 +34,17 @@ pub(super) enum Scheme {
     Adaptive,
     /// The same with triangles predicted, folded by the group of these symmetries, behind a model.
     Predicted(Arc<Folded>, Option<ChartKind>),
+    /// Grids of angles predicted.
+    Gridded {
+        /// The lines of the tensor.
+        shape: GridShape,
+        /// On the data's own spectral basis, rather than channel by channel.
+        klt: bool,
+        /// Least squares predict beside the fixed filters.
+        learns: bool,
+        /// A typical step.
+        step: f64,
+    },
 }
 
 impl Scheme {
@@ -38,6 +54,10 @@ impl Scheme {
             Self::Adaptive => SpectralBasis::Klt.name(),
             Self::Predicted(folded, None) if folded.is_trivial() => "predicted",
             Self::Predicted(_, None) => "predicted, folded",
+            Self::Gridded { klt: true, learns: true, .. } => "grid, klt",
+            Self::Gridded { klt: true, learns: false, .. } => "grid, klt, fixed prediction",
+            Self::Gridded { klt: false, learns: true, .. } => "grid",
+            Self::Gridded { klt: false, learns: false, .. } => "grid, fixed prediction",
             Self::Predicted(_, Some(ChartKind::Isotropic)) => "predicted, isotropic model",
             Self::Predicted(_, Some(ChartKind::Anisotropic)) => "predicted, anisotropic model",
             Self::Predicted(_, Some(ChartKind::Zonal)) => "predicted, zonal model",
@@ -55,6 +75,11 @@ pub(super) fn schemes(
 ) -> Result<Vec<Scheme>, CompressError> {
     let axes = measurement.tensor.axes();
     let named = settings.basis != "auto";
+    if let Some(shape) = GridShape::of(axes)
+        && (!named || bases.contains(&SpectralBasis::Klt))
+    {
+        return Ok(gridded(&shape, bases, settings, plane));
+    }
     let mut schemes = Vec::new();
     for &basis in bases {
         let own = basis == SpectralBasis::Klt;
@@ -73,6 +98,38 @@ pub(super) fn schemes(
         }
     }
     Ok(schemes)
+}
+
+/// Schemes of directions on a grid: spectra on their own basis, colours by channel, and either where they are few.
+fn gridded(shape: &GridShape, bases: &[SpectralBasis], settings: &Settings, plane: ClassPlane<'_>) -> Vec<Scheme> {
+    let tolerance = match settings.target {
+        Target::ErL1(error) | Target::ErL2(error) | Target::RelativeRmse(error) => error,
+        Target::MaxRelativeError(error) => 0.5 * error,
+        Target::Auto => plane.noise.unwrap_or(0.02),
+        _ => 0.02,
+    };
+    // The error of a uniform quantiser is its step / √12.
+    let step = match settings.target {
+        Target::Step(step) => step,
+        _ => tolerance * libm::sqrt(12.0),
+    };
+    let own = bases.contains(&SpectralBasis::Klt) && shape.length() > 1;
+    let is_named = settings.basis == "klt";
+    // Planes of few channels predict each other as well as a basis does.
+    let forms: &[bool] = match shape.length() {
+        _ if !own => &[false],
+        0..=3 if !is_named => &[false],
+        4..=MOST_CHANNELS if !is_named => &[true, false],
+        _ => &[true],
+    };
+    // Fixed prediction wins on small smooth arrays alone.
+    let learning: &[bool] = if shape.rows() <= FEW_ROWS { &[true, false] } else { &[true] };
+    let scheme = |klt, learns| Scheme::Gridded { shape: shape.clone(), klt, learns, step };
+    learning
+        .iter()
+        .flat_map(|&learns| forms.iter().map(move |&klt| (klt, learns)))
+        .map(|(klt, learns)| scheme(klt, learns))
+        .collect()
 }
 
 /// Whether the last axis is no spectrum, but triangles, colours or some index.

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! basis chunk   u8 r + 32 · c: number of vectors, 1 … 24, and how coarse they are, 0 … 7;
+//!               of a grid of angles u8 r, 1 … 64, and u8 c;
 //!               r × u8 k, which stands for the root mean square (8 + k mod 8) · 2^(⌊k / 8⌋ − 23) of a vector's coefficient;
 //!               then the range-coded integers of the mean and of the r vectors, rows of the spectral axis in bior4.4
 //! ```
@@ -18,8 +19,10 @@ use crate::numeric::wide;
 use crate::transform::{AxisTransform, Klt, KltError, LineBasis, Plan};
 use rayon::prelude::*;
 
-/// Vectors at most; spectra of one material are far fewer.
+/// Vectors at most where number and coarseness share a byte; spectra of one material are far fewer.
 pub(super) const MAX_RANK: usize = 24;
+/// Vectors at most where they have bytes of their own: spectra of 200 bands down to noisy tails have more than 24.
+pub(super) const MAX_GRID_RANK: usize = 64;
 /// A vector whose coefficients are smaller than this part of the step would be quantised to nothing.
 const WORTH_KEEPING: f64 = 0.35;
 /// How coarse vectors are if nothing else is asked for, and at most.
@@ -33,10 +36,10 @@ const LANES: usize = 16;
 /// Rows up to this length have all their principal components found at once.
 const LONG: usize = 256;
 
-/// The first principal components of rows of `length`.
-pub(super) fn components(rows: &[f32], length: usize) -> Result<Klt, KltError> {
-    let mut klt = if length > LONG { Klt::leading(rows, length, MAX_RANK) } else { Klt::of(rows, length) }?;
-    klt.truncate(MAX_RANK);
+/// The first `most` principal components of rows of `length`.
+pub(super) fn components(rows: &[f32], length: usize, most: usize) -> Result<Klt, KltError> {
+    let mut klt = if length > LONG { Klt::leading(rows, length, most) } else { Klt::of(rows, length) }?;
+    klt.truncate(most);
     Ok(klt)
 }
 
@@ -48,8 +51,14 @@ pub(super) struct Basis {
 }
 
 impl Basis {
-    /// The first vectors of `klt` that are worth their bits for `count` rows, as decoded, and their chunk.
-    pub(super) fn encode(klt: &Klt, axes: &[Axis], count: usize, fineness: Fineness) -> (Self, Vec<u8>) {
+    /// The first vectors of `klt`, `most` of them at most, that are worth their bits for `count` rows, as decoded, and their
+    /// chunk.
+    pub(super) fn encode(
+        klt: &Klt,
+        axes: &[Axis],
+        (count, most): (usize, usize),
+        fineness: Fineness,
+    ) -> (Self, Vec<u8>) {
         let step64 = f64::from(fineness.step);
         let spreads: Vec<f64> = klt.variances.iter().map(|v| v.sqrt()).collect();
         let worth = spreads.iter().take_while(|&&spread| spread > WORTH_KEEPING * step64).count();
@@ -61,7 +70,12 @@ impl Basis {
         let rows = std::iter::once(&klt.mean).chain(&klt.vectors);
         let mut quantised: Vec<i32> = rows.zip(&steps).flat_map(|(row, &step)| coder.quantise(row, step)).collect();
         let mut w = Writer::default();
-        w.u8(rank as u8 | coarse << 5);
+        if most > MAX_RANK {
+            w.u8(rank as u8);
+            w.u8(coarse);
+        } else {
+            w.u8(rank as u8 | coarse << 5);
+        }
         w.raw(&spreads);
         let mut encoder = Encoder::default();
         code_coefficients(&mut encoder, &coder.rows(rank + 1), Payload::Integer, &mut quantised);
@@ -69,13 +83,26 @@ impl Basis {
         (coder.basis(&quantised, &steps), w.into_bytes())
     }
 
-    /// The basis of a chunk, for `count` rows of the last of `axes`.
-    pub(super) fn decode(chunk: &[u8], axes: &[Axis], count: usize, step: f32) -> Result<Self, CodecError> {
+    /// The basis of a chunk, of `most` vectors at most, for `count` rows of the last of `axes`.
+    pub(super) fn decode(
+        chunk: &[u8],
+        axes: &[Axis],
+        (count, most): (usize, usize),
+        step: f32,
+    ) -> Result<Self, CodecError> {
         let length = axes.last().map_or(1, Axis::len);
         let mut r = Reader::new(chunk, 0);
         let first = r.u8("number of basis vectors")?;
-        let (rank, coarse) = (usize::from(first & 31), first >> 5);
-        let most = MAX_RANK.min(length);
+        let (rank, coarse) = if most > MAX_RANK {
+            let coarse = r.u8("coarseness of basis vectors")?;
+            if coarse > COARSEST {
+                return Err(r.malformed(format!("coarseness {coarse} of basis vectors, expected 0 to {COARSEST}")));
+            }
+            (usize::from(first), coarse)
+        } else {
+            (usize::from(first & 31), first >> 5)
+        };
+        let most = most.min(length);
         if rank == 0 || rank > most {
             return Err(r.malformed(format!("{rank} basis vectors, expected 1 to {most}")));
         }

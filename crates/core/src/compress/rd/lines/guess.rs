@@ -47,7 +47,7 @@ fn of_node(line: &Line, span: usize, (node, nodes): (usize, usize), wraps: bool)
     let (after, before) = match (mean(1), mean(-1)) {
         (Some(after), Some(before)) => (after, before),
         (Some(after), None) => return [one_sided(after - centre), 0.0, 0.0, 0.0],
-        (None, Some(before)) => return [0.0, one_sided(centre - before), 0.0, 0.0],
+        (None, Some(before)) => return [0.0, -one_sided(centre - before), 0.0, 0.0],
         (None, None) => return [0.0; 4],
     };
     let scale = 0.5 * (after - before);
@@ -97,7 +97,7 @@ mod tests {
             assert_eq!(found[2], [22.0 / 64.0, -22.0 / 64.0, -3.0 / 64.0, 3.0 / 64.0], "{halvings}");
             assert_eq!(found[1], [0.25, -0.25, 0.0, 0.0]);
             assert_eq!(found[0], [rounded(0.4), 0.0, 0.0, 0.0]);
-            assert_eq!(found.last(), Some(&[0.0, rounded(0.4), 0.0, 0.0]));
+            assert_eq!(found.last(), Some(&[0.0, -rounded(0.4), 0.0, 0.0]));
         }
         let circle = coefficients(&Line::even(64, true), 1, true);
         assert!(circle.iter().all(|c| *c == circle[7]));

@@ -73,6 +73,17 @@ impl Grid {
     }
 }
 
+/// How planes are quantised and predicted.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Quantiser {
+    /// The step of orthonormal coefficients, in the unit of the planes.
+    pub(crate) step: f64,
+    /// The unit of values: 1 natural logarithm where they are logarithms.
+    pub(crate) unit: f64,
+    /// Least squares predict beside the fixed filters. They gain on large arrays with noise, and lose on small smooth ones.
+    pub(crate) learns: bool,
+}
+
 /// One halving: `children` become `parents`.
 struct Halving {
     axis: usize,
@@ -92,15 +103,17 @@ struct Weights {
 pub(crate) struct PairPyramid {
     /// From the finest.
     halvings: Vec<Halving>,
-    /// One for all planes, or one for each.
+    /// One for each tensor, or for each plane; the last for all that follow.
     weights: Vec<Weights>,
+    /// Planes of one tensor have weights of their own.
+    by_plane: bool,
     templates: [Template; AXES],
 }
 
 impl PairPyramid {
     /// The pyramid of planes on a grid, halved in an order (what it lacks is added, what is too much left out); `weights` of
-    /// all leaves, for all planes or for each of them.
-    pub(crate) fn new(grid: &Grid, order: &[u8], weights: &[f32]) -> Self {
+    /// all leaves, for each tensor or `by_plane`, one after another, the last for all that follow.
+    pub(crate) fn new(grid: &Grid, order: &[u8], weights: &[f32], by_plane: bool) -> Self {
         let mut children = grid.lengths();
         let leaves = children.iter().product::<usize>();
         let long: [bool; AXES] = children.map(|n| n > 1);
@@ -130,32 +143,29 @@ impl PairPyramid {
             children = parents;
         }
         let templates = std::array::from_fn(|axis| Template::new(axis, long));
-        Self { halvings, weights: levels, templates }
+        Self { halvings, weights: levels, by_plane, templates }
     }
 
-    /// Halvings from leaves to roots.
-    pub(crate) fn halvings(&self) -> usize {
-        self.halvings.len()
+    /// Weights of a plane, of `vectors` planes to a tensor, after so many halvings.
+    fn weights_of(&self, (plane, vectors): (usize, usize), level: usize) -> &[f32] {
+        let set = if self.by_plane { plane } else { plane / vectors.max(1) };
+        &self.weights[set.min(self.weights.len() - 1)].levels[level]
     }
 
-    fn weights_of(&self, plane: usize, level: usize) -> &[f32] {
-        &self.weights[plane % self.weights.len()].levels[level]
-    }
-
-    /// Codes `planes` planes in units of the step `step`: an encoder is given their source, a decoder nothing; both return
-    /// what a decoder has, and the number of integers that are not 0. `unit` is that of values, one natural logarithm where
-    /// values are logarithms. Below the finest `left_out` halvings nothing is coded: means of their blocks come back.
+    /// Codes `planes` planes, `vectors` of each of several tensors: an encoder is given their source, a decoder nothing; both
+    /// return what a decoder has, and the number of integers that are not 0. The finest `left_out` halvings are not coded:
+    /// means of their blocks come back.
     pub(crate) fn code<C: BitCoder>(
         &self,
         coder: &mut C,
-        (step, unit): (f64, f64),
-        planes: usize,
+        Quantiser { step, unit, learns }: Quantiser,
+        (planes, vectors): (usize, usize),
         source: Option<&Source>,
         left_out: usize,
     ) -> (Vec<f32>, u64) {
         let mut residuals = ResidualCoder::default();
         let mut kept = 0;
-        let mut values = self.code_roots(coder, step, planes, source, &mut kept);
+        let mut values = self.code_roots(coder, step, (planes, vectors), source, &mut kept);
         let unit = unit / step;
         let mut expectations = vec![Expectation::new(unit); PLANE_CLASSES];
         let system = |axis: usize| vec![Recursive::new(self.templates[axis].features()); PLANE_CLASSES];
@@ -178,7 +188,7 @@ impl PairPyramid {
                 errors.fill([0.0; 4]);
                 details.rotate_right(1);
                 details[0].fill(0.0);
-                let class = plane.min(PLANE_CLASSES - 1);
+                let class = (plane % vectors.max(1)).min(PLANE_CLASSES - 1);
                 kept += halved.code(
                     coder,
                     (
@@ -187,12 +197,13 @@ impl PairPyramid {
                             expectation: &mut expectations[class],
                             system: &mut systems[halving.axis][class],
                             unit,
+                            learns,
                         },
                     ),
                     &mut PlaneOf {
-                        number: plane,
+                        class,
                         means: &mut means,
-                        weights: self.weights_of(plane, level),
+                        weights: self.weights_of((plane, vectors), level),
                         wanted: source.map(|source| source.details(level, plane, parents)),
                         per_step: 1.0 / step,
                         inherited: inherited.get(plane * parents..).and_then(|all| all.get(..parents)),
@@ -224,12 +235,12 @@ impl PairPyramid {
         &self,
         coder: &mut C,
         step: f64,
-        planes: usize,
+        (planes, vectors): (usize, usize),
         source: Option<&Source>,
         kept: &mut u64,
     ) -> Vec<f32> {
         let root = |plane: usize| {
-            let weight = self.weights_of(plane, self.halvings.len()).first().copied().unwrap_or(0.0);
+            let weight = self.weights_of((plane, vectors), self.halvings.len()).first().copied().unwrap_or(0.0);
             if weight <= 0.0 {
                 return 0.0;
             }

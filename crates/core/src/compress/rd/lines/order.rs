@@ -5,8 +5,8 @@ use super::{AXES, Grid};
 use crate::codec::BitCoder;
 
 /// The order of halvings whose details cost least, from the finest: at each, that axis whose details are predicted best from
-/// the original means. `planes` `[planes, leaves]`; `weights` of all leaves, for all planes or for as many runs of them.
-pub(crate) fn order_of_halvings(grid: &Grid, planes: &[f32], weights: &[f32], step: f64) -> Vec<u8> {
+/// the original means. `planes` `[planes, leaves]`; `weights` of all leaves, for each next `run` of planes.
+pub(crate) fn order_of_halvings(grid: &Grid, planes: &[f32], (weights, run): (&[f32], usize), step: f64) -> Vec<u8> {
     let leaves = grid.lengths().iter().product::<usize>();
     let mut values: Vec<Vec<f64>> =
         planes.chunks_exact(leaves).map(|plane| plane.iter().map(|&x| f64::from(x)).collect()).collect();
@@ -21,7 +21,7 @@ pub(crate) fn order_of_halvings(grid: &Grid, planes: &[f32], weights: &[f32], st
             let (mut bits, mut count) = (0.0, 0_u64);
             let mut means = values.clone();
             for (plane, means) in means.iter_mut().enumerate() {
-                let weights = &weights[plane * weights.len() / values.len()];
+                let weights = &weights[(plane / run.max(1)).min(weights.len() - 1)];
                 let mut details = Vec::new();
                 halve(means, weights, (lengths, axis), |parent, detail, weight| details.push((parent, detail, weight)));
                 if axes.len() > 1 {

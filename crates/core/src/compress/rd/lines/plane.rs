@@ -50,11 +50,14 @@ pub(super) struct Learned<'a> {
     pub(super) system: &'a mut Recursive,
     /// The unit of values in steps.
     pub(super) unit: f64,
+    /// Least squares predict beside the fixed filters.
+    pub(super) learns: bool,
 }
 
 /// Everything of one plane, in steps; arrays by node have one more entry for what does not exist.
 pub(super) struct PlaneOf<'a> {
-    pub(super) number: usize,
+    /// Its class among those that share contexts.
+    pub(super) class: usize,
     pub(super) means: &'a mut [f32],
     /// Weights of the children.
     pub(super) weights: &'a [f32],
@@ -136,7 +139,7 @@ impl<'a> Halved<'a> {
         let Halving { axis, children, parents, guess } = self.halving;
         let axis = *axis;
         let second = children[axis + 1..].iter().product::<usize>();
-        let place = axis * PLANE_CLASSES + plane.number.min(PLANE_CLASSES - 1);
+        let place = axis * PLANE_CLASSES + plane.class;
         let on_last = axis == AXES - 1;
         let width = parents.lengths[AXES - 1];
         let nowhere = parents.count();
@@ -165,7 +168,7 @@ impl<'a> Halved<'a> {
                 let squared_step = if weight > 0.0 { 1.0 / weight } else { 1.0 };
                 let bin = learned.expectation.bin_of(f64::from(mean));
                 let prior = learned.expectation.of(bin);
-                if learned.system.is_due() {
+                if learned.learns && learned.system.is_due() {
                     let least = QUANTISATION * squared_step + RIDGE * learned.unit * learned.unit;
                     learned.system.solve(&guess[at], least);
                 }
@@ -188,7 +191,9 @@ impl<'a> Halved<'a> {
                     plane.errors[node] =
                         [squared(predicted.fixed) as f32, squared(predicted.learned) as f32, error as f32, 1.0];
                     learned.expectation.learn(bin, error);
-                    learned.system.learn(&features, detail);
+                    if learned.learns {
+                        learned.system.learn(&features, detail);
+                    }
                     plane.details[0][node] = detail as f32;
                     (detail, error as f32 * INHERITED.1)
                 } else {
@@ -295,7 +300,7 @@ fn predict(
 ) -> Predicted {
     let fixed = ((guess[0] * features[0] + guess[1] * features[1]) + guess[2] * features[2]) + guess[3] * features[3];
     let largest = LARGEST_PREDICTION * learned.unit;
-    let by_squares = learned.system.predict(features).clamp(-largest, largest);
+    let by_squares = if learned.learns { learned.system.predict(features).clamp(-largest, largest) } else { fixed };
     let floor = FLOOR * squared_step;
     let [of_fixed, of_learned, of_blend, weight] = errors.map(f64::from);
     let share = 1.0 / (weight + PRIOR);
@@ -304,7 +309,7 @@ fn predict(
     let ratio = ratio.min(LARGEST_RATIO);
     let square = ratio * ratio;
     let by_fixed = square * square;
-    let blend = (by_squares + by_fixed * fixed) / (1.0 + by_fixed);
+    let blend = if learned.learns { (by_squares + by_fixed * fixed) / (1.0 + by_fixed) } else { fixed };
     Predicted {
         fixed,
         learned: by_squares,

@@ -64,8 +64,8 @@ pub(crate) struct Source {
 }
 
 impl Source {
-    /// Analyses planes `[planes, leaves]`; samples without weight may hold anything.
-    pub(crate) fn new(pyramid: &PairPyramid, planes: &[f32]) -> Self {
+    /// Analyses planes `[tensors, vectors, leaves]`; samples without weight may hold anything.
+    pub(crate) fn new(pyramid: &PairPyramid, planes: &[f32], vectors: usize) -> Self {
         let leaves = pyramid.halvings.first().map_or(1, |halving| halving.children.iter().product());
         let count = planes.len() / leaves;
         let mut details: Vec<Vec<f32>> =
@@ -75,7 +75,7 @@ impl Source {
             let mut values: Vec<f64> = values.iter().map(|&x| f64::from(x)).collect();
             for (level, halving) in pyramid.halvings.iter().enumerate() {
                 let to = &mut details[level][plane * halving.parents.count()..];
-                let weights = pyramid.weights_of(plane, level);
+                let weights = pyramid.weights_of((plane, vectors), level);
                 halve(&mut values, weights, (halving.children, halving.axis), |parent, detail, _| {
                     to[parent] = detail as f32;
                 });

@@ -5,7 +5,7 @@ use super::super::chart::Chart;
 use super::super::folding::{live_leaves, synthesise, synthesise_rows};
 use super::super::pyramid::Pyramid;
 use super::super::shape::Shape;
-use super::super::spectrum::Basis;
+use super::super::spectrum::{Basis, MAX_RANK};
 use super::super::streams::Streams;
 use super::super::symmetry::Representatives;
 use super::opening::Opening;
@@ -184,7 +184,7 @@ impl<'a> Opened<'a> {
         let malformed = |reason: &str| CodecError::Malformed { at: 0, reason: reason.to_owned() };
         let shape = Shape::of(axes).ok_or_else(|| malformed("a pyramid without a triangle axis"))?;
         let basis = match basis {
-            Some(chunk) if shape.length() > 1 => Some(Basis::decode(chunk, axes, shape.rows(), step)?),
+            Some(chunk) if shape.length() > 1 => Some(Basis::decode(chunk, axes, (shape.rows(), MAX_RANK), step)?),
             None if shape.length() == 1 => None,
             _ => return Err(malformed("a basis chunk without a spectral axis, or none with one")),
         };

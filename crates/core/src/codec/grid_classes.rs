@@ -1,0 +1,133 @@
+//! Classes of samples on grids of angles: rows of azimuths, each sample in the context of its neighbours on every axis.
+
+use super::classes::Class;
+use super::model::Model;
+use super::range::BitCoder;
+
+const CLASSES: usize = 4;
+/// Slots of a decision in one context of four neighbours.
+const CUBE: usize = CLASSES * CLASSES * CLASSES * CLASSES;
+const REPEATS: usize = 0;
+const NEAR: usize = REPEATS + 4;
+const AHEAD: usize = NEAR + 3 * CUBE;
+const ALONG: usize = AHEAD + 3 * CUBE;
+const SLOTS: usize = ALONG + 3 * CUBE;
+
+/// Lengths of a tensor of classes, and the order of its lanes.
+#[derive(Clone, Debug)]
+pub(crate) struct ClassGrid {
+    /// Entries of the axes in front of the outgoing polar angles.
+    pub(crate) incoming: usize,
+    /// Outgoing polar angles.
+    pub(crate) polar: usize,
+    /// Outgoing azimuths.
+    pub(crate) azimuths: usize,
+    /// Entries of the last axis in the order in which they are coded.
+    pub(crate) lanes: Vec<usize>,
+}
+
+/// Codes the classes of a tensor `[incoming, polar, azimuths, lanes]`; a decoder fills them.
+///
+/// # Panics
+/// If there are more or fewer classes than the lengths say.
+pub(crate) fn code_grid_classes<C: BitCoder>(coder: &mut C, grid: &ClassGrid, classes: &mut [Class]) {
+    let &ClassGrid { incoming, polar, azimuths, ref lanes } = grid;
+    assert_eq!(classes.len(), incoming * polar * azimuths * lanes.len(), "classes of the whole tensor");
+    let mut model = Model::new(SLOTS, 3 * CLASSES);
+    let slice = polar * azimuths;
+    let none = vec![Class::Positive; azimuths];
+    // Classes of the lane that is coded and of the one before.
+    let [mut own, mut before] = [vec![Class::Positive; incoming * slice], vec![Class::Positive; incoming * slice]];
+    for &lane in lanes {
+        for (at, own) in own.iter_mut().enumerate() {
+            *own = if C::DECODES { Class::Positive } else { classes[at * lanes.len() + lane] };
+        }
+        let mut repeats = 0;
+        for row in 0..incoming * polar {
+            let (done, rest) = own.split_at_mut(row * azimuths);
+            let here = &mut rest[..azimuths];
+            let earlier = |by: usize| &done[(row - by) * azimuths..][..azimuths];
+            let back = if row >= polar { earlier(polar) } else { &none };
+            let up = if row % polar > 0 { earlier(1) } else { &none };
+            let alike = if row >= polar { back } else { up };
+            let repeat = model.code_one(coder, !C::DECODES && here == alike, REPEATS + repeats);
+            repeats = (repeats << 1 | usize::from(repeat)) & 3;
+            if repeat {
+                here.copy_from_slice(alike);
+            } else {
+                let other = &before[row * azimuths..][..azimuths];
+                code_row(coder, &mut model, [up, back, other], here);
+            }
+        }
+        for (at, own) in own.iter().enumerate() {
+            classes[at * lanes.len() + lane] = *own;
+        }
+        std::mem::swap(&mut own, &mut before);
+    }
+}
+
+fn code_row<C: BitCoder>(coder: &mut C, model: &mut Model, [up, back, other]: [&[Class]; 3], row: &mut [Class]) {
+    let context = |classes: [Class; 4]| classes.iter().fold(0, |context, &class| CLASSES * context + class as usize);
+    for j in 0..row.len() {
+        let left = |by: usize| if j >= by { row[j - by] } else { Class::Positive };
+        let ahead = |row: &[Class]| row.get(j + 1).copied().unwrap_or_default();
+        let near = context([left(1), up[j], back[j], other[j]]);
+        let further = context([left(1), ahead(up), ahead(back), ahead(other)]);
+        let along = context([left(1), left(2), up[j], other[j]]);
+        let mut decide = |kind: usize, bit: bool| {
+            let slots = [NEAR + kind * CUBE + near, AHEAD + kind * CUBE + further, ALONG + kind * CUBE + along];
+            model.code(coder, bit, slots, kind * CLASSES + other[j] as usize)
+        };
+        // Is it positive; if not, is it negative; if not, is it masked.
+        let class = row[j];
+        row[j] = if !decide(0, class != Class::Positive) {
+            Class::Positive
+        } else if !decide(1, class != Class::Negative) {
+            Class::Negative
+        } else if decide(2, class == Class::Masked) {
+            Class::Masked
+        } else {
+            Class::Zero
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::range::{Decoder, Encoder};
+    use proptest::prelude::*;
+
+    fn round_trip(grid: &ClassGrid, classes: &[Class]) -> usize {
+        let mut encoder = Encoder::default();
+        code_grid_classes(&mut encoder, grid, &mut classes.to_vec());
+        let bytes = encoder.finish();
+        let mut decoded = vec![Class::Masked; classes.len()];
+        code_grid_classes(&mut Decoder::new(&bytes), grid, &mut decoded);
+        assert_eq!(decoded, classes);
+        bytes.len()
+    }
+
+    proptest! {
+        #[test]
+        fn classes_round_trip(codes in prop::collection::vec(0..4_usize, 120)) {
+            let all = [Class::Positive, Class::Negative, Class::Zero, Class::Masked];
+            let classes: Vec<_> = codes.into_iter().map(|code| all[code]).collect();
+            for (incoming, polar, azimuths, lanes) in
+                [(1, 1, 1, (0..120).collect()), (2, 5, 4, vec![1, 2, 0]), (120, 1, 1, vec![0]), (1, 10, 12, vec![0])]
+            {
+                round_trip(&ClassGrid { incoming, polar, azimuths, lanes }, &classes);
+            }
+        }
+    }
+
+    #[test]
+    fn smooth_borders_cost_little() {
+        let grid = ClassGrid { incoming: 20, polar: 30, azimuths: 40, lanes: vec![1, 2, 0] };
+        let class = |i: usize| {
+            let (polar, azimuth) = (i / 120 % 30, i / 3 % 40);
+            if polar * polar + azimuth * azimuth < 600 + i / 3600 * 10 { Class::Positive } else { Class::Zero }
+        };
+        assert!(round_trip(&grid, &(0..72_000).map(class).collect::<Vec<_>>()) < 500);
+    }
+}

@@ -1,0 +1,212 @@
+//! Promises hold at the samples of grids of angles, whatever repeats in them, whole and by incoming entry.
+
+use super::tests::{hurt, index, settings, wavelengths};
+use super::*;
+use crate::codec::{ChunkKind, CodecError, Container, write_container};
+use crate::domain::{
+    Axis, AzimuthExtent, Azimuths, DirectionGrid, ErrorReport, Frame, Measurement, Quantity, Sampling, Silent, Tensor,
+};
+
+fn every(step: f64, count: usize) -> Vec<f64> {
+    (0..count).map(|i| i as f64 * step).collect()
+}
+
+fn grid(frame: Frame, polar: Vec<f64>, azimuths: Option<(Vec<f64>, AzimuthExtent)>) -> Axis {
+    let azimuths = azimuths.map(|(angles, extent)| Azimuths { angles, extent });
+    Axis::Grid(DirectionGrid::new(frame, polar, azimuths).unwrap())
+}
+
+/// A lobe over the angles of all axes, with some noise.
+fn measured(quantity: Quantity, axes: Vec<Axis>, noise: f64) -> Measurement {
+    let lengths: Vec<usize> = axes.iter().map(Axis::len).collect();
+    let mut state = 5_u64;
+    let samples = (0..lengths.iter().product()).map(|flat: usize| {
+        let (mut rest, mut log) = (flat, 0.0);
+        for (axis, n) in axes.iter().zip(&lengths).rev() {
+            let i = rest % n;
+            rest /= n;
+            log += match axis {
+                Axis::Grid(grid) => {
+                    let [x, y, z] = grid.direction(i).xyz();
+                    2.0 * (0.6 * x + 0.2 * y + 0.5 * z.abs()) + 1.0 / (1.1 - 0.5 * x - 0.4 * z)
+                }
+                Axis::Elevation(values) => 0.01 * values[i],
+                _ => 0.4 * libm::sin(3.0 * i as f64 / *n as f64),
+            };
+        }
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let random = (state >> 40) as f64 / 16_777_216.0 - 0.5;
+        (libm::exp(log) * (1.0 + noise * random)) as f32
+    });
+    let tensor = Tensor::new(axes.clone(), samples.collect()).unwrap();
+    Measurement::new(quantity, quantity.default_unit(), Sampling::Point, tensor).unwrap()
+}
+
+fn with_samples(m: &Measurement, of: impl Fn(&[f32]) -> Vec<f32>) -> Measurement {
+    let tensor = Tensor::new(m.tensor.axes().to_vec(), of(m.tensor.samples())).unwrap();
+    Measurement { tensor, ..m.clone() }
+}
+
+fn lamp() -> Measurement {
+    let axis = grid(Frame::TypeC, every(5.0, 37), Some((every(15.0, 25), AzimuthExtent::Closed)));
+    let m = measured(Quantity::Edf, vec![axis], 0.002);
+    // The seam is stated twice; nadir has one value, the other pole has several.
+    with_samples(&m, |s| {
+        (0..s.len()).map(|i| if i < 25 { s[0] } else { s[if i % 25 == 24 { i - 24 } else { i }] }).collect()
+    })
+}
+
+fn materials() -> Vec<Measurement> {
+    let circle = |count: usize| Some((every(360.0 / count as f64, count), AzimuthExtent::Circle));
+    let half = |count: usize| Some((every(180.0 / (count - 1) as f64, count), AzimuthExtent::Mirrored));
+    let uneven = vec![0.0, 3.0, 4.0, 10.0, 25.0, 26.0, 50.0, 89.0];
+    let surface = |polar, azimuths| grid(Frame::Surface, polar, azimuths);
+    let elevations = Axis::Elevation(vec![0.0, 10.0, 20.0, 40.0, 70.0]);
+    vec![
+        lamp(),
+        measured(Quantity::Edf, vec![grid(Frame::TypeC, every(5.0, 19), None)], 0.01),
+        measured(Quantity::Edf, vec![grid(Frame::TypeB, every(10.0, 9), half(7)), wavelengths(21)], 0.01),
+        measured(Quantity::Brdf, vec![elevations.clone(), surface(uneven.clone(), half(13)), Axis::Rgb], 0.02),
+        measured(Quantity::Brdf, vec![elevations, surface(uneven, half(5)), wavelengths(40)], 0.01),
+        measured(Quantity::Brdf, vec![surface(every(20.0, 4), circle(6)), surface(every(15.0, 6), circle(9))], 0.01),
+        measured(Quantity::Edf, vec![index(3), surface(every(30.0, 4), circle(5)), wavelengths(5)], 0.05),
+        measured(Quantity::Edf, vec![surface(vec![12.0], None)], 0.0),
+    ]
+}
+
+fn check(m: &Measurement, settings: &Settings) -> Compressed {
+    let file = compress(m, settings, &Silent).unwrap_or_else(|e| panic!("{:?} {settings:?}: {e}", m.tensor.shape()));
+    let decoded = decode(&file.bytes).unwrap();
+    assert_eq!(decoded.measurement.tensor.axes(), m.tensor.axes());
+    let floor = file.summary.floor;
+    let errors = ErrorReport::measure(m.tensor.samples(), decoded.measurement.tensor.samples(), floor);
+    assert_eq!(errors, file.summary.errors);
+    assert_eq!(errors.mask_mismatches, 0);
+    // Where samples themselves are approximated, signs are not promised.
+    if !matches!(settings.target, Target::MaxAbsoluteError(_) | Target::RelativeRmse(_)) {
+        let largest = m.tensor.samples().iter().fold(0.0_f32, |largest, &s| largest.max(-s));
+        for (&s, &found) in m.tensor.samples().iter().zip(decoded.measurement.tensor.samples()) {
+            assert!(s != 0.0 || found == 0.0, "{s} {found}");
+            let is_bounded = found <= 0.0 && (s - found).abs() <= largest;
+            assert!(s >= 0.0 || s.is_nan() || floor > 0.0 || is_bounded, "{s} {found}");
+        }
+    }
+    file
+}
+
+#[test]
+fn every_target_holds_on_every_grid() {
+    for m in materials().iter().flat_map(|m| [m.clone(), hurt(m.clone())]) {
+        for (target, bound) in [
+            (Target::ErL2(0.03), 0.03),
+            (Target::ErL1(0.02), 0.02),
+            (Target::MaxRelativeError(0.05), 0.05),
+            (Target::MaxAbsoluteError(0.01), 0.01),
+            (Target::RelativeRmse(0.02), 0.02),
+            (Target::Step(0.1), 0.1),
+            (Target::Lossless, 0.0),
+        ] {
+            let e = check(&m, &settings(target, Policy::Rd)).summary.errors;
+            let found = match target {
+                Target::ErL1(_) => e.er_l1,
+                Target::MaxRelativeError(_) => e.max_relative_error,
+                Target::MaxAbsoluteError(_) => e.max_absolute_error,
+                Target::RelativeRmse(_) => e.relative_rmse,
+                _ => e.er_l2,
+            };
+            assert!(found <= bound, "{:?} {target:?}: {found}", m.tensor.shape());
+        }
+    }
+}
+
+#[test]
+fn a_size_is_kept_and_a_floor_helps() {
+    let m = lamp();
+    let file = check(&m, &Settings { metadata: None, ..settings(Target::Bytes(250), Policy::Rd) });
+    assert!(file.bytes.len() <= 250 && file.summary.errors.er_l2 < 0.05, "{:?}", file.summary.errors);
+    for target in [Target::ErL2(0.01), Target::Bytes(400)] {
+        let floored = Settings { floor: Some(0.05), ..settings(target, Policy::Rd) };
+        let file = check(&hurt(m.clone()), &floored);
+        assert!(file.summary.errors.max_absolute_error_unscored <= file.summary.floor);
+    }
+}
+
+#[test]
+fn what_repeats_costs_little() {
+    let m = lamp();
+    let bytes = |m: &Measurement| check(m, &settings(Target::ErL2(0.001), Policy::Rd)).bytes.len();
+    let plain = bytes(&m);
+    // Every second plane is the one before it.
+    let doubled = with_samples(&m, |s| (0..s.len()).map(|i| s[i / 25 * 25 + (i % 25 & !1)]).collect());
+    assert!(bytes(&doubled) < plain * 3 / 4, "{plain}");
+    // Equal at all azimuths.
+    let symmetric = with_samples(&m, |s| (0..s.len()).map(|i| s[i / 25 * 25]).collect());
+    assert!(bytes(&symmetric) < plain / 3, "{plain}");
+}
+
+#[test]
+fn many_noisy_bands_have_vectors_enough() {
+    let elevations = Axis::Elevation(vec![0.0, 20.0, 45.0, 60.0]);
+    let azimuths = Some((every(20.0, 10), AzimuthExtent::Mirrored));
+    let m = measured(
+        Quantity::Brdf,
+        vec![elevations, grid(Frame::Surface, every(12.0, 6), azimuths), wavelengths(200)],
+        0.06,
+    );
+    let file = check(&m, &Settings { basis: "klt".to_owned(), ..settings(Target::ErL2(0.013), Policy::Rd) });
+    assert!(file.summary.errors.er_l2 <= 0.013);
+}
+
+#[test]
+fn incoming_entries_decode_by_themselves() {
+    for m in materials().iter().flat_map(|m| [m.clone(), hurt(m.clone())]) {
+        let axes = m.tensor.axes();
+        let at = axes.iter().rposition(|axis| matches!(axis, Axis::Grid(_))).unwrap();
+        if at == 0 {
+            continue;
+        }
+        let entries: usize = axes[..at].iter().map(Axis::len).product();
+        let own = m.tensor.len() / entries;
+        for random_access in [true, false] {
+            let settings = Settings { random_access, ..settings(Target::ErL2(0.02), Policy::Rd) };
+            let file = check(&m, &settings);
+            let whole = decode(&file.bytes).unwrap().measurement.tensor.into_samples();
+            for entry in 0..entries {
+                let block = decode_block(&file.bytes, entry).unwrap();
+                assert_eq!(block.tensor.axes(), &axes[at..]);
+                let same = block.tensor.samples().iter().zip(&whole[entry * own..]);
+                assert!(same.clone().all(|(a, b)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan()), "{entry}");
+            }
+            assert!(decode_block(&file.bytes, entries).is_err());
+        }
+    }
+}
+
+#[test]
+fn any_grid_chunk_decodes_or_is_refused() {
+    let all = materials();
+    for (i, random_access) in [(0, false), (3, true), (4, false), (5, true)] {
+        let m = hurt(all[i].clone());
+        let settings = Settings { random_access, ..settings(Target::ErL2(0.1), Policy::Rd) };
+        let file = compress(&m, &settings, &Silent).unwrap();
+        let (_, container) = super::decode::open(&file.bytes).unwrap();
+        let kinds = [ChunkKind::Header, ChunkKind::Classes, ChunkKind::Basis, ChunkKind::Grid, ChunkKind::Metadata];
+        let chunks: Vec<(ChunkKind, Vec<u8>)> =
+            kinds.iter().filter_map(|&kind| Some((kind, container.get(kind)?.payload.to_vec()))).collect();
+        assert_eq!(write_container(&chunks), file.bytes);
+        let grid = chunks.iter().position(|(kind, _)| *kind == ChunkKind::Grid).unwrap();
+        let mut outcomes = [0, 0];
+        for at in 0..chunks[grid].1.len().min(120) {
+            for change in [0x01, 0x80, 0xFF] {
+                let mut changed = chunks.clone();
+                changed[grid].1[at] ^= change;
+                let decoded = decode(&write_container(&changed));
+                outcomes[usize::from(decoded.is_ok())] += 1;
+                let cut = [&chunks[..grid], &[(ChunkKind::Grid, chunks[grid].1[..at].to_vec())], &chunks[grid + 1..]];
+                drop(decode(&write_container(&cut.concat())));
+            }
+        }
+        assert!(outcomes[0] > 0 && outcomes[1] > 0, "{outcomes:?}");
+        assert!(matches!(Container::read(&file.bytes[..9], |_| Ok(((), vec![]))), Err(CodecError::Truncated { .. })));
+    }
+}

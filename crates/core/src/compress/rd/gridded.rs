@@ -1,0 +1,268 @@
+//! The first layer of directions on grids: planes on the product of all lines of angles, each a pyramid of pairs predicted in
+//! closed loop.
+//!
+//! ```text
+//! grid chunk   u8 s + 2 · n + 4 · f: f without least squares; n: f32 the largest logarithm of a negative sample; then
+//!              s = 0: one range-coded stream: what repeats, as in `lattice`; the order of halvings; the pyramid
+//!              s = 1: varint length, and the first two as a stream of their own; then the pyramid of every incoming entry
+//!                     that is kept, in order, as in `streams`
+//! ```
+//! Planes are coefficients in the data's own basis where there is a basis chunk, else the entries of the last axis: of three,
+//! the second, the third and the first. Negative samples cost nothing: they take what is predicted, at most the largest of them.
+
+mod decode;
+mod lattice;
+mod planes;
+
+pub(crate) use decode::{decode, decode_block, is_random};
+pub(crate) use lattice::Shape;
+
+use super::super::setting_error::SettingError;
+use super::super::spectral_basis::SpectralBasis;
+use super::layer::FirstLayer;
+use super::lines::{PairPyramid, Quantiser, Source, code_order, order_of_halvings};
+use super::spectrum::{Basis, MAX_GRID_RANK, components};
+use super::steps::Fineness;
+use super::streams::Streams;
+use crate::codec::{ChunkKind, Class, Encoder, Writer};
+use crate::domain::Axis;
+use crate::transform::{AxisTransform, Klt};
+use planes::Planes;
+use rayon::prelude::*;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Samples of the spectra whose principal components are found, at most.
+const ANALYSED: usize = 1 << 23;
+/// Unit of values that are no logarithms, in steps.
+const LINEAR_UNIT: f64 = 32.0;
+
+/// The quantiser of a header's step.
+fn quantiser(step: f32, is_linear: bool, learns: bool) -> Quantiser {
+    let step = f64::from(step);
+    Quantiser { step, unit: if is_linear { LINEAR_UNIT * step } else { 1.0 }, learns }
+}
+
+/// The largest logarithm of a negative sample, rounded down.
+fn largest_negative(classes: &[Class], values: &[f32]) -> Option<f32> {
+    let negative = classes.iter().zip(values).filter(|(class, _)| **class == Class::Negative);
+    negative.map(|(_, &value)| value).reduce(f32::max).map(|largest| largest.next_down().next_down())
+}
+
+/// Keeps the logarithms of negative samples at or below a bound.
+fn bound_negative(bound: Option<f32>, classes: Option<&[Class]>, values: &mut [f32]) {
+    if let (Some(bound), Some(classes)) = (bound, classes) {
+        for (value, _) in values.iter_mut().zip(classes).filter(|(_, class)| **class == Class::Negative) {
+            *value = value.min(bound);
+        }
+    }
+}
+
+/// How a layer sees a tensor.
+#[derive(Clone, Copy, Debug)]
+#[allow(clippy::struct_excessive_bools, reason = "each is a choice of its own")]
+pub(super) struct Form {
+    /// Principal components of rows, rather than their entries.
+    pub(super) klt: bool,
+    /// Samples are approximated, not logarithms.
+    pub(super) is_linear: bool,
+    /// Every incoming entry is a stream of its own.
+    pub(super) random: bool,
+    /// Least squares predict beside the fixed filters.
+    pub(super) learns: bool,
+    /// A typical step, which the order of halvings is found for.
+    pub(super) step: f64,
+}
+
+/// What is coded at any step.
+pub(crate) struct GridLayer<'a> {
+    axes: Vec<Axis>,
+    classes: Option<&'a [Class]>,
+    /// Bound of the logarithms of negative samples.
+    largest_negative: Option<f32>,
+    form: Form,
+    planes: Planes,
+    transforms: Vec<AxisTransform>,
+    klt: Option<Klt>,
+    /// Values of all leaves, `[leaves, length]`.
+    values: Vec<f32>,
+    pyramids: Vec<PairPyramid>,
+    /// What is coded first: what repeats, and the order of halvings.
+    opening: Encoder,
+    /// By stream, of planes that do not depend on the step.
+    sources: Option<Vec<Source>>,
+    /// What was coded last: a size and an error are asked for one after the other.
+    last: Mutex<Option<(Fineness, Arc<Coded>)>>,
+}
+
+/// A layer at one fineness.
+struct Coded {
+    basis: Option<Basis>,
+    chunks: Vec<(ChunkKind, Vec<u8>)>,
+    /// `[units, vectors, leaves]`
+    planes: Vec<f32>,
+    kept: u64,
+}
+
+impl<'a> GridLayer<'a> {
+    /// Analyses values of samples on axes whose last directions are a grid; `classes` where some have none.
+    pub(super) fn new(
+        axes: &[Axis],
+        shape: Shape,
+        classes: Option<&'a [Class]>,
+        values: &[f32],
+        form: Form,
+    ) -> Result<Self, SettingError> {
+        let length = shape.length();
+        let same = |a: usize, b: usize| {
+            let [a, b] = [a, b].map(|at| {
+                let class = classes.map_or(Class::Positive, |classes| classes[at]);
+                (class, if class == Class::Positive { values[at].to_bits() } else { 0 })
+            });
+            a == b
+        };
+        let mut opening = Encoder::default();
+        let planes = Planes::code(&mut opening, shape, (form.random, form.klt), Some(&same));
+        let kept = planes.leaves_of(values);
+        let klt = match form.klt {
+            true => Some(components(&planes.spectra(classes, &kept, ANALYSED), length, MAX_GRID_RANK)?),
+            false => None,
+        };
+        let typical = match &klt {
+            Some(klt) => {
+                let fineness = Fineness::of(form.step as f32);
+                let basis = Basis::encode(klt, axes, (planes.rows(), MAX_GRID_RANK), fineness).0;
+                planes.of_coefficients(&basis.analyse(&kept), basis.rank()).into_owned()
+            }
+            None => planes.of_lanes(&kept).into_owned(),
+        };
+        let weights = planes.weights(classes);
+        let run = typical.len() / weights.values.len();
+        let order = order_of_halvings(planes.grid(), &typical, (&weights.values, run), form.step);
+        let order = code_order(&mut opening, planes.grid(), &order);
+        let pyramids = planes.pyramids(&order, &weights);
+        let mut layer = Self {
+            axes: axes.to_vec(),
+            classes,
+            largest_negative: classes.and_then(|classes| largest_negative(classes, values)),
+            transforms: vec![AxisTransform::Identity; axes.len()],
+            sources: None,
+            last: Mutex::new(None),
+            form,
+            planes,
+            klt,
+            values: kept,
+            pyramids,
+            opening,
+        };
+        if layer.klt.is_none() {
+            layer.sources = Some(layer.sources_of(&typical, length));
+        }
+        Ok(layer)
+    }
+
+    fn sources_of(&self, planes: &[f32], vectors: usize) -> Vec<Source> {
+        let streams = planes.par_chunks(planes.len() / self.planes.streams()).enumerate();
+        streams.map(|(k, planes)| Source::new(self.pyramid(k), planes, vectors)).collect()
+    }
+
+    fn pyramid(&self, stream: usize) -> &PairPyramid {
+        &self.pyramids[stream.min(self.pyramids.len() - 1)]
+    }
+
+    fn coded(&self, fineness: Fineness) -> Arc<Coded> {
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*last {
+            Some((known, coded)) if *known == fineness => Arc::clone(coded),
+            _ => {
+                let coded = Arc::new(self.code(fineness));
+                *last = Some((fineness, Arc::clone(&coded)));
+                coded
+            }
+        }
+    }
+
+    fn code(&self, fineness: Fineness) -> Coded {
+        let mut chunks = Vec::new();
+        let basis = self.klt.as_ref().map(|klt| {
+            let (basis, chunk) = Basis::encode(klt, &self.axes, (self.planes.rows(), MAX_GRID_RANK), fineness);
+            chunks.push((ChunkKind::Basis, chunk));
+            basis
+        });
+        let vectors = basis.as_ref().map_or(self.planes.length(), Basis::rank);
+        let own = basis.as_ref().map(|basis| {
+            let coefficients = basis.analyse(&self.values);
+            self.sources_of(&self.planes.of_coefficients(&coefficients, vectors), vectors)
+        });
+        let sources = own.as_deref().or(self.sources.as_deref()).unwrap_or_default();
+        let count = self.planes.units() / self.planes.streams() * vectors;
+        let quantiser = quantiser(fineness.step, self.form.is_linear, self.form.learns);
+        let code = |encoder: &mut Encoder, k: usize| {
+            self.pyramid(k).code(encoder, quantiser, (count, vectors), sources.get(k), 0)
+        };
+        let mut w = Writer::default();
+        let flags = [self.form.random, self.largest_negative.is_some(), !self.form.learns];
+        w.u8(flags.iter().rev().fold(0, |form, &flag| form << 1 | u8::from(flag)));
+        if let Some(largest) = self.largest_negative {
+            w.f32(largest);
+        }
+        let (planes, details) = if self.form.random {
+            let coded: Vec<(Vec<f32>, u64, Vec<u8>)> = (0..self.planes.streams())
+                .into_par_iter()
+                .map(|k| {
+                    let mut encoder = Encoder::default();
+                    let (planes, details) = code(&mut encoder, k);
+                    (planes, details, encoder.finish())
+                })
+                .collect();
+            let details = coded.iter().map(|(_, details, _)| details).sum();
+            let mut planes = Vec::with_capacity(self.planes.leaves() * vectors);
+            let mut streams = Vec::with_capacity(coded.len());
+            for (own, _, stream) in coded {
+                planes.extend(own);
+                streams.push(stream);
+            }
+            let opening = self.opening.clone().finish();
+            w.varint(opening.len() as u64);
+            w.raw(&opening);
+            w.raw(&Streams::write(None, &streams));
+            (planes, details)
+        } else {
+            let mut encoder = self.opening.clone();
+            let coded = code(&mut encoder, 0);
+            w.raw(&encoder.finish());
+            coded
+        };
+        chunks.push((ChunkKind::Grid, w.into_bytes()));
+        // The basis itself is part of what is kept.
+        let kept = details + basis.as_ref().map_or(0, |basis| basis.entries() as u64);
+        Coded { basis, chunks, planes, kept }
+    }
+}
+
+impl FirstLayer for GridLayer<'_> {
+    fn approximate(&self, fineness: Fineness, logs: &mut [f32]) {
+        let coded = self.coded(fineness);
+        self.planes.synthesise(coded.basis.as_ref(), &coded.planes, logs);
+        bound_negative(self.largest_negative, self.classes, logs);
+    }
+
+    fn chunks(&self, fineness: Fineness) -> Vec<(ChunkKind, Vec<u8>)> {
+        self.coded(fineness).chunks.clone()
+    }
+
+    fn kept(&self, fineness: Fineness) -> u64 {
+        self.coded(fineness).kept
+    }
+
+    fn transforms(&self) -> &[AxisTransform] {
+        &self.transforms
+    }
+
+    fn basis(&self) -> SpectralBasis {
+        if self.klt.is_some() { SpectralBasis::Klt } else { SpectralBasis::Identity }
+    }
+
+    fn is_gridded(&self) -> bool {
+        true
+    }
+}

@@ -1,0 +1,157 @@
+//! Grid chunks → logarithms, of the whole or of one incoming entry.
+
+use super::super::super::values::Values;
+use super::super::lines::{Quantiser, code_order};
+use super::super::spectrum::{Basis, MAX_GRID_RANK};
+use super::super::streams::Streams;
+use super::lattice::Shape;
+use super::planes::Planes;
+use super::{bound_negative, quantiser};
+use crate::codec::{Class, CodecError, Decoder, Reader};
+use crate::domain::Axis;
+use rayon::prelude::*;
+
+/// What is decoded before any pyramid.
+struct Opened<'a> {
+    quantiser: Quantiser,
+    /// Bound of the logarithms of negative samples.
+    largest_negative: Option<f32>,
+    planes: Planes,
+    basis: Option<Basis>,
+    order: Vec<u8>,
+    /// Behind the opening, of one stream.
+    decoder: Decoder<'a>,
+    streams: Option<Streams<'a>>,
+}
+
+impl<'a> Opened<'a> {
+    fn new(
+        axes: &[Axis],
+        (step, is_linear): (f32, bool),
+        (basis, coded): (Option<&[u8]>, &'a [u8]),
+    ) -> Result<Self, CodecError> {
+        let malformed = |reason: &str| CodecError::Malformed { at: 0, reason: reason.to_owned() };
+        let shape = Shape::of(axes).ok_or_else(|| malformed("a grid chunk without directions on a grid"))?;
+        let rows = shape.rows();
+        if basis.is_some() && shape.length() == 1 {
+            return Err(malformed("a basis chunk without a last axis behind the directions"));
+        }
+        let basis = basis.map(|chunk| Basis::decode(chunk, axes, (rows, MAX_GRID_RANK), step)).transpose()?;
+        let mut r = Reader::new(coded, 0);
+        let Flags { random, has_negative, learns } = Flags::read(&mut r)?;
+        let quantiser = quantiser(step, is_linear, learns);
+        let largest_negative = if has_negative { Some(r.f32("largest logarithm of a negative sample")?) } else { None };
+        let form = (random, basis.is_some());
+        let open = |decoder: &mut Decoder<'a>| {
+            let planes = Planes::code(decoder, shape.clone(), form, None);
+            let order = code_order(decoder, planes.grid(), &[]);
+            (planes, order)
+        };
+        if !random {
+            let mut decoder = Decoder::new(r.take(r.remaining(), "grid")?);
+            let (planes, order) = open(&mut decoder);
+            return Ok(Self { quantiser, largest_negative, planes, basis, order, decoder, streams: None });
+        }
+        let length = r.size(usize::MAX >> 1, "length of a stream")?;
+        let (planes, order) = open(&mut Decoder::new(r.take(length, "opening of a grid")?));
+        let streams = Streams::read(&mut r, false, planes.streams())?;
+        Ok(Self {
+            quantiser,
+            largest_negative,
+            planes,
+            basis,
+            order,
+            decoder: Decoder::new(&[]),
+            streams: Some(streams),
+        })
+    }
+
+    fn vectors(&self) -> usize {
+        self.basis.as_ref().map_or(self.planes.length(), Basis::rank)
+    }
+}
+
+/// Values that a grid chunk stands for, with a basis chunk or without: logarithms, or with `is_linear` samples. With `finish`
+/// they become magnitudes.
+pub(crate) fn decode(
+    axes: &[Axis],
+    classes: Option<&[Class]>,
+    step: (f32, bool),
+    chunks: (Option<&[u8]>, &[u8]),
+    finish: Option<Values>,
+) -> Result<Vec<f32>, CodecError> {
+    let mut opened = Opened::new(axes, step, chunks)?;
+    let (vectors, quantiser) = (opened.vectors(), opened.quantiser);
+    let planes = &opened.planes;
+    let weights = planes.weights(classes);
+    let decoded: Vec<f32> = match &opened.streams {
+        Some(streams) => {
+            let stream = |k: usize| {
+                let pyramid = planes.pyramid(&opened.order, &weights, k);
+                pyramid.code(&mut streams.block(k), quantiser, (vectors, vectors), None, 0).0
+            };
+            (0..planes.streams()).into_par_iter().flat_map_iter(stream).collect()
+        }
+        None => {
+            let pyramid = planes.pyramid(&opened.order, &weights, 0);
+            let count = planes.units() * vectors;
+            pyramid.code(&mut opened.decoder, quantiser, (count, vectors), None, 0).0
+        }
+    };
+    let mut values = vec![0.0; planes.rows() * planes.length()];
+    planes.synthesise(opened.basis.as_ref(), &decoded, &mut values);
+    bound_negative(opened.largest_negative, classes, &mut values);
+    if let Some(finish) = finish {
+        finish.finish(&mut values);
+    }
+    Ok(values)
+}
+
+/// Values of one entry of the axes in front of the outgoing grid, bit for bit those that [`decode`] has: `[outgoing, length]`.
+pub(crate) fn decode_block(
+    axes: &[Axis],
+    classes: Option<&[Class]>,
+    step: (f32, bool),
+    chunks: (Option<&[u8]>, &[u8]),
+    entry: usize,
+) -> Result<Vec<f32>, CodecError> {
+    let opened = Opened::new(axes, step, chunks)?;
+    let malformed = |reason: String| CodecError::Malformed { at: 0, reason };
+    let Some(streams) = &opened.streams else {
+        return Err(malformed("incoming entries that are not decoded by themselves".to_owned()));
+    };
+    let (planes, vectors) = (&opened.planes, opened.vectors());
+    if entry >= planes.lattice().shape().incoming_entries() {
+        return Err(malformed(format!("there is no incoming entry {entry}")));
+    }
+    let unit = planes.lattice().unit_of(entry);
+    let pyramid = planes.pyramid(&opened.order, &planes.weights(classes), unit);
+    let decoded = pyramid.code(&mut streams.block(unit), opened.quantiser, (vectors, vectors), None, 0).0;
+    let rows = planes.lattice().outgoing_rows();
+    let mut values = vec![0.0; rows.len() * planes.length()];
+    planes.synthesise_rows(opened.basis.as_ref(), &decoded, &rows, &mut values);
+    let own = classes.map(|classes| &classes[entry * values.len()..][..values.len()]);
+    bound_negative(opened.largest_negative, own, &mut values);
+    Ok(values)
+}
+
+/// Returns true where incoming entries are decoded by themselves.
+pub(crate) fn is_random(coded: &[u8]) -> Result<bool, CodecError> {
+    Ok(Flags::read(&mut Reader::new(coded, 0))?.random)
+}
+
+/// The first byte of a grid chunk.
+struct Flags {
+    random: bool,
+    has_negative: bool,
+    learns: bool,
+}
+
+impl Flags {
+    fn read(r: &mut Reader<'_>) -> Result<Self, CodecError> {
+        match r.u8("form of a grid chunk")? {
+            form @ 0..8 => Ok(Self { random: form & 1 != 0, has_negative: form & 2 != 0, learns: form & 4 == 0 }),
+            other => Err(r.malformed(format!("form {other} of a grid chunk is unknown"))),
+        }
+    }
+}

@@ -1,0 +1,309 @@
+//! Tensor whose directions are grids, as planes on a product of lines: what repeats is dropped, and put back.
+//!
+//! ```text
+//! even decisions: for each azimuth line whose last angle is the first, 360° later: are both slices equal (then the last is
+//!                 dropped, and the line is a circle)
+//!                 for each line of more than one entry: does any slice equal the one before it; if so, one adaptive decision
+//!                 for each entry but the first: does this one (then it is dropped)
+//!                 for each pole among the polar angles left, of a grid with more than one azimuth left: are all its azimuths
+//!                 equal (then the first of them weighs, and the others are copies)
+//! ```
+//! Lines are those of the incoming axis, then those of the outgoing one, polar angles before azimuths.
+
+use super::super::lines::{Grid, Line};
+use crate::codec::{BitCoder, ClassGrid, code_flags};
+use crate::domain::{Axis, AzimuthExtent, DirectionGrid};
+use std::ops::Range;
+
+/// A line axis of a tensor.
+#[derive(Clone, Debug)]
+struct Stated {
+    positions: Vec<f64>,
+    /// The circumference, of azimuths that go round without a seam.
+    period: Option<f64>,
+    /// Azimuths whose last angle is the first again.
+    is_closed: bool,
+    /// Poles at the first and at the last angle; only of polar angles with azimuths behind them.
+    poles: [bool; 2],
+}
+
+/// How a tensor is seen: `[blocks, lines…, row]`.
+#[derive(Clone, Debug)]
+pub(crate) struct Shape {
+    blocks: usize,
+    lines: Vec<Stated>,
+    /// Lines of the incoming axis.
+    incoming: usize,
+    length: usize,
+}
+
+impl Shape {
+    /// `None` where the last axis of directions is no grid.
+    pub(crate) fn of(axes: &[Axis]) -> Option<Self> {
+        let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_) | Axis::Grid(_)))?;
+        let Axis::Grid(outgoing) = &axes[at] else { return None };
+        if axes.len() > at + 2 {
+            return None;
+        }
+        let mut lines = Vec::new();
+        let mut first = at;
+        match at.checked_sub(1).map(|before| &axes[before]) {
+            Some(Axis::Elevation(positions)) => {
+                lines.push(Stated { positions: positions.clone(), period: None, is_closed: false, poles: [false; 2] });
+                first = at - 1;
+            }
+            Some(Axis::Grid(incoming)) => {
+                lines.extend(lines_of(incoming));
+                first = at - 1;
+            }
+            _ => {}
+        }
+        let incoming = lines.len();
+        lines.extend(lines_of(outgoing));
+        Some(Self {
+            blocks: axes[..first].iter().map(Axis::len).product(),
+            lines,
+            incoming,
+            length: axes.get(at + 1).map_or(1, Axis::len),
+        })
+    }
+
+    /// Samples of a row.
+    pub(crate) fn length(&self) -> usize {
+        self.length
+    }
+
+    /// Entries of rows in the order in which they are coded: green, blue, red.
+    pub(crate) fn lanes(&self) -> Vec<usize> {
+        if self.length == 3 { vec![1, 2, 0] } else { (0..self.length).collect() }
+    }
+
+    /// The tensor as rows of azimuths.
+    pub(crate) fn class_grid(&self) -> ClassGrid {
+        let outgoing = &self.lines[self.incoming..];
+        let length = |line: usize| outgoing.get(line).map_or(1, |line| line.positions.len());
+        let (polar, azimuths) = if outgoing.len() > 1 { (length(0), length(1)) } else { (1, length(0)) };
+        ClassGrid { incoming: self.incoming_entries(), polar, azimuths, lanes: self.lanes() }
+    }
+
+    /// Entries of the axes in front of the outgoing one.
+    pub(crate) fn incoming_entries(&self) -> usize {
+        self.blocks * self.lines[..self.incoming].iter().map(|line| line.positions.len()).product::<usize>()
+    }
+
+    /// Returns true where nothing is in front of the outgoing axis.
+    pub(crate) fn is_single(&self) -> bool {
+        self.incoming_entries() == 1
+    }
+
+    /// Rows of the tensor.
+    pub(crate) fn rows(&self) -> usize {
+        self.blocks * self.lines.iter().map(|line| line.positions.len()).product::<usize>()
+    }
+}
+
+fn lines_of(grid: &DirectionGrid) -> Vec<Stated> {
+    let (low, high) = grid.frame().polar_range();
+    let polar = grid.polar().to_vec();
+    let poles = [polar.first() == Some(&low), polar.last() == Some(&high)];
+    let azimuths = grid.azimuths().filter(|azimuths| azimuths.angles.len() > 1);
+    let line = |positions, poles| Stated { positions, period: None, is_closed: false, poles };
+    let mut lines = vec![line(polar, poles.map(|pole| pole && azimuths.is_some()))];
+    if let Some(azimuths) = azimuths {
+        lines.push(Stated {
+            period: (azimuths.extent == AzimuthExtent::Circle).then_some(360.0),
+            is_closed: azimuths.extent == AzimuthExtent::Closed,
+            ..line(azimuths.angles.clone(), [false; 2])
+        });
+    }
+    lines
+}
+
+/// One line without what repeats.
+#[derive(Clone, Debug, PartialEq)]
+struct Kept {
+    /// By stated entry: the kept one that it equals.
+    source: Vec<u32>,
+    positions: Vec<f64>,
+    period: Option<f64>,
+    /// Poles whose azimuths are all equal, as kept entries.
+    poles: Vec<u32>,
+}
+
+/// The planes of a tensor without what repeats in them.
+#[derive(Clone, Debug)]
+pub(crate) struct Lattice {
+    shape: Shape,
+    kept: Vec<Kept>,
+}
+
+/// The slices of one line, compared.
+struct Slices<'a> {
+    same: &'a dyn Fn(usize, usize) -> bool,
+    before: usize,
+    length: usize,
+    behind: usize,
+}
+
+impl Slices<'_> {
+    fn are_equal(&self, a: usize, b: usize) -> bool {
+        (0..self.before).all(|outer| {
+            let first = |entry| (outer * self.length + entry) * self.behind;
+            (0..self.behind).all(|inner| (self.same)(first(a) + inner, first(b) + inner))
+        })
+    }
+}
+
+impl Lattice {
+    /// Codes what repeats in a tensor of this shape: an encoder says by `same` which samples are equal, a decoder nothing.
+    pub(crate) fn code<C: BitCoder>(coder: &mut C, shape: Shape, same: Option<&dyn Fn(usize, usize) -> bool>) -> Self {
+        let lengths: Vec<usize> = shape.lines.iter().map(|line| line.positions.len()).collect();
+        let slices = |axis: usize| {
+            same.map(|same| Slices {
+                same,
+                before: shape.blocks * lengths[..axis].iter().product::<usize>(),
+                length: lengths[axis],
+                behind: shape.length * lengths[axis + 1..].iter().product::<usize>(),
+            })
+        };
+        let mut kept: Vec<Kept> = Vec::with_capacity(lengths.len());
+        for (axis, line) in shape.lines.iter().enumerate() {
+            let slices = slices(axis);
+            let equal = |a: usize, b: usize| slices.as_ref().is_some_and(|slices| slices.are_equal(a, b));
+            let last = lengths[axis] - 1;
+            let is_seam = line.is_closed && coder.even(equal(last, 0));
+            let stated = last + usize::from(!is_seam);
+            let mut drops = vec![false; stated];
+            if !C::DECODES {
+                for entry in 1..stated {
+                    drops[entry] = equal(entry, entry - 1);
+                }
+            }
+            if stated > 1 && coder.even(drops.contains(&true)) {
+                code_flags(coder, &mut drops[1..]);
+            } else {
+                drops.fill(false);
+            }
+            let mut positions = Vec::new();
+            let mut source = Vec::with_capacity(lengths[axis]);
+            for (entry, &is_dropped) in drops.iter().enumerate() {
+                if !is_dropped {
+                    positions.push(line.positions[entry]);
+                }
+                source.push(positions.len() as u32 - 1);
+            }
+            if is_seam {
+                source.push(0);
+            }
+            let period = if is_seam { Some(360.0) } else { line.period };
+            kept.push(Kept { source, positions, period, poles: Vec::new() });
+        }
+        for axis in 0..lengths.len().saturating_sub(1) {
+            let (line, azimuths) = (&shape.lines[axis], kept[axis + 1].positions.len());
+            let last = kept[axis].positions.len() as u32 - 1;
+            let ends = [(0, 0), (lengths[axis] - 1, last)];
+            for ((stated, entry), _) in ends.into_iter().zip(line.poles).filter(|(_, pole)| *pole && azimuths > 1) {
+                let is_constant = slices(axis + 1).is_some_and(|slices| is_constant(&slices, (stated, lengths[axis])));
+                if !kept[axis].poles.contains(&entry) && coder.even(is_constant) {
+                    kept[axis].poles.push(entry);
+                }
+            }
+        }
+        Self { shape, kept }
+    }
+
+    /// The grid that is coded: all lines, or those of the outgoing axis where incoming entries are coded by themselves.
+    pub(crate) fn grid(&self, random: bool) -> Grid {
+        let lines: Vec<Line> = self.kept[self.first(random)..]
+            .iter()
+            .map(|kept| Line { positions: kept.positions.clone(), period: kept.period })
+            .collect();
+        Grid::new(&lines)
+    }
+
+    fn first(&self, random: bool) -> usize {
+        if random { self.shape.incoming } else { 0 }
+    }
+
+    /// Tensors that are coded after one another, or as streams of their own.
+    pub(crate) fn units(&self, random: bool) -> usize {
+        self.shape.blocks * self.kept[..self.first(random)].iter().map(|kept| kept.positions.len()).product::<usize>()
+    }
+
+    /// The unit that an incoming entry is coded in, where they are coded by themselves.
+    pub(crate) fn unit_of(&self, entry: usize) -> usize {
+        let incoming = 0..self.shape.incoming;
+        let units: usize = self.kept[incoming.clone()].iter().map(|kept| kept.positions.len()).product();
+        let rows = self.rows_of(incoming);
+        entry / rows.len() * units + rows[entry % rows.len()] as usize
+    }
+
+    /// Returns true where copies within a pole are incoming entries.
+    pub(crate) fn has_incoming_poles(&self) -> bool {
+        self.kept[..self.shape.incoming].iter().any(|kept| !kept.poles.is_empty())
+    }
+
+    /// Leaves of all units.
+    pub(crate) fn leaves(&self) -> usize {
+        self.shape.blocks * self.kept.iter().map(|kept| kept.positions.len()).product::<usize>()
+    }
+
+    /// By row of some lines: the leaf that it equals, counted within one entry of the lines before.
+    fn rows_of(&self, lines: Range<usize>) -> Vec<u32> {
+        let mut rows = vec![0_u32];
+        for axis in lines.clone() {
+            let kept = &self.kept[axis];
+            let n = kept.positions.len() as u32;
+            let polar = axis.checked_sub(1).filter(|polar| lines.contains(polar)).map(|polar| &self.kept[polar]);
+            let of_row = |&row: &u32| {
+                let is_pole = polar.is_some_and(|polar| polar.poles.contains(&(row % polar.positions.len() as u32)));
+                kept.source.iter().map(move |&entry| row * n + if is_pole { 0 } else { entry })
+            };
+            rows = rows.iter().flat_map(of_row).collect();
+        }
+        rows
+    }
+
+    /// By outgoing row of one incoming entry: the leaf of its unit that it equals, where these are coded by themselves.
+    pub(crate) fn outgoing_rows(&self) -> Vec<u32> {
+        self.rows_of(self.shape.incoming..self.kept.len())
+    }
+
+    /// By row of the tensor: the leaf that it equals.
+    pub(crate) fn rows(&self) -> Vec<u32> {
+        let rows = self.rows_of(0..self.kept.len());
+        let leaves = (self.leaves() / self.shape.blocks) as u32;
+        (0..self.shape.blocks as u32).flat_map(|block| rows.iter().map(move |&row| block * leaves + row)).collect()
+    }
+
+    /// By leaf: the first row that equals it.
+    pub(crate) fn first_rows(&self, rows: &[u32]) -> Vec<u32> {
+        let mut first = vec![u32::MAX; self.leaves()];
+        for (row, &leaf) in rows.iter().enumerate().rev() {
+            first[leaf as usize] = row as u32;
+        }
+        // Copies within a pole stand for nothing: they take the pole's own row.
+        let mut last = 0;
+        for row in &mut first {
+            if *row == u32::MAX {
+                *row = last;
+            }
+            last = *row;
+        }
+        first
+    }
+
+    /// The shape of the tensor.
+    pub(crate) fn shape(&self) -> &Shape {
+        &self.shape
+    }
+}
+
+/// Returns true where all azimuths of one polar entry of `of` are equal.
+fn is_constant(azimuths: &Slices<'_>, (entry, of): (usize, usize)) -> bool {
+    (0..azimuths.before).filter(|outer| outer % of == entry).all(|outer| {
+        let first = outer * azimuths.length * azimuths.behind;
+        (azimuths.behind..azimuths.length * azimuths.behind)
+            .all(|i| (azimuths.same)(first + i, first + i % azimuths.behind))
+    })
+}

@@ -1,0 +1,191 @@
+//! Planes of a lattice: leaves of units on vectors, from rows of a tensor and back.
+
+use super::super::folding::transposed;
+use super::super::lines::{Grid, PairPyramid};
+use super::super::spectrum::Basis;
+use super::lattice::{Lattice, Shape};
+use crate::codec::{BitCoder, Class};
+use rayon::prelude::*;
+use std::borrow::Cow;
+
+/// Weights of the leaves of all units.
+pub(super) struct Weights {
+    /// `[units, leaves]`, or `[units, planes, leaves]`.
+    pub(super) values: Vec<f32>,
+    by_plane: bool,
+    /// One set stands for all units.
+    are_alike: bool,
+}
+
+/// A lattice as planes `[units, vectors, leaves]`.
+pub(super) struct Planes {
+    lattice: Lattice,
+    grid: Grid,
+    /// Leaves of a unit.
+    unit: usize,
+    /// Every incoming entry is a stream of its own.
+    random: bool,
+    /// Vectors are those of a basis, not entries of rows.
+    klt: bool,
+    /// By row of the tensor: the leaf that it equals.
+    rows: Vec<u32>,
+    /// By leaf: the first row that equals it.
+    first: Vec<u32>,
+}
+
+impl Planes {
+    /// Codes what repeats in a tensor: an encoder says by `same` which samples are equal, a decoder nothing.
+    pub(super) fn code<C: BitCoder>(
+        coder: &mut C,
+        shape: Shape,
+        (random, klt): (bool, bool),
+        same: Option<&dyn Fn(usize, usize) -> bool>,
+    ) -> Self {
+        let lattice = Lattice::code(coder, shape, same);
+        let rows = lattice.rows();
+        let first = lattice.first_rows(&rows);
+        let grid = lattice.grid(random);
+        let unit = grid.lengths().iter().product();
+        Self { lattice, grid, unit, random, klt, rows, first }
+    }
+
+    pub(super) fn lattice(&self) -> &Lattice {
+        &self.lattice
+    }
+
+    pub(super) fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// Tensors that have planes of their own.
+    pub(super) fn units(&self) -> usize {
+        self.lattice.units(self.random)
+    }
+
+    /// Pyramids that are coded by themselves.
+    pub(super) fn streams(&self) -> usize {
+        if self.random { self.units() } else { 1 }
+    }
+
+    /// Leaves of all units.
+    pub(super) fn leaves(&self) -> usize {
+        self.first.len()
+    }
+
+    /// Rows of the tensor.
+    pub(super) fn rows(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Samples of a row.
+    pub(super) fn length(&self) -> usize {
+        self.lattice.shape().length()
+    }
+
+    /// Rows of leaves, of those of the tensor.
+    pub(super) fn leaves_of(&self, values: &[f32]) -> Vec<f32> {
+        let n = self.length();
+        self.first.iter().flat_map(|&row| &values[row as usize * n..][..n]).copied().collect()
+    }
+
+    /// Rows of leaves whose principal components are wanted, every so many of more than `most` samples; none without a
+    /// sample of its own.
+    pub(super) fn spectra(&self, classes: Option<&[Class]>, leaves: &[f32], most: usize) -> Vec<f32> {
+        let n = self.length();
+        let stride = leaves.len().div_ceil(most) | 1;
+        let is_live = |&leaf: &usize| {
+            let row = self.first[leaf] as usize;
+            let live = |class: &Class| *class == Class::Positive;
+            self.rows[row] as usize == leaf && classes.is_none_or(|classes| classes[row * n..][..n].iter().any(live))
+        };
+        let found: Vec<f32> = (0..self.leaves())
+            .step_by(stride)
+            .filter(is_live)
+            .flat_map(|leaf| &leaves[leaf * n..][..n])
+            .copied()
+            .collect();
+        if found.is_empty() { leaves[..n].to_vec() } else { found }
+    }
+
+    /// Planes of coefficients `[leaves, vectors]`.
+    pub(super) fn of_coefficients<'a>(&self, coefficients: &'a [f32], vectors: usize) -> Cow<'a, [f32]> {
+        transposed(coefficients, self.unit, vectors)
+    }
+
+    /// Planes of the entries of rows `[leaves, length]`.
+    pub(super) fn of_lanes<'a>(&self, leaves: &'a [f32]) -> Cow<'a, [f32]> {
+        let n = self.length();
+        if n != 3 {
+            return transposed(leaves, self.unit, n);
+        }
+        let turned: Vec<f32> = leaves.chunks_exact(3).flat_map(|row| [row[1], row[2], row[0]]).collect();
+        Cow::Owned(transposed(&turned, self.unit, n).into_owned())
+    }
+
+    /// Weights of leaves: 1 where a sample is positive, 0 elsewhere (it takes what is predicted) and for copies within a pole.
+    pub(super) fn weights(&self, classes: Option<&[Class]>) -> Weights {
+        let n = self.length();
+        let live = |class: &Class| *class == Class::Positive;
+        let weight = |leaf: usize, lane: Option<usize>| {
+            let row = self.first[leaf] as usize;
+            let is_own = self.rows[row] as usize == leaf;
+            let lives = classes.is_none_or(|classes| {
+                let row = &classes[row * n..][..n];
+                lane.map_or_else(|| row.iter().any(live), |lane| live(&row[lane]))
+            });
+            if is_own && lives { 1.0 } else { 0.0 }
+        };
+        let by_plane = !self.klt && classes.is_some();
+        let lanes: Vec<Option<usize>> =
+            if by_plane { self.lattice.shape().lanes().into_iter().map(Some).collect() } else { vec![None] };
+        let are_alike = classes.is_none() && !(self.random && self.lattice.has_incoming_poles());
+        let units = if are_alike { 1 } else { self.units() };
+        let mut values = Vec::with_capacity(units * self.unit * lanes.len());
+        for unit in 0..units {
+            for &lane in &lanes {
+                values.extend((unit * self.unit..(unit + 1) * self.unit).map(|leaf| weight(leaf, lane)));
+            }
+        }
+        Weights { values, by_plane, are_alike }
+    }
+
+    /// The pyramids of all streams, one if they are all alike.
+    pub(super) fn pyramids(&self, order: &[u8], weights: &Weights) -> Vec<PairPyramid> {
+        let streams = if weights.are_alike { 1 } else { self.streams() };
+        (0..streams).into_par_iter().map(|k| self.pyramid(order, weights, k)).collect()
+    }
+
+    /// The pyramid of one stream.
+    pub(super) fn pyramid(&self, order: &[u8], weights: &Weights, stream: usize) -> PairPyramid {
+        let (stream, streams) = if weights.are_alike { (0, 1) } else { (stream, self.streams()) };
+        let length = weights.values.len() / streams;
+        PairPyramid::new(&self.grid, order, &weights.values[stream * length..][..length], weights.by_plane)
+    }
+
+    /// Values of all samples from planes of all units.
+    pub(super) fn synthesise(&self, basis: Option<&Basis>, planes: &[f32], values: &mut [f32]) {
+        self.synthesise_rows(basis, planes, &self.rows, values);
+    }
+
+    /// Values of rows, each equal to some leaf, from planes of the units that hold these.
+    pub(super) fn synthesise_rows(&self, basis: Option<&Basis>, planes: &[f32], rows: &[u32], values: &mut [f32]) {
+        let n = self.length();
+        let vectors = basis.map_or(n, Basis::rank);
+        let coefficients = transposed(planes, vectors, self.unit);
+        let mut leaves = vec![0.0; coefficients.len() / vectors * n];
+        match basis {
+            Some(basis) => basis.synthesise(&coefficients, &mut leaves),
+            None => {
+                let lanes = self.lattice.shape().lanes();
+                for (leaf, row) in leaves.chunks_exact_mut(n).zip(coefficients.chunks_exact(n)) {
+                    lanes.iter().zip(row).for_each(|(&lane, &value)| leaf[lane] = value);
+                }
+            }
+        }
+        values.par_chunks_mut(n << 10).zip(rows.par_chunks(1 << 10)).for_each(|(values, rows)| {
+            for (value, &leaf) in values.chunks_exact_mut(n).zip(rows) {
+                value.copy_from_slice(&leaves[leaf as usize * n..][..n]);
+            }
+        });
+    }
+}
