@@ -43,6 +43,10 @@ impl Material {
             Interpolation::Constant => Stencil::one(cells.geometry().incoming_entry(wi)?),
             Interpolation::Smooth => cells.geometry().incoming_stencil(wi)?,
         };
+        if let (Some(stated), None) = (self.stated(), wi) {
+            out.copy_from_slice(&stated.integral(entry));
+            return Ok(());
+        }
         let Some(table) = cells.stored_albedos(side, is_above(wi)) else {
             out.fill(0.0);
             return Ok(());

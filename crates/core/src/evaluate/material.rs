@@ -108,6 +108,20 @@ impl Material {
         Ok(Self { body, summary: None })
     }
 
+    /// Returns this material with a share, 0 to 1, of straight lines between stated samples in its smooth form. It is 0 unless
+    /// this is called; 1 is what most readers of luminaires and of MDL's measured materials draw. Of samples of cells, which
+    /// are not stated at directions, nothing changes.
+    #[must_use]
+    pub fn with_straight_lines(self, share: f32) -> Self {
+        match self.body {
+            Body::Cells(_) => self,
+            Body::Grid { stated, .. } => {
+                let stated = Box::new(stated.with_straight(share.clamp(0.0, 1.0)));
+                Self { body: Body::Grid { stated, cells: OnceLock::new() }, summary: self.summary }
+            }
+        }
+    }
+
     /// Returns this material, if its samples are those of cells; of samples on a grid of angles their averages over triangles, from
     /// which directions are drawn and which are integrated. They are built when they are first asked for.
     #[doc(hidden)]

@@ -42,6 +42,11 @@ impl Stated {
         Self { geometry, lines }
     }
 
+    /// This function with a share, 0..=1, of straight lines between samples.
+    pub(super) fn with_straight(self, share: f32) -> Self {
+        Self { lines: self.lines.with_straight(share), ..self }
+    }
+
     pub(super) fn geometry(&self) -> &Geometry {
         &self.geometry
     }
@@ -155,6 +160,13 @@ impl Stated {
             let from = share * SHARE;
             self.spectra(pairs.part(from, (from + SHARE).min(count)), how, out)
         })
+    }
+
+    /// The integral over all outgoing directions of an entry of the opaque axes, of quantities without an incoming direction.
+    pub(super) fn integral(&self, entry: usize) -> Vec<f32> {
+        let mut sums = vec![0.0; self.geometry.lambdas()];
+        self.lines.integrate(entry, &mut sums);
+        sums.into_iter().map(|sum| sum as f32).collect()
     }
 
     /// As [`super::material::Material::slice`].

@@ -87,6 +87,14 @@ impl Line {
         Some(Node { angle: angle + CIRCLE * position.div_euclid(count) as f64, entry })
     }
 
+    /// The intervals between neighbouring nodes: their ends in degrees.
+    pub(super) fn intervals(&self) -> Vec<[f64; 2]> {
+        let count = self.nodes.len();
+        let ends = self.nodes.array_windows().map(|[a, b]| [a.angle, b.angle]);
+        let closing = self.is_circle.then(|| [self.nodes[count - 1].angle, self.nodes[0].angle + CIRCLE]);
+        ends.chain(closing).collect()
+    }
+
     pub(super) fn memory(&self) -> usize {
         size_of_val(&*self.nodes) + size_of_val(&*self.bins)
     }

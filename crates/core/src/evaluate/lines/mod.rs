@@ -6,10 +6,13 @@
 //! * Over **incoming** directions: linear in the polar angle (and azimuth), of logarithms; each stated direction is looked up where
 //!   its own lobe has what is asked for ([`super::incoming::Alignment`]).
 //! * Samples that are zero or masked have no logarithm: the share of live samples around is interpolated, too, on straight lines.
+//! * A share of straight lines between the samples themselves can be mixed in, up to all of it: what readers of luminaires and
+//!   of measured materials usually draw.
 //! * Directions that the file states several times (all azimuths at a pole, both ends of a closed circle) have the mean of what is
 //!   stated.
 
 mod carrying;
+mod integral;
 mod line;
 mod sphere;
 #[cfg(test)]
@@ -65,6 +68,8 @@ pub(super) struct Lines {
     directions: Vec<Vector>,
     outgoing: Option<Box<Sphere>>,
     values: Values,
+    /// Share of straight lines between samples, 0..=1.
+    straight: f32,
     domain: Domain,
     alignment: Alignment,
     /// The alignments that competed, and how much the function changes under each.
@@ -125,7 +130,12 @@ impl Lines {
                 (0..grid.len()).chain(means).map(|entry| grid.direction(entry).xyz()).collect()
             }
         };
-        Self { incoming, directions, outgoing, values, domain, alignment, changes: Vec::new() }
+        Self { incoming, directions, outgoing, values, straight: 0.0, domain, alignment, changes: Vec::new() }
+    }
+
+    /// This function with a share, 0..=1, of straight lines between samples.
+    pub(super) fn with_straight(self, straight: f32) -> Self {
+        Self { straight, ..self }
     }
 
     /// How lobes go from one incoming direction to the next.
@@ -269,6 +279,52 @@ impl Lines {
     /// `SIZE` samples from `lambda` on.
     #[inline(always)]
     fn samples<const SIZE: usize>(&self, found: &Found, lambda: usize) -> [f32; SIZE] {
+        if self.straight == 0.0 {
+            return self.curved(found, lambda);
+        }
+        let straight = self.on_straight_lines(found, lambda);
+        if self.straight == 1.0 {
+            return straight;
+        }
+        let curved = self.curved::<SIZE>(found, lambda);
+        std::array::from_fn(|l| (1.0 - self.straight) * curved[l] + self.straight * straight[l])
+    }
+
+    /// `SIZE` samples from `lambda` on, on straight lines between the samples around; masked ones are left out.
+    fn on_straight_lines<const SIZE: usize>(&self, found: &Found, lambda: usize) -> [f32; SIZE] {
+        let (mut sums, mut known, mut total) = ([0.0; SIZE], [0.0; SIZE], 0.0);
+        for k in 0..found.count {
+            let weight = found.weights[k];
+            total += weight;
+            let mut add = |place: u32, weight: f32| {
+                let numbers = self.values.numbers::<SIZE>(found.tables[k], place, lambda);
+                for l in 0..SIZE {
+                    let sample = self.values.sample(numbers[l]);
+                    if !sample.is_nan() {
+                        sums[l] += weight * sample;
+                        known[l] += weight;
+                    }
+                }
+            };
+            match (&found.patches[k], &self.outgoing) {
+                (Some(patch), _) => {
+                    for (row, across) in [(1, 1.0 - patch.across.t), (2, patch.across.t)] {
+                        let t = patch.along[row].t;
+                        add(patch.places[row][1], weight * across * (1.0 - t));
+                        add(patch.places[row][2], weight * across * t);
+                    }
+                }
+                (None, None) => add(0, weight),
+                (None, Some(_)) if self.outside() == 0.0 => known.iter_mut().for_each(|known| *known += weight),
+                (None, Some(_)) => {}
+            }
+        }
+        std::array::from_fn(|l| if known[l] <= NO_LIGHT * total { f32::NAN } else { sums[l] / known[l] })
+    }
+
+    /// `SIZE` samples from `lambda` on, on curved lines.
+    #[inline(always)]
+    fn curved<const SIZE: usize>(&self, found: &Found, lambda: usize) -> [f32; SIZE] {
         let mut sums = Part { number: [0.0; SIZE], live: [0.0; SIZE], known: [0.0; SIZE] };
         let mut total = 0.0;
         for k in 0..found.count {

@@ -68,6 +68,21 @@ impl Sphere {
         &self.grid
     }
 
+    /// Intervals of the polar angle and of the azimuth, in degrees, that tile what the grid covers without its mirror images
+    /// across the equator: between the angles of the file, and from its ends to those of what is covered.
+    pub(super) fn intervals(&self) -> [Vec<[f64; 2]>; 2] {
+        let (low, high) = self.grid.covers();
+        let polar = self.grid.polar();
+        let mut ends = polar.to_vec();
+        if low < polar[0] {
+            ends.insert(0, low);
+        }
+        if high > polar[polar.len() - 1] {
+            ends.push(high);
+        }
+        [ends.array_windows().map(|&[a, b]| [a, b]).collect(), self.azimuth.intervals()]
+    }
+
     /// The value outside what the grid covers.
     pub(super) fn outside(&self) -> f32 {
         match self.grid.outside() {

@@ -162,3 +162,71 @@ fn incoming_directions_on_a_grid_meet_at_the_pole() {
     lines.spectrum(&lines.nearest(0, Direction::from_degrees(38.0, 46.0).xyz(), wo.xyz()).unwrap(), &mut nearest);
     assert!((nearest[0] - 20.0).abs() < 1e-4);
 }
+
+#[test]
+fn integrals_are_those_of_functions_and_zonal_on_straight_lines() {
+    let full = 4.0 * std::f64::consts::PI;
+    for (frame, low) in [(Frame::Surface, 0.0), (Frame::TypeC, 0.0), (Frame::TypeB, -90.0), (Frame::TypeA, -90.0)] {
+        for extent in [
+            None,
+            Some((vec![0.0, 45.0, 90.0], AzimuthExtent::Quadrant)),
+            Some((every(30.0, 12), AzimuthExtent::Circle)),
+        ] {
+            let azimuths = extent.map(|(angles, extent)| Azimuths { angles, extent });
+            let polar = (0..=18).map(|i| low + 10.0 * f64::from(i)).collect();
+            let grid = DirectionGrid::new(frame, polar, azimuths).unwrap();
+            let samples: Vec<f32> = (0..grid.len())
+                .map(|i| {
+                    let [x, y, z] = grid.direction(i).xyz();
+                    // The mean over the sphere is 1 + (a + b + c) / 3.
+                    (1.0 + 0.5 * x * x + 0.2 * y * y + 0.3 * z * z) as f32
+                })
+                .collect();
+            let is_round = grid.azimuths().is_none();
+            let constant = vec![2.0; grid.len()];
+            for (samples, expected) in [(&constant, 2.0), (&samples, 4.0 / 3.0)] {
+                if is_round && expected != 2.0 {
+                    continue;
+                }
+                let lines = Lines::new(samples, 1, Incoming::NONE, Some(&grid), (Domain::Sphere, Alignment::None));
+                let mut found = [0.0];
+                lines.integrate(0, &mut found);
+                assert!((found[0] / full / expected - 1.0).abs() < 2e-3, "{frame} {} {expected}", found[0] / full);
+            }
+        }
+    }
+    // A cosine on straight lines, by parts: the zonal flux of what an LM-63 file states.
+    let gamma = every(22.5, 5);
+    let grid = DirectionGrid::new(Frame::TypeC, gamma.clone(), None).unwrap();
+    let samples: Vec<f32> = gamma.iter().map(|g| libm::cos(g.to_radians()) as f32).collect();
+    let lines = Lines::new(&samples, 1, Incoming::NONE, Some(&grid), (Domain::Sphere, Alignment::None));
+    let mut found = [0.0];
+    lines.with_straight(1.0).integrate(0, &mut found);
+    let zone = |i: usize| {
+        let (a, b) = (gamma[i - 1].to_radians(), gamma[i].to_radians());
+        let (r, last) = (f64::from(samples[i - 1]), f64::from(samples[i]));
+        let slope = (last - r) / (b - a);
+        r * libm::cos(a) - last * libm::cos(b) + slope * (libm::sin(b) - libm::sin(a))
+    };
+    let expected = 2.0 * std::f64::consts::PI * (1..5).map(zone).sum::<f64>();
+    assert!((found[0] / expected - 1.0).abs() < 1e-5, "{} {expected}", found[0]);
+}
+
+#[test]
+fn straight_lines_are_those_between_samples() {
+    let outgoing = grid(every(10.0, 3), Some((vec![0.0, 90.0, 180.0, 270.0], AzimuthExtent::Circle)));
+    let mut samples: Vec<f32> = vec![3.0; 4];
+    samples.extend([1.0, 2.0, 4.0, 8.0]);
+    samples.extend([f32::NAN; 4]);
+    let lines = Lines::new(&samples, 1, Incoming::NONE, Some(&outgoing), (Domain::Sphere, Alignment::None));
+    let straight = lines.with_straight(1.0);
+    let value = |theta: f64, phi: f64| at(&straight, up(), Direction::from_degrees(theta, phi))[0];
+    assert!((value(10.0, 45.0) - 1.5).abs() < 1e-5);
+    assert!((value(5.0, 45.0) - 2.25).abs() < 1e-5);
+    assert!((value(10.0, 315.0) - 4.5).abs() < 1e-5);
+    assert!((value(15.0, 90.0) - 2.0).abs() < 1e-5);
+    assert!(value(20.0, 90.0).is_nan());
+    let half = straight.with_straight(0.5);
+    let mixed = at(&half, up(), Direction::from_degrees(10.0, 45.0))[0];
+    assert!(mixed > 1.2 && mixed < 1.5, "{mixed}");
+}

@@ -96,7 +96,7 @@ impl Material {
         let quantity = self.quantity();
         let mut report = EnergyReport { quantity, albedo: None, normalisation: None, flux: None };
         match quantity {
-            Quantity::Edf => report.flux = Some(cells.fluxes()),
+            Quantity::Edf => report.flux = Some(self.fluxes()),
             Quantity::Phase => report.normalisation = Some(cells.normalisation()),
             _ => report.albedo = Some(cells.albedo_report()),
         }

@@ -30,6 +30,9 @@ pub struct FluxReport {
 
 impl Material {
     pub(super) fn fluxes(&self) -> Vec<FluxReport> {
+        if let Some(stated) = self.stated() {
+            return (0..self.geometry().entries()).map(|entry| self.flux(entry, &stated.integral(entry))).collect();
+        }
         let table = self.stored_albedos(Side::Both, true).unwrap_or_default();
         table.chunks_exact(self.lambdas()).enumerate().map(|(entry, row)| self.flux(entry, row)).collect()
     }
