@@ -1787,7 +1787,8 @@ def read_repeats(coder, shape):
         drops = [0] * count
         if count > 1 and coder.even():
             model = Model()
-            drops[1:] = [model.one(coder, "repeats") for _ in range(count - 1)]
+            for entry in range(1, count):
+                drops[entry] = model.one(coder, ("repeats", drops[entry - 1]))
         for angle, drop in zip(line.angles, drops):
             if not drop:
                 kept.positions.append(float(angle))

@@ -343,7 +343,7 @@ fn leaf() -> Golden {
         if i % 97 < 3 { f64::NAN } else { spectrum * (1.0 + 0.02 * noise(i)) }
     });
     let mut golden = golden("leaf", Quantity::Edf, data, Target::MaxRelativeError(0.05));
-    golden.settings.basis = "klt".to_owned();
+    "klt".clone_into(&mut golden.settings.basis);
     golden
 }
 

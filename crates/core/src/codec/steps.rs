@@ -39,11 +39,13 @@ pub(crate) fn code_steps<C: BitCoder>(coder: &mut C, lanes: usize, steps: &mut [
     }
 }
 
-/// Codes flags that are alike in their frequency only; a decoder fills them.
+/// Codes flags that come in runs, each in the context of the one before; a decoder fills them.
 pub(crate) fn code_flags<C: BitCoder>(coder: &mut C, flags: &mut [bool]) {
-    let mut model = Model::new(1, 0);
+    let mut model = Model::new(2, 0);
+    let mut before = false;
     for flag in flags {
-        *flag = model.code_one(coder, *flag, 0);
+        *flag = model.code_one(coder, *flag, usize::from(before));
+        before = *flag;
     }
 }
 

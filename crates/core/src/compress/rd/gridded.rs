@@ -123,10 +123,8 @@ impl<'a> GridLayer<'a> {
         let mut opening = Encoder::default();
         let planes = Planes::code(&mut opening, shape, (form.random, form.klt), Some(&same));
         let kept = planes.leaves_of(values);
-        let klt = match form.klt {
-            true => Some(components(&planes.spectra(classes, &kept, ANALYSED), length, MAX_GRID_RANK)?),
-            false => None,
-        };
+        let spectra = form.klt.then(|| planes.spectra(classes, &kept, ANALYSED));
+        let klt = spectra.map(|spectra| components(&spectra, length, MAX_GRID_RANK)).transpose()?;
         let typical = match &klt {
             Some(klt) => {
                 let fineness = Fineness::of(form.step as f32);

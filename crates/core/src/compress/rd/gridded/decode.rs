@@ -84,19 +84,16 @@ pub(crate) fn decode(
     let (vectors, quantiser) = (opened.vectors(), opened.quantiser);
     let planes = &opened.planes;
     let weights = planes.weights(classes);
-    let decoded: Vec<f32> = match &opened.streams {
-        Some(streams) => {
-            let stream = |k: usize| {
-                let pyramid = planes.pyramid(&opened.order, &weights, k);
-                pyramid.code(&mut streams.block(k), quantiser, (vectors, vectors), None, 0).0
-            };
-            (0..planes.streams()).into_par_iter().flat_map_iter(stream).collect()
-        }
-        None => {
-            let pyramid = planes.pyramid(&opened.order, &weights, 0);
-            let count = planes.units() * vectors;
-            pyramid.code(&mut opened.decoder, quantiser, (count, vectors), None, 0).0
-        }
+    let decoded: Vec<f32> = if let Some(streams) = &opened.streams {
+        let stream = |k: usize| {
+            let pyramid = planes.pyramid(&opened.order, &weights, k);
+            pyramid.code(&mut streams.block(k), quantiser, (vectors, vectors), None, 0).0
+        };
+        (0..planes.streams()).into_par_iter().flat_map_iter(stream).collect()
+    } else {
+        let pyramid = planes.pyramid(&opened.order, &weights, 0);
+        let count = planes.units() * vectors;
+        pyramid.code(&mut opened.decoder, quantiser, (count, vectors), None, 0).0
     };
     let mut values = vec![0.0; planes.rows() * planes.length()];
     planes.synthesise(opened.basis.as_ref(), &decoded, &mut values);

@@ -175,8 +175,8 @@ impl Lattice {
             let stated = last + usize::from(!is_seam);
             let mut drops = vec![false; stated];
             if !C::DECODES {
-                for entry in 1..stated {
-                    drops[entry] = equal(entry, entry - 1);
+                for (entry, drop) in drops.iter_mut().enumerate().skip(1) {
+                    *drop = equal(entry, entry - 1);
                 }
             }
             if stated > 1 && coder.even(drops.contains(&true)) {

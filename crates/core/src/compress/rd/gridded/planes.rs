@@ -173,13 +173,12 @@ impl Planes {
         let vectors = basis.map_or(n, Basis::rank);
         let coefficients = transposed(planes, vectors, self.unit);
         let mut leaves = vec![0.0; coefficients.len() / vectors * n];
-        match basis {
-            Some(basis) => basis.synthesise(&coefficients, &mut leaves),
-            None => {
-                let lanes = self.lattice.shape().lanes();
-                for (leaf, row) in leaves.chunks_exact_mut(n).zip(coefficients.chunks_exact(n)) {
-                    lanes.iter().zip(row).for_each(|(&lane, &value)| leaf[lane] = value);
-                }
+        if let Some(basis) = basis {
+            basis.synthesise(&coefficients, &mut leaves);
+        } else {
+            let lanes = self.lattice.shape().lanes();
+            for (leaf, row) in leaves.chunks_exact_mut(n).zip(coefficients.chunks_exact(n)) {
+                lanes.iter().zip(row).for_each(|(&lane, &value)| leaf[lane] = value);
             }
         }
         values.par_chunks_mut(n << 10).zip(rows.par_chunks(1 << 10)).for_each(|(values, rows)| {
