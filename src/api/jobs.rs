@@ -5,7 +5,7 @@ use super::extract::{JobId, SmallJson, parse_json};
 use super::job::{Job, absent, change, find};
 use super::places::Peer;
 use super::problem::{Kind, Problem};
-use super::schemas::{DigestText, JobIdText, PolicyName, StatedQuantityName, Text};
+use super::schemas::{DigestText, DomainName, JobIdText, PolicyName, StatedQuantityName, Text};
 use super::state::App;
 use crate::catalog::{Enqueued, JobRow, JobState};
 use crate::jobs::{JobRequest, Kind as JobKind, KindOnly};
@@ -83,6 +83,9 @@ struct CompressSchema {
     floor: Option<f64>,
     /// The largest relative error of the light of any direction and wavelength (directional albedo, flux); policy `rd`.
     albedo_error: Option<f64>,
+    /// `grid`: directions stay on the angles of the file, which has to state a grid of them; `triangles`: samples are averaged
+    /// over triangles, as a level asks, too.
+    domain: Option<DomainName>,
     /// Subdivision level of the incoming triangles.
     incoming_level: Option<u8>,
     /// Subdivision level of the outgoing triangles.

@@ -4,6 +4,7 @@ use crate::compress::{Policy, Target};
 use crate::formats::StatedQuantity;
 use crate::paper::TABLES;
 use crate::pipeline::Request;
+use crate::projection::DirectionDomain;
 use crate::store::Digest;
 use serde::{Deserialize, Serialize};
 
@@ -59,6 +60,9 @@ pub(crate) struct CompressRequest {
     /// The largest relative error of the light of any direction and wavelength.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub albedo_error: Option<f64>,
+    /// Grid of the file or triangles; a level asks for triangles, too.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub domain: Option<DirectionDomain>,
     /// Subdivision level of the incoming triangles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub incoming_level: Option<u8>,
@@ -175,8 +179,7 @@ impl CompressRequest {
             basis: self.basis.clone(),
             floor: self.floor,
             albedo_error: self.albedo_error,
-            // Jobs take the default until materials on grids are evaluated.
-            domain: None,
+            domain: self.domain,
             incoming_level: self.incoming_level,
             outgoing_level: self.outgoing_level,
             wavelengths: self.wavelengths.clone(),
