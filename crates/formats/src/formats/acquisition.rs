@@ -197,6 +197,10 @@ pub struct ParseReport {
     pub notes: Vec<Note>,
     /// Keywords and header fields of the file, in order.
     pub metadata: Vec<(String, String)>,
+    /// Notes, by their number, on what triangles need and the file's own grid does not: seams merged, poles averaged,
+    /// angles resampled.
+    #[serde(skip)]
+    unfolding: Vec<usize>,
 }
 
 /// One remark of a parser.
@@ -226,5 +230,17 @@ impl ParseReport {
     /// Adds a remark.
     pub fn note(&mut self, kind: NoteKind, message: impl Into<String>) {
         self.notes.push(Note { kind, message: message.into() });
+    }
+
+    /// Adds a remark on what the form for triangles changes and the grid of the file keeps.
+    pub(super) fn note_unfolding(&mut self, kind: NoteKind, message: impl Into<String>) {
+        self.unfolding.push(self.notes.len());
+        self.note(kind, message);
+    }
+
+    /// The remarks that hold for a measurement, on the grid of its file or not.
+    pub fn notes_of(&self, on_grid: bool) -> impl Iterator<Item = &Note> {
+        let holds = move |number: &usize| !on_grid || !self.unfolding.contains(number);
+        self.notes.iter().enumerate().filter(move |(number, _)| holds(number)).map(|(_, note)| note)
     }
 }

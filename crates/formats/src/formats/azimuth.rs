@@ -74,7 +74,7 @@ pub(super) fn extended(
             let difference = merge_repeated(&mut phi, values, inner);
             if difference > 0.0 {
                 let percent = 100.0 * difference;
-                report.note(
+                report.note_unfolding(
                     NoteKind::Warning,
                     format!(
                         "{what}: values at {first}° and {last}° differ by up to {percent:.2} %, averaged",

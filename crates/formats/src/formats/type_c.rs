@@ -107,7 +107,7 @@ fn average_poles(vertical: &[f64], planes: usize, values: &mut [f32], report: &m
         for h in 0..planes {
             values[h * n + v] = average;
         }
-        report.note(
+        report.note_unfolding(
             NoteKind::Filled,
             format!("the planes disagree at {name} ({low} to {high}), where they meet: averaged to {average}"),
         );
@@ -173,7 +173,7 @@ fn planes(
             let difference = merge_repeated(&mut horizontal, values, verticals);
             if difference > 0.0 {
                 let percent = 100.0 * difference;
-                report.note(
+                report.note_unfolding(
                     NoteKind::Warning,
                     format!(
                         "the planes C{first} and C{last} are one, but differ by up to {percent:.2} %: averaged",

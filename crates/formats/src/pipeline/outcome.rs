@@ -6,7 +6,7 @@ use super::report::{Report, report};
 use super::request::Request;
 use super::source::Source;
 use crate::compress::{self, Settings};
-use crate::domain::{Progress, Silent};
+use crate::domain::{Axis, Progress, Silent};
 use crate::formats::Acquisition;
 use crate::projection::{self, Projected};
 
@@ -39,13 +39,14 @@ pub fn project(acquisition: &Acquisition, request: &Request) -> Result<Projected
 pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> Result<Outcome, PipelineError> {
     let acquisition = &source.acquisition;
     let Projected { measurement, coverage, filled, .. } = project(acquisition, request)?;
+    let on_grid = measurement.tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_)));
     let settings = Settings {
         target: request.target,
         policy: request.policy,
         basis: request.basis.clone(),
         floor: request.floor,
         albedo_error: request.albedo_error,
-        metadata: request.metadata.then(|| provenance(source, request, &filled)),
+        metadata: request.metadata.then(|| provenance(source, request, &filled, on_grid)),
         random_access: request.random_access,
     };
     let compressed = compress::compress(&measurement, &settings, progress)?;

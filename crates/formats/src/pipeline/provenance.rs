@@ -20,7 +20,8 @@ pub fn runs(filled: &[bool]) -> Vec<usize> {
 }
 
 /// Where a material comes from: no clock, path, host, timing or thread count, so that equal inputs give equal bytes.
-pub(super) fn provenance(source: &Source, request: &Request, filled: &[bool]) -> String {
+/// `on_grid`: the measurement lies on the grid of its file.
+pub(super) fn provenance(source: &Source, request: &Request, filled: &[bool], on_grid: bool) -> String {
     let acquisition = &source.acquisition;
     let mut document = serde_json::json!({
         "generator": concat!("wavelume ", env!("CARGO_PKG_VERSION")),
@@ -30,7 +31,7 @@ pub(super) fn provenance(source: &Source, request: &Request, filled: &[bool]) ->
             "content_digest": source.content_digest,
             "spectrum_digest": source.spectrum_digest,
             "metadata": acquisition.report.metadata,
-            "notes": acquisition.report.notes,
+            "notes": acquisition.report.notes_of(on_grid).collect::<Vec<_>>(),
         },
         "request": request,
     });

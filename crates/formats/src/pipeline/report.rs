@@ -82,7 +82,9 @@ pub(super) fn report(
 ) -> Report {
     let summary = &compressed.summary;
     // Samples on their final axes are the tensor's own: there is nothing more to measure.
-    let projected = matches!(acquisition.samples, formats::Samples::Grid(_) | formats::Samples::Scattered(_));
+    let on_grid = summary.axes.iter().any(|axis| matches!(axis, Axis::Grid(_)));
+    let projected =
+        !on_grid && matches!(acquisition.samples, formats::Samples::Grid(_) | formats::Samples::Scattered(_));
     let warnings = [
         compress::shortfall(target, samples as u64, compressed),
         compressed.noise.and_then(|noise| noise.warning(target)),
@@ -113,7 +115,7 @@ pub(super) fn report(
         errors_at_samples: decoded.and_then(|d| projection::error_at_samples(acquisition, &d.measurement)),
         noise: compressed.noise,
         coverage,
-        notes: acquisition.report.notes.iter().cloned().chain(warnings).collect(),
+        notes: acquisition.report.notes_of(on_grid).cloned().chain(warnings).collect(),
         levels: compress::levels(&compressed.bytes).unwrap_or_default(),
     }
 }

@@ -70,7 +70,7 @@ pub(super) fn convert(
             values.push(table.at(vertical, if lateral { horizontal.abs() } else { horizontal }));
         }
     }
-    report.note(
+    report.note_unfolding(
         NoteKind::Filled,
         format!(
             "type {}: {} × {} intensities resampled to {} × {} of type C by bilinear interpolation in their own angles",

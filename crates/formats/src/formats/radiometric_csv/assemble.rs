@@ -231,7 +231,7 @@ fn grid(
     // The numbers of the file, if they do not stay all there is.
     let mut kept = before.filter(|_| filled > 0);
     if filled > 0 {
-        report.note(
+        report.note_unfolding(
             NoteKind::Filled,
             format!("{filled} samples at a pole, where all azimuths are one direction, from the others there"),
         );

@@ -173,3 +173,11 @@ fn lists_over_the_scattering_angle_stay_where_they_are_asked_for_by_name() {
     let moments = read(b"1\n0.5\n0.25\n0.1\n", &how).unwrap();
     assert!(matches!(project(&moments, &on_grid()), Err(ProjectionError::Domain(DomainError::NoGrid))));
 }
+
+#[test]
+fn remarks_on_the_unfolded_form_do_not_hold_for_the_grid() {
+    let text = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 2 3 1 2 0 0 0 1 1 0\n0 90\n0 180 360\n1 2 3 4 1 2\n";
+    let report = read(text.as_bytes(), &Interpretation::default()).unwrap().report;
+    let notes = |on_grid: bool| report.notes_of(on_grid).count();
+    assert_eq!((report.notes.len(), notes(false), notes(true)), (1, 1, 0), "{:?}", report.notes);
+}
