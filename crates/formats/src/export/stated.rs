@@ -3,6 +3,7 @@
 
 use super::error::{ExportError, UnfitError};
 use super::format::ExportFormat;
+use super::lamp_errors::LampErrors;
 use crate::domain::{Axis, ErrorAccumulator, ErrorReport, Measurement, Quantity, Unit};
 use crate::formats::{
     self, Acquisition, Digits, FormatError, Interpretation, Restatement, restate_eulumdat, restate_lm63, restate_mbsdf,
@@ -38,6 +39,8 @@ pub struct Restated {
     pub filled: usize,
     /// Errors of the file, read again, at every sample of the measurement.
     pub errors: ErrorReport,
+    /// The same in the terms of those who make luminaires, for a luminaire.
+    pub lamp: Option<LampErrors>,
 }
 
 /// Writes `measurement` as a file of the format that it came from, reads it again, and compares angles and samples.
@@ -78,7 +81,12 @@ pub fn restate(measurement: &Measurement, origin: &Origin<'_>, digits: Digits) -
     let mut errors = ErrorAccumulator::default();
     let filled = measurement.tensor.masked();
     errors.add(measurement.tensor.samples(), found.tensor.samples(), 0.0);
-    Ok(Restated { bytes, format, filled, errors: errors.finish() })
+    let (stated, again) = (measurement.tensor.samples(), found.tensor.samples());
+    let lamp = match measurement.tensor.axes() {
+        [Axis::Grid(directions)] => LampErrors::of(directions, stated, again),
+        _ => None,
+    };
+    Ok(Restated { bytes, format, filled, errors: errors.finish(), lamp })
 }
 
 /// The formats that are written on the grid of their source.

@@ -113,6 +113,8 @@ fn lossy_files_have_fewer_digits_and_the_same_angles() {
     let exact = restate(&measurement, &origin, Digits::Shortest).unwrap();
     let lossy = restate(&measurement, &origin, Digits::Within(1e-3)).unwrap();
     let largest = lossy.errors.max_relative_error;
+    let lamp = lossy.lamp.unwrap();
+    assert!(lamp.flux.abs() < 5e-4 && lamp.peak.abs() <= 1.001e-3 && lamp.er_l2_bright < 1e-3, "{lamp:?}");
     assert!(largest > 1e-4 && largest <= 1.001e-3, "{}: {largest}", path.display());
     assert!(2 * lossy.bytes.len() < exact.bytes.len() + 2000, "{} {}", lossy.bytes.len(), exact.bytes.len());
 }
