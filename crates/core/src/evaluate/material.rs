@@ -45,9 +45,10 @@ pub struct Material {
 
 /// How samples became a function.
 #[derive(Debug)]
+#[allow(clippy::large_enum_variant, reason = "a query of cells goes through one pointer less, and materials are few")]
 enum Body {
     /// Samples of cells of directions, or without directions.
-    Cells(Box<Cells>),
+    Cells(Cells),
     /// Samples on a grid of angles.
     Grid {
         stated: Box<Stated>,
@@ -103,7 +104,7 @@ impl Material {
         } else {
             let albedos = Albedos::new(&measurement, &geometry);
             let function = Function::new(measurement, geometry, alignment);
-            Body::Cells(Box::new(Cells { function, trees: OnceLock::new(), albedos }))
+            Body::Cells(Cells { function, trees: OnceLock::new(), albedos })
         };
         Ok(Self { body, summary: None })
     }
@@ -200,7 +201,7 @@ impl Material {
     /// trees, which the first direction that is drawn builds.
     pub fn memory(&self) -> usize {
         let body = match &self.body {
-            Body::Cells(cells) => size_of::<Cells>() + cells.memory(),
+            Body::Cells(cells) => cells.memory(),
             Body::Grid { stated, cells } => {
                 let cells = cells.get().and_then(|cells| cells.as_ref().ok()).map_or(0, |cells| cells.memory());
                 size_of::<Stated>() + stated.memory() + cells
