@@ -38,7 +38,6 @@ mod phase;
 mod read_back;
 mod resolution;
 mod spectra;
-mod stated;
 mod subject;
 #[cfg(test)]
 mod tests;
@@ -51,7 +50,6 @@ pub use format::ExportFormat;
 pub use lamp_errors::LampErrors;
 pub use measure::{AddedError, PAIRS};
 pub use options::ExportOptions;
-pub use stated::{Origin, Restated, restate};
 
 #[cfg(doc)]
 use crate::domain::ErrorReport;

@@ -6,6 +6,7 @@ mod outcome;
 mod provenance;
 mod report;
 mod request;
+mod restated;
 mod source;
 mod sparse;
 
@@ -15,5 +16,6 @@ pub use outcome::{Outcome, compress, project};
 pub use provenance::runs;
 pub use report::Report;
 pub use request::Request;
+pub use restated::{Origin, Restated, restate};
 pub use source::{Input, Source, read};
 pub use sparse::{sparse, sparse_measurement};

@@ -4,8 +4,8 @@ use crate::root;
 use std::fs;
 use std::path::PathBuf;
 use wavelume_core::domain::{Axis, DirectionGrid, Measurement, Unit};
-use wavelume_formats::export::{Origin, restate};
 use wavelume_formats::formats::{Acquisition, Digits, Interpretation, read};
+use wavelume_formats::pipeline::{Origin, restate};
 use wavelume_formats::projection::{AxesRequest, DirectionDomain, project};
 
 const FOLDERS: [&str; 5] = [

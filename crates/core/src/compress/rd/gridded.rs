@@ -13,6 +13,7 @@
 mod decode;
 mod lattice;
 mod planes;
+mod quantised;
 
 pub(crate) use decode::{decode, decode_block, is_random};
 pub(crate) use lattice::Shape;
@@ -20,7 +21,7 @@ pub(crate) use lattice::Shape;
 use super::super::setting_error::SettingError;
 use super::super::spectral_basis::SpectralBasis;
 use super::layer::FirstLayer;
-use super::lines::{PairPyramid, Quantiser, Source, code_order, order_of_halvings};
+use super::lines::{PairPyramid, Source, code_order, order_of_halvings};
 use super::spectrum::{Basis, MAX_GRID_RANK, components};
 use super::steps::Fineness;
 use super::streams::Streams;
@@ -28,33 +29,17 @@ use crate::codec::{ChunkKind, Class, Encoder, Writer};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Klt};
 use planes::Planes;
+use quantised::{bound_negative, quantiser};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Samples of the spectra whose principal components are found, at most.
 const ANALYSED: usize = 1 << 23;
-/// Unit of values that are no logarithms, in steps.
-const LINEAR_UNIT: f64 = 32.0;
-
-/// The quantiser of a header's step.
-fn quantiser(step: f32, is_linear: bool, learns: bool) -> Quantiser {
-    let step = f64::from(step);
-    Quantiser { step, unit: if is_linear { LINEAR_UNIT * step } else { 1.0 }, learns }
-}
 
 /// The largest logarithm of a negative sample, rounded down.
 fn largest_negative(classes: &[Class], values: &[f32]) -> Option<f32> {
     let negative = classes.iter().zip(values).filter(|(class, _)| **class == Class::Negative);
     negative.map(|(_, &value)| value).reduce(f32::max).map(|largest| largest.next_down().next_down())
-}
-
-/// Keeps the logarithms of negative samples at or below a bound.
-fn bound_negative(bound: Option<f32>, classes: Option<&[Class]>, values: &mut [f32]) {
-    if let (Some(bound), Some(classes)) = (bound, classes) {
-        for (value, _) in values.iter_mut().zip(classes).filter(|(_, class)| **class == Class::Negative) {
-            *value = value.min(bound);
-        }
-    }
 }
 
 /// How a layer sees a tensor.
@@ -160,7 +145,7 @@ impl<'a> GridLayer<'a> {
 
     fn sources_of(&self, planes: &[f32], vectors: usize) -> Vec<Source> {
         let streams = planes.par_chunks(planes.len() / self.planes.streams()).enumerate();
-        streams.map(|(k, planes)| Source::new(self.pyramid(k), planes, vectors)).collect()
+        streams.map(|(k, planes)| self.pyramid(k).source(planes, vectors)).collect()
     }
 
     fn pyramid(&self, stream: usize) -> &PairPyramid {

@@ -7,6 +7,7 @@
 mod about;
 mod header;
 mod labels;
+mod lines;
 mod native;
 mod numbers;
 mod restate;

@@ -4,7 +4,7 @@ use super::super::error::{FormatError, FormatErrorKind};
 use super::super::restated::{Restatement, unfit};
 use super::about::NAME;
 use super::labels::Revision;
-use super::write::LONGEST;
+use super::lines::list;
 use crate::domain::limits::MAX_ENTRIES;
 use crate::domain::{Frame, Unit};
 use std::fmt::Write as _;
@@ -111,22 +111,4 @@ fn tilt(grid: &Restatement<'_>, text: &mut String) {
             let _ = writeln!(text, "TILT={}", if is_included { "NONE" } else { tilt });
         }
     }
-}
-
-/// A list, in lines that are not too long.
-pub(super) fn list(text: &mut String, values: impl Iterator<Item = String>) {
-    let mut line = 0;
-    for shown in values {
-        if line > 0 && line + 1 + shown.len() > LONGEST {
-            text.push('\n');
-            line = 0;
-        }
-        if line > 0 {
-            text.push(' ');
-            line += 1;
-        }
-        line += shown.len();
-        text.push_str(&shown);
-    }
-    text.push('\n');
 }

@@ -3,12 +3,9 @@
 use super::super::error::{FormatError, FormatErrorKind};
 use super::super::planes::{CPlanes, ascii, plain};
 use super::about::NAME;
-use super::restate::list;
+use super::lines::{LONGEST, list};
 use crate::domain::Unit;
 use std::fmt::Write as _;
-
-/// Characters of a line at most; the standard of 1995 allows no more, that of 2002 does.
-pub(super) const LONGEST: usize = 132;
 
 /// Writes intensities in `unit`. `notes` become `[OTHER]`, whatever their length.
 ///

@@ -2,12 +2,14 @@
 
 use super::about::NAME;
 use super::refusal::malformed;
-use super::restate::SHORT_LINE;
 use crate::domain::first_where;
 use crate::domain::limits::MAX_SAMPLES;
 use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::snippet;
+
+/// Key under which the reader keeps that data stand behind the line of the format's first programs, `MBSDF_DATA=`.
+pub(super) const SHORT_LINE: &str = "data_line";
 
 /// The line that every file begins with.
 pub(super) const VERSION: &[u8] = b"NVIDIA ARC MBSDF V1\n";

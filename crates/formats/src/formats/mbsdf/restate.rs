@@ -2,7 +2,7 @@
 
 use super::about::NAME;
 use super::angles::{azimuths, polar_angles};
-use super::blocks::VERSION;
+use super::blocks::{SHORT_LINE, VERSION};
 use super::joined::BELOW_HORIZON;
 use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Tensor};
 use crate::formats::error::FormatError;
@@ -60,9 +60,6 @@ pub fn restate_mbsdf(tensor: &Tensor, metadata: &[(String, String)]) -> Result<V
     }
     Ok(bytes)
 }
-
-/// Key under which the reader keeps that data stand behind the line of the format's first programs, `MBSDF_DATA=`.
-pub(super) const SHORT_LINE: &str = "data_line";
 
 /// One table of a file: the rows of the grid from the normal to the horizon.
 struct Side {

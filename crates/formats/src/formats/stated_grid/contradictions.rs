@@ -1,6 +1,6 @@
 //! How far a file contradicts itself where it states several values for one direction.
 
-use super::Repeated;
+use super::repeated::Repeated;
 use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Tensor};
 use serde::Serialize;
 

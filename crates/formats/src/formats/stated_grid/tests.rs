@@ -2,6 +2,8 @@
 
 use super::super::{Azimuths, Interpretation, Samples, read};
 use super::*;
+use crate::domain::{self, Axis, DirectionGrid, Frame};
+use crate::formats::acquisition::{AngleGrid, Angles, AzimuthExtent, Outside};
 use std::fmt::Write;
 
 fn grid(extent: AzimuthExtent, phi: Vec<f64>) -> AngleGrid {

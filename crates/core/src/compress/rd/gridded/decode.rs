@@ -6,7 +6,7 @@ use super::super::spectrum::{Basis, MAX_GRID_RANK};
 use super::super::streams::Streams;
 use super::lattice::Shape;
 use super::planes::Planes;
-use super::{bound_negative, quantiser};
+use super::quantised::{bound_negative, quantiser};
 use crate::codec::{Class, CodecError, Decoder, Reader};
 use crate::domain::Axis;
 use rayon::prelude::*;

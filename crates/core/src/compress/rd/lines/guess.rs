@@ -4,7 +4,7 @@
 //! means over the two children is the prediction. On even lines this is (P₊ − P₋) / 4 with one neighbour on each side and
 //! (22·(P₊ − P₋) − 3·(P₊₊ − P₋₋)) / 64 with two.
 
-use super::Line;
+use super::grid::Line;
 use crate::numeric::dense;
 
 /// Coefficients are multiples of 2⁻¹⁶, so that the last digits of their computation do not matter.

@@ -1,6 +1,6 @@
 //! Places around a node of a product of lines, as offsets into an array with one more place for what does not exist.
 
-use super::AXES;
+use super::grid::AXES;
 
 /// Offset of a place that does not exist: added to any others it lies beyond every array.
 const NOWHERE: u32 = 1 << 29;

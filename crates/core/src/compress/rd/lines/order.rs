@@ -1,7 +1,7 @@
 //! The order of halvings: along which axis neighbours resemble each other most, level by level.
 
-use super::source::{halve, sums};
-use super::{AXES, Grid};
+use super::grid::{AXES, Grid};
+use super::pairs::{halve, sums};
 use crate::codec::BitCoder;
 
 /// The order of halvings whose details cost least, from the finest: at each, that axis whose details are predicted best from

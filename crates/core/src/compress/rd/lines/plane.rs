@@ -1,13 +1,18 @@
 //! One halving of one plane: features, predictions, residuals, children.
 
 use super::expectation::Expectation;
+use super::grid::AXES;
+use super::halvings::Halving;
 use super::neighbours::{Along, Places};
 use super::template::{BEFORE, Template};
-use super::{AXES, Halving, LARGEST, PLANE_CLASSES};
 use crate::codec::{BitCoder, DEPTHS, Expected, ResidualCoder};
 use crate::numeric::recursive::Recursive;
 use crate::numeric::wide;
 
+/// Planes with a system of least squares and with expected errors of their own; all later ones share the last.
+pub(super) const PLANE_CLASSES: usize = 4;
+/// Quantised magnitudes stay below this.
+const LARGEST: f64 = (1 << 30) as f64;
 /// Most features, padded.
 const FEATURES: usize = 40;
 /// Weight of what to expect without neighbours.

@@ -1,6 +1,6 @@
 //! Features that predict a detail, and the places whose errors tell how well it is predicted.
 
-use super::AXES;
+use super::grid::AXES;
 use super::neighbours::{Distance, distance};
 
 /// Planes before the one that is coded whose details are features.

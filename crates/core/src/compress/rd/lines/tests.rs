@@ -1,3 +1,5 @@
+//! The pyramid of pairs: what is encoded comes back to the last bit, whatever the lengths, weights and values.
+
 use super::*;
 use crate::codec::{Decoder, Encoder};
 use proptest::prelude::*;
@@ -8,7 +10,7 @@ fn encoded(grid: &Grid, planes: &[f32], weights: &[f32], step: f64) -> (Vec<u8>,
     let mut encoder = Encoder::default();
     let order = code_order(&mut encoder, grid, &order_of_halvings(grid, planes, (weights, 1), step));
     let pyramid = PairPyramid::new(grid, &order, weights, true);
-    let source = Source::new(&pyramid, planes, count);
+    let source = pyramid.source(planes, count);
     let (values, _) =
         pyramid.code(&mut encoder, Quantiser { step, unit: 1.0, learns: true }, (count, count), Some(&source), 0);
     (encoder.finish(), values)
@@ -74,14 +76,16 @@ fn errors_of_details_are_errors_of_leaves() {
     let [wanted, found] = [&lobe, &values].map(|planes| {
         let mut details = Vec::new();
         let mut all: Vec<f64> = planes.iter().map(|&x| f64::from(x)).collect();
-        for (level, halving) in pyramid.halvings.iter().enumerate() {
+        for (level, halving) in pyramid.halvings().all().iter().enumerate() {
             let at = (halving.children, halving.axis);
-            source::halve(&mut all, pyramid.weights_of((0, 1), level), at, |_, detail, weight| {
+            super::pairs::halve(&mut all, pyramid.halvings().weights_of((0, 1), level), at, |_, detail, weight| {
                 details.push(weight.sqrt() * detail);
             });
         }
         let root =
-            f64::from(pyramid.weights_of((0, 1), pyramid.halvings.len()).first().copied().unwrap()).sqrt() * all[0];
+            f64::from(pyramid.halvings().weights_of((0, 1), pyramid.halvings().all().len()).first().copied().unwrap())
+                .sqrt()
+                * all[0];
         details.push(root);
         details
     });
@@ -103,9 +107,9 @@ fn coarser_levels_are_means_of_blocks() {
     for left_out in 0..=order.len() + 1 {
         let coarse = decoded(&grid, &bytes, (1, &weights), 0.01, left_out);
         let mut means: Vec<f64> = values.iter().map(|&x| f64::from(x)).collect();
-        for (level, halving) in pyramid.halvings.iter().enumerate().take(left_out) {
+        for (level, halving) in pyramid.halvings().all().iter().enumerate().take(left_out) {
             let at = (halving.children, halving.axis);
-            source::halve(&mut means, pyramid.weights_of((0, 1), level), at, |_, _, _| {});
+            super::pairs::halve(&mut means, pyramid.halvings().weights_of((0, 1), level), at, |_, _, _| {});
         }
         assert_eq!(coarse.len(), means.len());
         assert!(coarse.iter().zip(&means).all(|(a, b)| (f64::from(*a) - b).abs() < 1e-5), "{left_out}");

@@ -1,10 +1,8 @@
 //! Measurements on the grid of their file, written as the file that they came from: angles, keywords, header and
 //! multipliers are its own.
 
-use super::error::{ExportError, UnfitError};
-use super::format::ExportFormat;
-use super::lamp_errors::LampErrors;
 use crate::domain::{Axis, ErrorAccumulator, ErrorReport, Measurement, Quantity, Unit};
+use crate::export::{ExportError, ExportFormat, LampErrors, UnfitError};
 use crate::formats::{
     self, Acquisition, Digits, FormatError, Interpretation, Restatement, restate_eulumdat, restate_lm63, restate_mbsdf,
 };
@@ -45,7 +43,7 @@ pub struct Restated {
 
 /// Writes `measurement` as a file of the format that it came from, reads it again, and compares angles and samples.
 ///
-/// Refuses measurements on other axes than those of the file, and formats without such a writer: then [`super::export`]
+/// Refuses measurements on other axes than those of the file, and formats without such a writer: then [`crate::export::export`]
 /// resamples.
 pub fn restate(measurement: &Measurement, origin: &Origin<'_>, digits: Digits) -> Result<Restated, ExportError> {
     let format = ExportFormat::of_name(origin.format).ok();

@@ -1,0 +1,76 @@
+//! A grid of angles → the same as the file states it.
+
+use super::numbers::StatedGrid;
+use super::repeated::Repeated;
+use crate::domain::{self, Axis, AxisError, DirectionGrid, DirectionGridError, Frame, Tensor, TensorError};
+use crate::formats::acquisition::{AngleGrid, Angles, AzimuthExtent, Outside};
+
+/// Reasons why a grid of angles has no form as a file states it.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum StatedGridError {
+    /// The angles are out of their limits.
+    #[error(transparent)]
+    Directions(#[from] DirectionGridError),
+    /// The axes are out of their limits.
+    #[error(transparent)]
+    Axes(#[from] AxisError),
+    /// The tensor cannot be made.
+    #[error(transparent)]
+    Tensor(#[from] TensorError),
+}
+
+/// Azimuths of the incoming and the outgoing side as they were listed, where one of them was stated again 360° later.
+pub(in crate::formats) type Listed = [Option<Vec<f64>>; 2];
+
+impl AngleGrid {
+    /// The grid as the file states it.
+    pub fn as_stated(&self) -> Result<StatedGrid, StatedGridError> {
+        match &self.stated {
+            Some(stated) => Ok((**stated).clone()),
+            None => self.stated_as(self.values.clone(), &[None, None]),
+        }
+    }
+
+    /// This grid with `values` in place of its own; azimuths that are `listed` end where they begin.
+    pub(in crate::formats) fn stated_as(
+        &self,
+        values: Vec<f32>,
+        listed: &Listed,
+    ) -> Result<StatedGrid, StatedGridError> {
+        let [first, second] = listed;
+        let incoming = match &self.incoming {
+            Some(Angles { theta, phi: None, .. }) => Some(Axis::Elevation(theta.clone())),
+            Some(angles) => Some(Axis::Grid(surface(angles, first.as_deref(), self.outside)?)),
+            None => None,
+        };
+        let outgoing = match &self.outgoing {
+            Some(angles) => Some(Axis::Grid(surface(angles, second.as_deref(), self.outside)?)),
+            None => None,
+        };
+        let axes = self.index.iter().cloned().chain([incoming, outgoing, self.spectral.clone()].into_iter().flatten());
+        let tensor = Tensor::new(axes.collect(), values)?;
+        Ok(StatedGrid { tensor, factor: 1.0, repeated: Repeated::default() })
+    }
+}
+
+/// The directions of one side in the surface frame.
+fn surface(angles: &Angles, listed: Option<&[f64]>, outside: Outside) -> Result<DirectionGrid, DirectionGridError> {
+    let azimuths = angles.phi.as_ref().map(|azimuths| match listed {
+        Some(listed) => domain::Azimuths { angles: listed.to_vec(), extent: domain::AzimuthExtent::Closed },
+        None => domain::Azimuths {
+            angles: azimuths.phi.clone(),
+            extent: match azimuths.extent {
+                AzimuthExtent::Circle => domain::AzimuthExtent::Circle,
+                AzimuthExtent::Mirrored => domain::AzimuthExtent::Mirrored,
+                AzimuthExtent::Sector => domain::AzimuthExtent::Sector,
+            },
+        },
+    });
+    let grid = DirectionGrid::new(Frame::Surface, angles.theta.clone(), azimuths)?;
+    let (low, high) = angles.covers;
+    let outside = match outside {
+        Outside::Zero => domain::Outside::Dark,
+        Outside::Masked => domain::Outside::Masked,
+    };
+    Ok(grid.covering(low, high)?.with_outside(outside))
+}
