@@ -410,7 +410,7 @@ def evaluate(base, material, samples):
 
 def promise(base, path, target, manifest=None, **options):
     """The error at the file's own samples, through the service, and the target with the slack that float32 needs: (found,
-    allowed). Not part of run.py yet: jobs project onto triangles."""
+    allowed)."""
     samples = read(path, manifest)
     if manifest is not None:
         options["axes"] = manifest
