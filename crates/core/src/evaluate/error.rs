@@ -270,6 +270,12 @@ pub enum Buffer {
 }
 
 impl Buffer {
+    /// Refuses a buffer of another length than expected.
+    #[inline]
+    pub(super) fn check(self, found: usize, expected: usize) -> Result<(), EvaluateError> {
+        if found == expected { Ok(()) } else { unfit(QueryError::Length { buffer: self, found, expected }) }
+    }
+
     fn refusal(self, found: usize, expected: usize) -> String {
         match self {
             Self::Spectrum => format!("room for {found} samples, expected {expected}"),

@@ -30,6 +30,8 @@ pub(super) struct Geometry {
     outgoing_grid: Option<DirectionGrid>,
     /// Entries of the incoming and the outgoing axis, samples of a spectrum; 1 where there is no such axis.
     shape: [usize; 3],
+    /// There is one spectrum, which depends on no incoming direction.
+    is_alone: bool,
 }
 
 #[derive(Debug)]
@@ -76,6 +78,7 @@ impl Geometry {
         };
         let (quantity, unit, sampling) = (measurement.quantity, measurement.unit, measurement.sampling);
         let (axes, layout) = (axes.to_vec(), layout.clone());
+        let is_alone = layout.incoming.is_none() && indices.iter().product::<usize>() * shape[1] == 1;
         Ok(Self {
             quantity,
             unit,
@@ -88,6 +91,7 @@ impl Geometry {
             outgoing,
             outgoing_grid,
             shape,
+            is_alone,
         })
     }
 
@@ -156,6 +160,12 @@ impl Geometry {
     /// Entries of the opaque axes together.
     pub(super) fn entries(&self) -> usize {
         self.indices.iter().product()
+    }
+
+    /// Returns true where there is one spectrum, which depends on no incoming direction.
+    #[inline]
+    pub(super) fn is_alone(&self) -> bool {
+        self.is_alone
     }
 
     /// Entries of all axes but the last.

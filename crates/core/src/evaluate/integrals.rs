@@ -35,9 +35,7 @@ impl Material {
         let cells = self.over_triangles()?;
         cells.check_side(side)?;
         let [n_in, _, lambdas] = cells.geometry().shape();
-        if out.len() != lambdas {
-            return unfit(QueryError::Length { buffer: Buffer::Spectrum, found: out.len(), expected: lambdas });
-        }
+        Buffer::Spectrum.check(out.len(), lambdas)?;
         let entry = cells.geometry().entry(index)?;
         let stencil = match how {
             Interpolation::Constant => Stencil::one(cells.geometry().incoming_entry(wi)?),
@@ -81,9 +79,7 @@ impl Material {
         let cells = self.over_triangles()?;
         cells.check_side(side)?;
         let mut value = vec![0.0; self.lambdas()];
-        if out.len() != value.len() {
-            return unfit(QueryError::Length { buffer: Buffer::Spectrum, found: out.len(), expected: value.len() });
-        }
+        Buffer::Spectrum.check(out.len(), value.len())?;
         let Some(own) = cells.geometry().mesh().map(|lookup| lookup.mesh()) else { return Ok(()) };
         let level = own.level().saturating_add(finer);
         let Some(mesh) = TriangleMesh::new(own.domain(), level) else {

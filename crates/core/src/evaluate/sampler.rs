@@ -118,9 +118,7 @@ impl<'a> Sampler<'a> {
     ) -> Result<(), EvaluateError> {
         let count = u.len();
         pairs.wi.map_or(Ok(()), |wi| wi.check(Argument::Wi, count))?;
-        if out.len() != count {
-            return unfit(QueryError::Length { buffer: Buffer::Samples, found: out.len(), expected: count });
-        }
+        Buffer::Samples.check(out.len(), count)?;
         for (i, (out, &u)) in out.iter_mut().zip(u).enumerate() {
             *out = self.sample_of(stated, pairs.index, pairs.wi_at(i)?, u, options)?;
         }

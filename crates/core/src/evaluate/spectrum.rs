@@ -14,10 +14,7 @@ impl Function {
     #[inline]
     pub(super) fn spectrum(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         let geometry = self.geometry();
-        if out.len() != geometry.lambdas() {
-            let (found, expected) = (out.len(), geometry.lambdas());
-            return unfit(QueryError::Length { buffer: Buffer::Spectrum, found, expected });
-        }
+        Buffer::Spectrum.check(out.len(), geometry.lambdas())?;
         match self.form() {
             Form::Planes { planes, smooth } => {
                 self.with_row(
@@ -30,7 +27,7 @@ impl Function {
                     |row, presence| planes.expand(row, presence, out),
                 )?;
             }
-            Form::Samples(samples) if geometry.cells() == 1 && geometry.layout().incoming.is_none() => {
+            Form::Samples(samples) if geometry.is_alone() => {
                 geometry.cell_of(place)?;
                 out.copy_from_slice(samples.all());
             }
@@ -59,10 +56,7 @@ impl Function {
         let Some(grid) = geometry.grid() else {
             return unfit(QueryError::NoWavelengths { quantity: geometry.quantity() });
         };
-        if out.len() != wavelengths.len() {
-            let (found, expected) = (out.len(), wavelengths.len());
-            return unfit(QueryError::Length { buffer: Buffer::Wavelengths, found, expected });
-        }
+        Buffer::Wavelengths.check(out.len(), wavelengths.len())?;
         match self.form() {
             Form::Planes { planes, smooth } => self.with_row(
                 planes,
@@ -94,10 +88,7 @@ impl Function {
     /// colour coordinate, power in a band, a mean. NaN where a sample with a weight is masked.
     pub(super) fn weighted(&self, place: Place<'_>, how: Interpolation, weights: &[f32]) -> Result<f32, EvaluateError> {
         let geometry = self.geometry();
-        if weights.len() != geometry.lambdas() {
-            let (found, expected) = (weights.len(), geometry.lambdas());
-            return unfit(QueryError::Length { buffer: Buffer::Weights, found, expected });
-        }
+        Buffer::Weights.check(weights.len(), geometry.lambdas())?;
         self.weighted_by(place, how, weights, |value| {
             weights.iter().enumerate().filter(|(_, w)| **w != 0.0).map(|(lambda, w)| w * value(lambda)).sum()
         })

@@ -249,9 +249,7 @@ impl Sampler<'_> {
         options: SampleOptions,
         out: &mut [Option<DirectionSample>],
     ) -> Result<(), EvaluateError> {
-        if u.len() != out.len() {
-            return unfit(QueryError::Length { buffer: Buffer::Samples, found: out.len(), expected: u.len() });
-        }
+        Buffer::Samples.check(out.len(), u.len())?;
         pairs.wi.map_or(Ok(()), |wi| wi.check(Argument::Wi, u.len()))?;
         let (Form::Planes { planes, .. }, true) = (self.function().form(), self.is_staged(options)) else {
             return out.iter_mut().zip(u).enumerate().try_for_each(|(i, (out, &u))| {

@@ -85,10 +85,7 @@ impl Stated {
 
     /// As [`super::material::Material::evaluate`].
     pub(super) fn spectrum(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
-        if out.len() != self.geometry.lambdas() {
-            let (found, expected) = (out.len(), self.geometry.lambdas());
-            return unfit(QueryError::Length { buffer: Buffer::Spectrum, found, expected });
-        }
+        Buffer::Spectrum.check(out.len(), self.geometry.lambdas())?;
         match self.found(place, how)? {
             Some(found) => self.lines.spectrum(&found, out),
             None => out.fill(0.0),
@@ -108,10 +105,7 @@ impl Stated {
         let Some(grid) = self.geometry.grid() else {
             return unfit(QueryError::NoWavelengths { quantity: self.geometry.quantity() });
         };
-        if out.len() != wavelengths.len() {
-            let (found, expected) = (out.len(), wavelengths.len());
-            return unfit(QueryError::Length { buffer: Buffer::Wavelengths, found, expected });
-        }
+        Buffer::Wavelengths.check(out.len(), wavelengths.len())?;
         match self.found(place, how)? {
             Some(found) => between(grid, beyond, wavelengths, out, |lambda| self.lines.sample(&found, lambda)),
             None => between(grid, beyond, wavelengths, out, |_| 0.0),
@@ -121,10 +115,7 @@ impl Stated {
 
     /// As [`super::material::Material::weighted`].
     pub(super) fn weighted(&self, place: Place<'_>, how: Interpolation, weights: &[f32]) -> Result<f32, EvaluateError> {
-        if weights.len() != self.geometry.lambdas() {
-            let (found, expected) = (weights.len(), self.geometry.lambdas());
-            return unfit(QueryError::Length { buffer: Buffer::Weights, found, expected });
-        }
+        Buffer::Weights.check(weights.len(), self.geometry.lambdas())?;
         let Some(found) = self.found(place, how)? else { return Ok(0.0) };
         let lit = weights.iter().enumerate().filter(|(_, w)| **w != 0.0);
         Ok(lit.map(|(lambda, w)| w * self.lines.sample(&found, lambda)).sum())

@@ -20,9 +20,10 @@ pub(crate) use lattice::Shape;
 
 use super::super::setting_error::SettingError;
 use super::super::spectral_basis::SpectralBasis;
+use super::coded::{Coded, LastCoded, code_streams};
 use super::layer::FirstLayer;
 use super::lines::{PairPyramid, Source, code_order, order_of_halvings};
-use super::spectrum::{Basis, MAX_GRID_RANK, components};
+use super::spectrum::{ANALYSED, Basis, MAX_GRID_RANK, components};
 use super::steps::Fineness;
 use super::streams::Streams;
 use crate::codec::{ChunkKind, Class, Encoder, Writer};
@@ -31,10 +32,7 @@ use crate::transform::{AxisTransform, Klt};
 use planes::Planes;
 use quantised::{bound_negative, quantiser};
 use rayon::prelude::*;
-use std::sync::{Arc, Mutex, PoisonError};
-
-/// Samples of the spectra whose principal components are found, at most.
-const ANALYSED: usize = 1 << 23;
+use std::sync::Arc;
 
 /// The largest logarithm of a negative sample, rounded down.
 fn largest_negative(classes: &[Class], values: &[f32]) -> Option<f32> {
@@ -75,17 +73,7 @@ pub(crate) struct GridLayer<'a> {
     opening: Encoder,
     /// By stream, of planes that do not depend on the step.
     sources: Option<Vec<Source>>,
-    /// What was coded last: a size and an error are asked for one after the other.
-    last: Mutex<Option<(Fineness, Arc<Coded>)>>,
-}
-
-/// A layer at one fineness.
-struct Coded {
-    basis: Option<Basis>,
-    chunks: Vec<(ChunkKind, Vec<u8>)>,
-    /// `[units, vectors, leaves]`
-    planes: Vec<f32>,
-    kept: u64,
+    last: LastCoded,
 }
 
 impl<'a> GridLayer<'a> {
@@ -129,7 +117,7 @@ impl<'a> GridLayer<'a> {
             largest_negative: classes.and_then(|classes| largest_negative(classes, values)),
             transforms: vec![AxisTransform::Identity; axes.len()],
             sources: None,
-            last: Mutex::new(None),
+            last: LastCoded::default(),
             form,
             planes,
             klt,
@@ -153,15 +141,7 @@ impl<'a> GridLayer<'a> {
     }
 
     fn coded(&self, fineness: Fineness) -> Arc<Coded> {
-        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        match &*last {
-            Some((known, coded)) if *known == fineness => Arc::clone(coded),
-            _ => {
-                let coded = Arc::new(self.code(fineness));
-                *last = Some((fineness, Arc::clone(&coded)));
-                coded
-            }
-        }
+        self.last.get(fineness, || self.code(fineness))
     }
 
     fn code(&self, fineness: Fineness) -> Coded {
@@ -189,21 +169,7 @@ impl<'a> GridLayer<'a> {
             w.f32(largest);
         }
         let (planes, details) = if self.form.random {
-            let coded: Vec<(Vec<f32>, u64, Vec<u8>)> = (0..self.planes.streams())
-                .into_par_iter()
-                .map(|k| {
-                    let mut encoder = Encoder::default();
-                    let (planes, details) = code(&mut encoder, k);
-                    (planes, details, encoder.finish())
-                })
-                .collect();
-            let details = coded.iter().map(|(_, details, _)| details).sum();
-            let mut planes = Vec::with_capacity(self.planes.leaves() * vectors);
-            let mut streams = Vec::with_capacity(coded.len());
-            for (own, _, stream) in coded {
-                planes.extend(own);
-                streams.push(stream);
-            }
+            let (planes, details, streams) = code_streams(self.planes.streams(), code);
             let opening = self.opening.clone().finish();
             w.varint(opening.len() as u64);
             w.raw(&opening);

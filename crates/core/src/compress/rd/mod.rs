@@ -8,6 +8,7 @@ pub(super) mod adaptive;
 mod candidate;
 mod chart;
 mod class_plane;
+mod coded;
 mod contest;
 mod folding;
 pub(super) mod gridded;

@@ -22,11 +22,12 @@ use super::super::setting_error::SettingError;
 use super::super::spectral_basis::SpectralBasis;
 use super::super::values::Values;
 use super::chart::{Chart, ChartKind};
+use super::coded::{Coded, LastCoded, code_streams};
 use super::folding::{fold_rows, live_leaves, spectra, synthesise, transposed};
 use super::layer::FirstLayer;
 use super::pyramid::Pyramid;
 use super::shape::Shape;
-use super::spectrum::{Basis, MAX_RANK, components};
+use super::spectrum::{ANALYSED, Basis, MAX_RANK, components};
 use super::steps::Fineness;
 use super::streams::Streams;
 use super::symmetry::{Group, Representatives};
@@ -34,11 +35,7 @@ use crate::codec::{ChunkKind, Class, Encoder, Writer};
 use crate::domain::Symmetry;
 use crate::transform::{AxisTransform, Klt};
 use opening::number_of;
-use rayon::prelude::*;
-use std::sync::{Arc, Mutex, PoisonError};
-
-/// Samples of the spectra whose principal components are found, at most.
-const ANALYSED: usize = 1 << 23;
+use std::sync::Arc;
 
 /// Rows folded by a group of symmetries, and their principal components: what every model starts from.
 pub(crate) struct Folded {
@@ -98,16 +95,7 @@ pub(crate) struct PredictiveLayer {
     chart: Option<Chart>,
     /// Whether every block is a stream of its own.
     random: bool,
-    /// What was coded last: a size and an error are asked for one after the other.
-    last: Mutex<Option<(Fineness, Arc<Coded>)>>,
-}
-
-/// A layer at one fineness.
-struct Coded {
-    basis: Option<Basis>,
-    chunks: Vec<(ChunkKind, Vec<u8>)>,
-    planes: Vec<f32>,
-    kept: u64,
+    last: LastCoded,
 }
 
 impl PredictiveLayer {
@@ -120,19 +108,11 @@ impl PredictiveLayer {
             None => None,
         };
         let transforms = vec![AxisTransform::Identity; folded.shape.axes().len()];
-        Ok(Self { folded, transforms, chart, random, last: Mutex::new(None) })
+        Ok(Self { folded, transforms, chart, random, last: LastCoded::default() })
     }
 
     fn coded(&self, fineness: Fineness) -> Arc<Coded> {
-        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        match &*last {
-            Some((known, coded)) if *known == fineness => Arc::clone(coded),
-            _ => {
-                let coded = Arc::new(self.code(fineness));
-                *last = Some((fineness, Arc::clone(&coded)));
-                coded
-            }
-        }
+        self.last.get(fineness, || self.code(fineness))
     }
 
     fn code(&self, fineness: Fineness) -> Coded {
@@ -222,22 +202,8 @@ impl FirstLayer for PredictiveLayer {
 /// Codes the planes of every representative by themselves: what a decoder has, the details that are not 0, the streams.
 fn code_blocks(pyramid: &Pyramid, (step, vectors): (f32, usize), planes: &[f32]) -> (Vec<f32>, u64, Vec<Vec<u8>>) {
     let block = planes.len() / pyramid.all().len();
-    let coded: Vec<(Vec<f32>, u64, Vec<u8>)> = planes
-        .par_chunks(block)
-        .enumerate()
-        .map(|(k, planes)| {
-            let mut encoder = Encoder::default();
-            let (decoded, details) =
-                pyramid.code(&mut encoder, (step, vectors), k..k + 1, Some(planes.to_vec()), usize::MAX);
-            (decoded, details, encoder.finish())
-        })
-        .collect();
-    let details = coded.iter().map(|(_, details, _)| details).sum();
-    let mut decoded = Vec::with_capacity(planes.len());
-    let mut streams = Vec::with_capacity(coded.len());
-    for (planes, _, stream) in coded {
-        decoded.extend(planes);
-        streams.push(stream);
-    }
-    (decoded, details, streams)
+    code_streams(pyramid.all().len(), |encoder, k| {
+        let planes = planes[k * block..][..block].to_vec();
+        pyramid.code(encoder, (step, vectors), k..k + 1, Some(planes), usize::MAX)
+    })
 }

@@ -23,6 +23,8 @@ use rayon::prelude::*;
 pub(super) const MAX_RANK: usize = 24;
 /// Vectors at most where they have bytes of their own: spectra of 200 bands down to noisy tails have more than 24.
 pub(super) const MAX_GRID_RANK: usize = 64;
+/// Samples of the spectra whose principal components are found, at most.
+pub(super) const ANALYSED: usize = 1 << 23;
 /// A vector whose coefficients are smaller than this part of the step would be quantised to nothing.
 const WORTH_KEEPING: f64 = 0.35;
 /// How coarse vectors are if nothing else is asked for, and at most.

@@ -37,9 +37,7 @@ impl Material {
         out: &mut [f32],
     ) -> Result<(), EvaluateError> {
         let (wi, wo) = self.pair(place)?;
-        if scratch.len() != out.len() {
-            return unfit(QueryError::Length { buffer: Buffer::Scratch, found: scratch.len(), expected: out.len() });
-        }
+        Buffer::Scratch.check(scratch.len(), out.len())?;
         if self.is_transmitted(wi, wo) {
             return self.evaluate(place, how, out);
         }
