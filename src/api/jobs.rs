@@ -83,8 +83,8 @@ struct CompressSchema {
     floor: Option<f64>,
     /// The largest relative error of the light of any direction and wavelength (directional albedo, flux); policy `rd`.
     albedo_error: Option<f64>,
-    /// `grid`: directions stay on the angles of the file, which has to state a grid of them; `triangles`: samples are averaged
-    /// over triangles, as a level asks, too.
+    /// `grid`: directions stay on the angles of the file, which has to state a grid of them (what is done where it does and
+    /// nothing is asked for); `triangles`: samples are averaged over triangles, as a level asks, too.
     domain: Option<DomainName>,
     /// Subdivision level of the incoming triangles.
     incoming_level: Option<u8>,

@@ -14,7 +14,7 @@ use axum::extract::State;
 use axum::http::{HeaderMap, Method, StatusCode};
 use axum::response::Response;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Map, Value};
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -104,11 +104,24 @@ struct Manifest {
     ratio_coefficients: Option<f64>,
     /// Bytes of the float32 tensor per byte of the file.
     ratio_bytes: Option<f64>,
+    /// The samples that the measurement states; the errors and counts that follow are those of the decoded file at them.
     samples: u64,
     er_l1: Option<f64>,
     er_l2: Option<f64>,
     max_relative_error: Option<f64>,
     relative_rmse: Option<f64>,
+    /// Cells times wavelengths, where samples were averaged over cells; `er_l1_cells`, `er_l2_cells`,
+    /// `max_relative_error_cells` and `relative_rmse_cells` are the errors of the decoded file against those averages.
+    #[serde(default)]
+    samples_cells: Option<u64>,
+    #[serde(default)]
+    er_l1_cells: Option<f64>,
+    #[serde(default)]
+    er_l2_cells: Option<f64>,
+    #[serde(default)]
+    max_relative_error_cells: Option<f64>,
+    #[serde(default)]
+    relative_rmse_cells: Option<f64>,
     max_absolute_error: Option<f64>,
     scored_samples: u64,
     zero_samples: u64,
@@ -127,9 +140,6 @@ struct Manifest {
     #[serde(default)]
     #[schema(value_type = Option<Object>)]
     light: Option<Value>,
-    /// The same errors at the samples of the file, where projection changed them.
-    #[schema(value_type = Option<Object>)]
-    errors_at_samples: Option<Value>,
     /// Standard deviations of the relative noise of the measurement, found by its lack of structure: `relative` of one
     /// sample, its `uncertainty`, `common` to neighbouring spectral samples; null where none can be told.
     #[schema(value_type = Option<Object>)]
@@ -297,9 +307,25 @@ fn absent(id: Digest) -> String {
     format!("there is no material {id}")
 }
 
+impl Manifest {
+    /// Reads the document of a catalog. Those of before 2026-11-23 name the errors of the cells as `er_l2` and so on, and have
+    /// those at the samples in an object of their own.
+    fn read(document: &str) -> Result<Self, serde_json::Error> {
+        let mut document: Map<String, Value> = serde_json::from_str(document)?;
+        if let Some(Value::Object(at_samples)) = document.remove("errors_at_samples") {
+            for name in ["samples", "er_l1", "er_l2", "max_relative_error", "relative_rmse"] {
+                let of_cells = document.remove(name).unwrap_or(Value::Null);
+                document.insert(format!("{name}_cells"), of_cells);
+            }
+            document.extend(at_samples);
+        }
+        serde_json::from_value(Value::Object(document))
+    }
+}
+
 impl Material {
     fn of(row: MaterialRow) -> Result<Self, Problem> {
-        let mut manifest: Manifest = serde_json::from_str(&row.document)
+        let mut manifest = Manifest::read(&row.document)
             .map_err(|error| Problem::internal(&format!("manifest of material {}: {error}", row.id)))?;
         // Documents of before have no lists.
         if manifest.names.is_empty() {

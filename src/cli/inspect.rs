@@ -254,7 +254,11 @@ impl Material {
         if self.floor > 0.0 {
             sheet.line("floor", self.floor);
         }
-        error_lines(&mut sheet, "error", &self.errors);
+        error_lines(
+            &mut sheet,
+            if self.sampling == Sampling::Average { "error of the cells" } else { "error" },
+            &self.errors,
+        );
         level_lines(&mut sheet, &self.levels);
         for warning in &self.warnings {
             sheet.line("warning", warning);

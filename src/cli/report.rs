@@ -30,6 +30,12 @@ pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
     );
     coefficient_line(&mut sheet, report.kept_coefficients, report.ratio_coefficients);
     error_lines(&mut sheet, "error", &report.errors);
+    if let Some(cells) = &report.cells {
+        let [l1, l2, largest, rmse] =
+            [cells.er_l1, cells.er_l2, cells.max_relative_error, cells.relative_rmse].map(per_cent);
+        let text = format!("er(L1) {l1}, er(L2) {l2}, largest {largest}; relative RMSE {rmse}");
+        sheet.line("of the cells", text);
+    }
     if let Some(light) = &report.light {
         let text = format!(
             "kept within {} (rms {}); the brightest is {}",
@@ -41,9 +47,6 @@ pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
     }
     if let Some(colour) = &report.delta_e {
         colour_lines(&mut sheet, colour);
-    }
-    if let Some(errors) = &report.errors_at_samples {
-        error_lines(&mut sheet, "at the file's samples", errors);
     }
     sheet.line("digest", &report.digest);
     sheet

@@ -14,7 +14,8 @@ const DEFAULT_TARGET: Target = Target::ErL2(0.01);
 /// The axes of the tensor; what is not given is chosen from the data's own density.
 #[derive(Debug, clap::Args)]
 pub(crate) struct AxesArgs {
-    /// Directions on the angles of the file (grid), where it has a grid of them, or on triangles; a level asks for triangles
+    /// Directions stay on the angles of the file (grid) or are averaged over triangles [default: grid where the file has one;
+    /// a level asks for triangles]
     #[arg(long, value_name = "grid|triangles")]
     domain: Option<DirectionDomain>,
     /// Subdivision level of the incoming triangles

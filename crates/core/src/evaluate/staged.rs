@@ -6,7 +6,7 @@
 use super::blocks::Places;
 use super::carried::{CarriedBlock, Carry, Origins, STAYING};
 use super::directions::{Directions, Pairs};
-use super::error::{Argument, Buffer, EvaluateError, QueryError, unfit};
+use super::error::{Argument, Buffer, EvaluateError};
 use super::form::Form;
 use super::incoming::Alignment;
 use super::kernel::{BLOCK, Block, set_vector, vector_of};

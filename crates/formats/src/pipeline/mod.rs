@@ -14,7 +14,7 @@ pub use digest::digest;
 pub use error::PipelineError;
 pub use outcome::{Outcome, compress, project};
 pub use provenance::runs;
-pub use report::Report;
+pub use report::{CellErrors, Report};
 pub use request::Request;
 pub use restated::{Origin, Restated, restate};
 pub use source::{Input, Source, read};

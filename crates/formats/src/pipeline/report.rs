@@ -52,15 +52,16 @@ pub struct Report {
     pub ratio_coefficients: Option<f64>,
     /// Bytes of the float32 tensor per byte of the file.
     pub ratio_bytes: f64,
-    /// Errors of the decoded file against the tensor that was compressed.
+    /// Errors of the decoded file at the samples that the measurement states.
     #[serde(flatten)]
     pub errors: ErrorReport,
+    /// Errors of the decoded file against the cells that were compressed, where samples were averaged over cells.
+    #[serde(flatten)]
+    pub cells: Option<CellErrors>,
     /// How much of the light of every direction and wavelength (directional albedo, flux) the decoded file keeps.
     pub light: Option<LightReport>,
     /// Colour differences of the decoded file against the tensor, where they were promised.
     pub delta_e: Option<ColourReport>,
-    /// Errors of the decoded file at the original samples, where projection changed them.
-    pub errors_at_samples: Option<ErrorReport>,
     /// The noise of the tensor that was compressed; `None` where none can be told.
     pub noise: Option<Noise>,
     /// What the cells stand on.
@@ -70,6 +71,33 @@ pub struct Report {
     pub notes: Vec<Note>,
     /// The levels of the last triangle axis that the first bytes of the file hold, coarse first; at least the finest.
     pub levels: Vec<LevelInfo>,
+}
+
+/// Errors of decoded cells against those that were compressed; see [`ErrorReport`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CellErrors {
+    /// Cells times wavelengths.
+    #[serde(rename = "samples_cells")]
+    pub samples: u64,
+    /// Mean relative error.
+    #[serde(rename = "er_l1_cells")]
+    pub er_l1: f64,
+    /// Root mean square of the relative error.
+    #[serde(rename = "er_l2_cells")]
+    pub er_l2: f64,
+    /// The largest relative error.
+    #[serde(rename = "max_relative_error_cells")]
+    pub max_relative_error: f64,
+    /// `√(Σ(s'−s)² / Σs²)`.
+    #[serde(rename = "relative_rmse_cells")]
+    pub relative_rmse: f64,
+}
+
+impl CellErrors {
+    fn of(errors: &ErrorReport) -> Self {
+        let ErrorReport { samples, er_l1, er_l2, max_relative_error, relative_rmse, .. } = *errors;
+        Self { samples, er_l1, er_l2, max_relative_error, relative_rmse }
+    }
 }
 
 /// The report on a file that was just made from as many samples.
@@ -93,6 +121,7 @@ pub(super) fn report(
     let warnings = warnings.into_iter().flatten().map(|message| Note { kind: NoteKind::Warning, message });
     let samples = samples as f64;
     let decoded = projected.then(|| compress::decode(&compressed.bytes).ok()).flatten();
+    let at_samples = decoded.and_then(|decoded| projection::error_at_samples(acquisition, &decoded.measurement));
     Report {
         digest: digest(&compressed.bytes),
         payload_digest: compress::payload_digest(&compressed.bytes)
@@ -109,10 +138,10 @@ pub(super) fn report(
         kept_coefficients: summary.kept_coefficients,
         ratio_coefficients: summary.kept_coefficients.map(|kept| samples / kept.max(1) as f64),
         ratio_bytes: 4.0 * samples / compressed.bytes.len() as f64,
-        errors: summary.errors,
+        errors: at_samples.unwrap_or(summary.errors),
+        cells: at_samples.map(|_| CellErrors::of(&summary.errors)),
         light: compressed.light,
         delta_e: compressed.colour,
-        errors_at_samples: decoded.and_then(|d| projection::error_at_samples(acquisition, &d.measurement)),
         noise: compressed.noise,
         coverage,
         notes: acquisition.report.notes_of(on_grid).cloned().chain(warnings).collect(),

@@ -14,9 +14,8 @@ pub enum DirectionDomain {
 }
 named!(DirectionDomain, "domain of directions", { Grid = "grid", Triangles = "triangles" });
 
-/// Domain of sources with a grid where neither it nor a level is named. `Grid` is to take its place as soon as compression
-/// and evaluation know such axes.
-const DEFAULT: DirectionDomain = DirectionDomain::Triangles;
+/// Domain of sources with a grid where neither it nor a level is named.
+const DEFAULT: DirectionDomain = DirectionDomain::Grid;
 
 /// The axes the user asks for; what is not given is chosen from the data's own density.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -79,12 +79,17 @@ fn grid_of(acquisition: &mut Acquisition) -> &mut AngleGrid {
     }
 }
 
+/// Sources with a grid of angles leave it.
+fn triangles() -> AxesRequest {
+    AxesRequest { domain: Some(DirectionDomain::Triangles), ..AxesRequest::default() }
+}
+
 fn levels(incoming: Option<u8>, outgoing: Option<u8>) -> AxesRequest {
     AxesRequest { incoming_level: incoming, outgoing_level: outgoing, ..AxesRequest::default() }
 }
 
 fn wavelengths(range: &str) -> AxesRequest {
-    AxesRequest { wavelengths: Some(WavelengthGrid::parse_range(range).unwrap()), ..AxesRequest::default() }
+    AxesRequest { wavelengths: Some(WavelengthGrid::parse_range(range).unwrap()), ..triangles() }
 }
 
 fn refusal(acquisition: &Acquisition, request: &AxesRequest) -> String {
@@ -100,7 +105,7 @@ fn mesh(domain: Domain, level: u8) -> TriangleMesh {
 
 #[test]
 fn constants_stay_exactly() {
-    let projected = project(&edf(whole(10.0), Outside::Zero, |_, _| 0.1), &AxesRequest::default()).unwrap();
+    let projected = project(&edf(whole(10.0), Outside::Zero, |_, _| 0.1), &triangles()).unwrap();
     assert!(projected.measurement.tensor.samples().iter().all(|&s| s == 0.1));
     let projected = project(&brdf(|_, _, c| 0.3 + c as f32), &levels(Some(1), Some(2))).unwrap();
     let samples = projected.measurement.tensor.samples();
@@ -157,7 +162,7 @@ fn outside_is_zero_or_masked_as_the_format_says() {
         let phi = Some((steps(0.0, 30.0, 12), AzimuthExtent::Circle));
         edf(angles(steps(90.0, 10.0, 10), (90.0, 180.0), phi), outside, |_, _| 2.0)
     };
-    let zero = project(&downlight(Outside::Zero), &AxesRequest::default()).unwrap();
+    let zero = project(&downlight(Outside::Zero), &triangles()).unwrap();
     let samples = zero.measurement.tensor.samples();
     let half = samples.len() / 2;
     assert!(samples[..half].iter().all(|&s| s == 0.0) && samples[half..].iter().all(|&s| s == 2.0));
@@ -167,7 +172,7 @@ fn outside_is_zero_or_masked_as_the_format_says() {
         "{:?}",
         zero.coverage.notes
     );
-    let masked = project(&downlight(Outside::Masked), &AxesRequest::default()).unwrap();
+    let masked = project(&downlight(Outside::Masked), &triangles()).unwrap();
     let samples = masked.measurement.tensor.samples();
     assert!(samples[..half].iter().all(|s| s.is_nan()) && samples[half..].iter().all(|&s| s == 2.0));
     // Samples at theta 90° exactly belong to the lower half, where they were measured.
@@ -214,7 +219,7 @@ fn sectors_are_masked_beyond_their_ends() {
 fn flux_is_the_grids_own_quadrature() {
     let f = |t: f64, p: f64| (100.0 * (1.0 + t.to_radians().cos()) + 20.0 * p.to_radians().sin() + 30.0) as f32;
     let mut acquired = edf(whole(5.0), Outside::Zero, f);
-    let projected = project(&acquired, &AxesRequest::default()).unwrap();
+    let projected = project(&acquired, &triangles()).unwrap();
     let m = mesh(Domain::Sphere, 4);
     let Axis::Triangles(chosen) = &projected.measurement.tensor.axes()[0] else { panic!() };
     assert_eq!(chosen.level(), m.level());
@@ -324,7 +329,7 @@ fn cells_coarser_than_the_promise_are_told() {
     };
     let steep = brdf(|_, wo, _| (4.0 * wo.xyz()[0]).exp() as f32);
     let flat = brdf(|_, _, c| 0.3 + c as f32);
-    assert!(told(&steep, &AxesRequest::default()) && !told(&flat, &AxesRequest::default()));
+    assert!(told(&steep, &triangles()) && !told(&flat, &triangles()));
     assert!(!told(&steep, &levels(Some(1), Some(3))));
 }
 
@@ -357,11 +362,11 @@ fn missing_samples_are_counted_and_holes_masked() {
 #[test]
 fn a_joined_spectrum_adds_the_wavelength_axis() {
     let mut acquired = edf(whole(15.0), Outside::Zero, |t, _| t as f32);
-    let plain = project(&acquired, &AxesRequest::default()).unwrap();
+    let plain = project(&acquired, &triangles()).unwrap();
     let grid = WavelengthGrid::parse_range("400:700:100").unwrap();
     acquired.spectral_factor = Some(SpectralFactor { grid, factors: vec![1.0, 2.0, 0.0, 4.0] });
     acquired.unit = Unit::RelativePerNanometre;
-    let projected = project(&acquired, &AxesRequest::default()).unwrap();
+    let projected = project(&acquired, &triangles()).unwrap();
     assert_eq!(projected.measurement.tensor.shape(), [plain.measurement.tensor.len(), 4]);
     for (s, base) in projected.measurement.tensor.samples().chunks(4).zip(plain.measurement.tensor.samples()) {
         assert!((s[1] - 2.0 * base).abs() <= 1e-6 * s[1] && s[2] == 0.0 && (s[3] - 2.0 * s[1]).abs() <= 1e-6 * s[3]);
@@ -378,7 +383,7 @@ fn a_joined_spectrum_adds_the_wavelength_axis() {
     assert_eq!(errors.samples, 4 * directions);
     let constant = edf(whole(15.0), Outside::Zero, |_, _| 3.0);
     let constant = Acquisition { spectral_factor: acquired.spectral_factor.clone(), ..constant };
-    let projected = project(&constant, &AxesRequest::default()).unwrap();
+    let projected = project(&constant, &triangles()).unwrap();
     assert_eq!(error_at_samples(&constant, &projected.measurement).unwrap().max_absolute_error, 0.0);
 }
 
@@ -435,9 +440,9 @@ fn requests_that_mean_nothing_are_refused() {
     assert!(refusal(&lamp, &wavelengths("400:700:10")).contains("join a spectrum"));
     let mut upward = edf(angles(steps(0.0, 10.0, 5), (0.0, 60.0), None), Outside::Masked, |_, _| 1.0);
     upward.quantity = Quantity::Btdf;
-    assert!(refusal(&upward, &AxesRequest::default()).contains("does not reach into the lower"));
+    assert!(refusal(&upward, &triangles()).contains("does not reach into the lower"));
     upward.quantity = Quantity::Brdf;
-    assert!(matches!(project(&upward, &AxesRequest::default()), Err(ProjectionError::Axes(AxisError::Unfit { .. }))));
+    assert!(matches!(project(&upward, &triangles()), Err(ProjectionError::Axes(AxisError::Unfit { .. }))));
 }
 
 #[test]
@@ -445,23 +450,20 @@ fn broken_grids_are_refused() {
     let mut lamp = edf(whole(30.0), Outside::Zero, |_, _| 1.0);
     grid_of(&mut lamp).values.pop();
     assert!(matches!(
-        project(&lamp, &AxesRequest::default()),
+        project(&lamp, &triangles()),
         Err(ProjectionError::Tensor(TensorError::Count { found: 41, expected: 42, .. }))
     ));
     assert_eq!(
         error_at_samples(
             &lamp,
-            &project(&edf(whole(30.0), Outside::Zero, |_, _| 1.0), &AxesRequest::default()).unwrap().measurement
+            &project(&edf(whole(30.0), Outside::Zero, |_, _| 1.0), &triangles()).unwrap().measurement
         ),
         None
     );
     grid_of(&mut lamp).values.push(f32::INFINITY);
-    assert!(matches!(
-        project(&lamp, &AxesRequest::default()),
-        Err(ProjectionError::Tensor(TensorError::Infinite { index: 41 }))
-    ));
+    assert!(matches!(project(&lamp, &triangles()), Err(ProjectionError::Tensor(TensorError::Infinite { index: 41 }))));
     grid_of(&mut lamp).outgoing = Some(angles(vec![0.0, -1.0], (0.0, 180.0), None));
-    assert!(refusal(&lamp, &AxesRequest::default()).contains("theta -1"));
+    assert!(refusal(&lamp, &triangles()).contains("theta -1"));
 }
 
 #[test]
@@ -495,7 +497,7 @@ fn errors_of_another_files_tensor_are_none() {
     let lamp = edf(whole(30.0), Outside::Zero, |_, _| 1.0);
     let surface = project(&brdf(|_, _, _| 1.0), &levels(Some(0), Some(1))).unwrap();
     assert_eq!(error_at_samples(&lamp, &surface.measurement), None);
-    let projected = project(&lamp, &AxesRequest::default()).unwrap();
+    let projected = project(&lamp, &triangles()).unwrap();
     let mut coloured = lamp.clone();
     grid_of(&mut coloured).spectral = Some(Axis::Rgb);
     grid_of(&mut coloured).values = vec![1.0; 42 * 3];

@@ -6,7 +6,7 @@ use wavelume_core::domain::{Axis, Direction, Domain, Quantity, TriangleMesh};
 use wavelume_formats::formats::{
     Acquisition, Angles, AzimuthExtent, Interpretation, Outside, Samples, TEMPLATES, attach_spectrum, read, write_npy,
 };
-use wavelume_formats::projection::{AxesRequest, Projected, error_at_samples, project};
+use wavelume_formats::projection::{AxesRequest, DirectionDomain, Projected, error_at_samples, project};
 
 fn acquire(path: &Path) -> Acquisition {
     let bytes = std::fs::read(path).unwrap();
@@ -33,6 +33,11 @@ fn luminaires() -> Vec<(PathBuf, Acquisition)> {
         Some((path, read(&bytes, &Interpretation::default()).ok()?))
     });
     parsed.collect()
+}
+
+/// Files with a grid of angles leave it.
+fn on_triangles() -> AxesRequest {
+    AxesRequest { domain: Some(DirectionDomain::Triangles), ..AxesRequest::default() }
 }
 
 fn mesh(projected: &Projected, axis: usize) -> TriangleMesh {
@@ -95,7 +100,7 @@ fn projected_luminaires_keep_their_flux() {
     let luminaires = luminaires();
     assert!(luminaires.len() >= 8, "{}", luminaires.len());
     for (path, acquired) in luminaires {
-        let projected = project(&acquired, &AxesRequest::default()).unwrap();
+        let projected = project(&acquired, &on_triangles()).unwrap();
         let mesh = mesh(&projected, 0);
         let samples = projected.measurement.tensor.samples();
         let found: f64 = samples.iter().zip(mesh.solid_angles()).map(|(&s, angle)| f64::from(s) * angle).sum();
@@ -111,7 +116,7 @@ fn projected_luminaires_keep_their_flux() {
 fn a_luminaire_and_its_spectrum_become_a_spectral_emission() {
     let mut acquired = bundled("aerolamp.ies");
     attach_spectrum(&mut acquired, &bundled("aerolamp.csv")).unwrap();
-    let projected = project(&acquired, &AxesRequest::default()).unwrap();
+    let projected = project(&acquired, &on_triangles()).unwrap();
     let chosen = mesh(&projected, 0);
     assert_eq!((chosen.domain(), chosen.level()), (Domain::Sphere, 5));
     let note = "outgoing level 5 on the sphere: cells of 2.2° for samples every 2.5° × 11.25°";
@@ -131,7 +136,7 @@ fn a_measured_car_paint_keeps_its_elevations() {
     let acquired = bundled("carpaint_blue.mbsdf");
     let Samples::Grid(grid) = &acquired.samples else { panic!("a grid") };
     assert_eq!((acquired.quantity, grid.outside), (Quantity::Brdf, Outside::Masked));
-    let projected = project(&acquired, &AxesRequest::default()).unwrap();
+    let projected = project(&acquired, &on_triangles()).unwrap();
     let axes = projected.measurement.tensor.axes();
     assert_eq!(axes[0], Axis::Elevation(grid.incoming.as_ref().unwrap().theta.clone()));
     let chosen = mesh(&projected, 1);
@@ -191,7 +196,7 @@ fn every_template_that_is_data_projects() {
             bytes = &array;
         }
         let acquisition = read(bytes, &how).unwrap();
-        let projected = project(&acquisition, &AxesRequest::default());
+        let projected = project(&acquisition, &on_triangles());
         let projected = projected.unwrap_or_else(|error| panic!("{}: {error}", template.name));
         assert!(projected.measurement.tensor.range().is_some(), "{}", template.name);
     }

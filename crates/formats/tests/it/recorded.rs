@@ -18,6 +18,7 @@ use wavelume_core::evaluate::{
 use wavelume_formats::export::{ExportFormat, ExportOptions, export, fitting};
 use wavelume_formats::formats::Interpretation;
 use wavelume_formats::pipeline::{Input, Request, compress, digest, read};
+use wavelume_formats::projection::DirectionDomain;
 
 /// Folders of files that are read, compressed and opened; what is not a measurement is left out.
 const FOLDERS: [&str; 10] = [
@@ -43,6 +44,8 @@ const LARGE: [&str; 7] = [
     "vsf",
 ];
 const LEVEL: u8 = 3;
+/// A file whose own grid takes too long in a build without optimisation.
+const SLOW: &str = "data/carpaint_blue.mbsdf";
 /// Files whose materials are exported in every format that holds them.
 const EXPORTED: [&str; 5] =
     ["scattered scan", "examp1.ies", "henyey_greenstein_moments", "data/illuminant_B", "test_rgb_theta_2_phi_3"];
@@ -165,6 +168,16 @@ fn drawn(chosen: &Chosen<'_>, pairs: &Pairs<'_>, options: SampleOptions) -> Resu
     Ok(bits(&[x, y, z, pdf, weights].concat()))
 }
 
+/// Opens a file and asks its material.
+fn opened(name: &str, bytes: &[u8], list: &mut List) -> Material {
+    list.insert(format!("{name}: compressed to 1 %"), digest(bytes));
+    let material = Material::open(bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
+    if let Err(error) = ask(name, &material, list) {
+        panic!("{name}: {error}");
+    }
+    material
+}
+
 /// The digests of everything that is made of one file.
 fn made_of(name: &str, bytes: &[u8]) -> List {
     let mut list = List::new();
@@ -172,11 +185,15 @@ fn made_of(name: &str, bytes: &[u8]) -> List {
     let Ok(source) = read(&Input { bytes, spectrum: None, interpretation: &interpretation }) else { return list };
     let outgoing_level = LARGE.iter().any(|large| name.contains(large)).then_some(LEVEL);
     let request = Request { metadata: false, outgoing_level, ..Request::to(Target::ErL2(0.01)) };
-    let Ok(outcome) = compress(&source, &request, &Silent) else { return list };
-    list.insert(format!("{name}: compressed to 1 %"), digest(&outcome.bytes));
-    let material = Material::open(&outcome.bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
-    if let Err(error) = ask(name, &material, &mut list) {
-        panic!("{name}: {error}");
+    let triangles = Request { domain: Some(DirectionDomain::Triangles), ..request.clone() };
+    let Ok(outcome) = compress(&source, &triangles, &Silent) else { return list };
+    let material = opened(name, &outcome.bytes, &mut list);
+    let as_stated = Request { outgoing_level: None, ..request };
+    if !name.contains(SLOW)
+        && let Ok(on_grid) = compress(&source, &as_stated, &Silent)
+        && on_grid.bytes != outcome.bytes
+    {
+        opened(&format!("{name}, on its grid"), &on_grid.bytes, &mut list);
     }
     let is_exported = EXPORTED.iter().any(|exported| name.contains(exported));
     for format in fitting(&material).into_iter().filter(|_| is_exported) {

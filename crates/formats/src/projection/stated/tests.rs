@@ -125,14 +125,17 @@ fn one_incoming_azimuth_is_isotropic() {
 }
 
 #[test]
-fn triangles_are_the_default_and_follow_from_a_level() {
-    let (acquisition, triangles) = (lamp(), DirectionDomain::Triangles);
-    let default = project(&acquisition, &AxesRequest::default()).unwrap();
-    let named = project(&acquisition, &AxesRequest { domain: Some(triangles), ..AxesRequest::default() }).unwrap();
+fn the_grid_is_the_default_and_a_level_asks_for_triangles() {
+    let of = |request: AxesRequest| project(&lamp(), &request).unwrap();
+    let default = of(AxesRequest::default());
+    let named = of(AxesRequest { domain: Some(DirectionDomain::Grid), ..AxesRequest::default() });
     assert_eq!((&default.measurement, &default.coverage), (&named.measurement, &named.coverage));
-    assert!(matches!(default.measurement.tensor.axes(), [Axis::Triangles(_)]));
-    let level = AxesRequest { outgoing_level: Some(1), ..AxesRequest::default() };
-    assert!(matches!(project(&acquisition, &level).unwrap().measurement.tensor.axes(), [Axis::Triangles(_)]));
+    assert!(matches!(default.measurement.tensor.axes(), [Axis::Grid(_)]));
+    let level = of(AxesRequest { outgoing_level: Some(1), ..AxesRequest::default() });
+    let triangles = of(AxesRequest { domain: Some(DirectionDomain::Triangles), ..AxesRequest::default() });
+    for projected in [level, triangles] {
+        assert!(matches!(projected.measurement.tensor.axes(), [Axis::Triangles(_)]));
+    }
 }
 
 #[test]
