@@ -394,7 +394,10 @@ fn stated() -> Golden {
         13 => -0.25,
         _ => (1.0 + at[0] as f64) / (1.0 + at[1] as f64) * (1.0 + 0.1 * noise(i)),
     });
-    golden("stated", Quantity::Brdf, data, Target::Lossless)
+    let mut golden = golden("stated", Quantity::Brdf, data, Target::Lossless);
+    let digest = "0123456789abcdef".repeat(4);
+    golden.settings.metadata = Some(format!(r#"{{"source":{{"content_digest":"b3-{digest}","format":"mbsdf"}}}}"#));
+    golden
 }
 
 /// The paper's policy.

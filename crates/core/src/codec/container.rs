@@ -51,9 +51,16 @@ pub(crate) enum ChunkKind {
     Exact,
     /// A JSON object of provenance and other free text.
     Metadata,
+    /// The same of measurements on grids of angles, digests in 32 bytes.
+    Provenance,
 }
 
 impl ChunkKind {
+    /// Returns true for the chunk at the end, which holds no sample.
+    fn is_last(self) -> bool {
+        matches!(self, Self::Metadata | Self::Provenance)
+    }
+
     fn letter(self) -> u8 {
         match self {
             Self::Header => b'H',
@@ -66,6 +73,7 @@ impl ChunkKind {
             Self::Corrections => b'R',
             Self::Exact => b'X',
             Self::Metadata => b'M',
+            Self::Provenance => b'N',
         }
     }
 
@@ -81,6 +89,7 @@ impl ChunkKind {
             Self::Corrections => "corrections chunk",
             Self::Exact => "exact chunk",
             Self::Metadata => "metadata chunk",
+            Self::Provenance => "provenance chunk",
         }
     }
 }
@@ -153,7 +162,8 @@ fn checksum(kind: ChunkKind, covered: &[u8]) -> [u8; CHECKSUM] {
 }
 
 impl<'a> Container<'a> {
-    /// Takes `bytes` apart and verifies every checksum; `header` reads the header and says which chunks it announces.
+    /// Takes `bytes` apart and verifies every checksum; `header` reads the header and says which chunks it announces, last of
+    /// all that of the metadata, which may be left out.
     pub(crate) fn read<H>(
         bytes: &'a [u8],
         header: impl FnOnce(&mut Reader<'a>) -> Result<(H, Vec<Announced>), CodecError>,
@@ -163,10 +173,9 @@ impl<'a> Container<'a> {
         let (header, announced) = header(&mut first.reader())?;
         let mut chunks = vec![first];
         for chunk in announced {
-            chunks.push(read_chunk(&mut r, chunk)?);
-        }
-        if r.remaining() > 0 {
-            chunks.push(read_chunk(&mut r, ChunkKind::Metadata.into())?);
+            if r.remaining() > 0 || !chunk.kind.is_last() {
+                chunks.push(read_chunk(&mut r, chunk)?);
+            }
         }
         r.end("file")?;
         Ok((header, Self { bytes, chunks }))
@@ -179,8 +188,7 @@ impl<'a> Container<'a> {
     ) -> Result<(H, Self), CodecError> {
         let mut r = start(bytes)?;
         let first = read_chunk(&mut r, ChunkKind::Header.into())?;
-        let (header, mut announced) = header(&mut first.reader())?;
-        announced.push(ChunkKind::Metadata.into());
+        let (header, announced) = header(&mut first.reader())?;
         let mut chunks = vec![first];
         for chunk in announced {
             let Some(cut) = cut_chunk(&r, chunk)? else {
@@ -209,7 +217,7 @@ impl<'a> Container<'a> {
 
     /// Where the metadata chunk starts or would start; of a prefix, at least where its last chunk ends.
     pub(crate) fn payload_end(&self) -> usize {
-        let before = self.chunks.iter().rfind(|chunk| chunk.kind != ChunkKind::Metadata);
+        let before = self.chunks.iter().rfind(|chunk| !chunk.kind.is_last());
         before.map_or(0, Chunk::end)
     }
 
@@ -302,7 +310,7 @@ mod tests {
     }
 
     fn header(r: &mut Reader<'_>) -> Result<(u8, Vec<Announced>), CodecError> {
-        Ok((r.u8("first")?, vec![ChunkKind::Coefficients.into()]))
+        Ok((r.u8("first")?, vec![ChunkKind::Coefficients.into(), ChunkKind::Metadata.into()]))
     }
 
     fn read(bytes: &[u8]) -> Result<Container<'_>, CodecError> {

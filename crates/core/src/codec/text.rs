@@ -4,7 +4,7 @@
 //! text   varint length in bytes, then the range-coded bytes, high bit first, in at least length / 1024 bytes: zeros are
 //!        added to what is shorter, so that a few bytes cannot announce much work
 //! ```
-//! Metadata is short, and its first bytes would cost most: the models start as if [`TYPICAL`] had been coded before. That
+//! Metadata is short, and its first bytes would cost most: the models start as if a typical text had been coded before. That
 //! text is part of the format.
 
 use super::bytes::{Reader, Writer};
@@ -12,8 +12,8 @@ use super::error::CodecError;
 use super::model::{INPUTS, Model};
 use super::range::{BitCoder, Decoder, Encoder};
 
-/// What metadata looks like; any change makes other bytes.
-const TYPICAL: &str = concat!(
+/// What metadata of chunk M looks like; any change makes other bytes.
+pub(crate) const TYPICAL: &str = concat!(
     r#"{"generator":"wavelume 0.1.0","labels":{"0":["1","2","3"]},"request":{"basis":"auto","metadata":true,"policy":"r"#,
     r#"d","target":{"max_relative_error":0.05}},"source":{"content_digest":"b3-6e340b9cffb37a989ca544e6bb780a2c78901d3f"#,
     r#"b33738768511a30617afa01d","dialect":"LM-63-2002, type C, no symmetry","format":"spectral-table","metadata":{"nam"#,
@@ -36,9 +36,9 @@ struct TextCoder {
 }
 
 impl TextCoder {
-    fn new() -> Self {
+    fn new(typical: &str) -> Self {
         let mut coder = Self { model: Model::new(INPUTS * CONTEXTS, 8), before: 0 };
-        for byte in TYPICAL.bytes() {
+        for byte in typical.bytes() {
             coder.code(&mut Listener, byte);
         }
         coder
@@ -73,11 +73,11 @@ impl BitCoder for Listener {
     }
 }
 
-/// The coded form of `text`.
-pub(crate) fn write_text(text: &str) -> Vec<u8> {
+/// The coded form of `text`, which is expected to be like `typical`.
+pub(crate) fn write_text(typical: &str, text: &str) -> Vec<u8> {
     let mut w = Writer::default();
     w.varint(text.len() as u64);
-    let mut models = TextCoder::new();
+    let mut models = TextCoder::new(typical);
     let mut encoder = Encoder::default();
     for byte in text.bytes() {
         models.code(&mut encoder, byte);
@@ -89,7 +89,7 @@ pub(crate) fn write_text(text: &str) -> Vec<u8> {
 }
 
 /// Reads a text of at most `limit` bytes to the end of `r`.
-pub(crate) fn read_text(r: &mut Reader<'_>, limit: usize) -> Result<String, CodecError> {
+pub(crate) fn read_text(typical: &str, r: &mut Reader<'_>, limit: usize) -> Result<String, CodecError> {
     let length = r.size(limit, "length of the metadata")?;
     let coded = r.take(r.remaining(), "metadata")?;
     let least = length / MOST_PER_BYTE;
@@ -97,7 +97,7 @@ pub(crate) fn read_text(r: &mut Reader<'_>, limit: usize) -> Result<String, Code
         let text = format!("{length} bytes of metadata in {}, expected at least {least}", coded.len());
         return Err(r.malformed(text));
     }
-    let mut models = TextCoder::new();
+    let mut models = TextCoder::new(typical);
     let mut decoder = Decoder::new(coded);
     let mut bytes = Vec::with_capacity(length);
     for _ in 0..length {
@@ -117,8 +117,12 @@ mod tests {
 
     const LIMIT: usize = 1 << 16;
 
+    fn write(text: &str) -> Vec<u8> {
+        write_text(TYPICAL, text)
+    }
+
     fn read(bytes: &[u8]) -> Result<String, CodecError> {
-        read_text(&mut Reader::new(bytes, 0), LIMIT)
+        read_text(TYPICAL, &mut Reader::new(bytes, 0), LIMIT)
     }
 
     #[test]
@@ -127,23 +131,23 @@ mod tests {
         let text = format!(
             r#"{{"generator":"wavelume 0.1.0","request":{{"basis":"auto","metadata":true,"policy":"rd","target":{{"er_l2":0.01}}}},"source":{{"content_digest":"b3-{digest}","dialect":"float32","format":"npy","metadata":{{"note":"red plastic"}},"notes":[],"spectrum_digest":null}}}}"#
         );
-        let bytes = write_text(&text);
+        let bytes = write(&text);
         assert_eq!(read(&bytes).unwrap(), text);
         // The digest alone is 32 bytes of noise.
         assert!(bytes.len() < 90, "{} of {}", bytes.len(), text.len());
-        assert!(write_text("{}").len() <= 3);
+        assert!(write("{}").len() <= 3);
         let prose = "Goniometric measurement of a painted sample, taken in the dark. ".repeat(20);
-        assert!(write_text(&prose).len() * 10 < prose.len());
+        assert!(write(&prose).len() * 10 < prose.len());
     }
 
     #[test]
     fn lengths_over_the_limit_and_bytes_after_the_end_are_refused() {
-        let long = write_text(&"x".repeat(LIMIT + 1));
+        let long = write(&"x".repeat(LIMIT + 1));
         assert!(matches!(read(&long), Err(CodecError::Malformed { .. })));
         let mut huge = Writer::default();
         huge.varint(u64::MAX);
         assert!(matches!(read(&huge.into_bytes()), Err(CodecError::Malformed { .. })));
-        let mut longer = write_text("some text");
+        let mut longer = write("some text");
         longer.extend([1; 8]);
         assert!(matches!(read(&longer), Err(CodecError::Malformed { .. })));
         assert!(matches!(read(&[]), Err(CodecError::Truncated { .. })));
@@ -153,7 +157,7 @@ mod tests {
     fn a_few_bytes_do_not_announce_a_long_text() {
         // A long text of nothing new takes fewer bytes than it may announce: they are filled up.
         let text = " ".repeat(LIMIT);
-        let bytes = write_text(&text);
+        let bytes = write(&text);
         assert_eq!(bytes.len(), 3 + LIMIT / MOST_PER_BYTE);
         assert_eq!(bytes.last(), Some(&0));
         assert_eq!(read(&bytes).unwrap(), text);
@@ -173,7 +177,7 @@ mod tests {
 
         #[test]
         fn any_text_round_trips(text in "\\PC{0,200}") {
-            prop_assert_eq!(read(&write_text(&text)).unwrap(), text);
+            prop_assert_eq!(read(&write(&text)).unwrap(), text);
         }
 
         #[test]

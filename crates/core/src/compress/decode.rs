@@ -9,6 +9,7 @@ use super::header::{Header, finish_of, plan_of};
 use super::kept_coefficients::coefficients_of;
 use super::light::Light;
 use super::metadata::metadata_of;
+use super::metadata_chunk::metadata_kind;
 use super::policy::Policy;
 use super::rd::levels::{LevelIndex, coarsen, level_samples};
 use super::rd::{adaptive, gridded, predictive};
@@ -86,7 +87,8 @@ pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
     let finest = header.finest_level();
     let is_whole = |kind| container.get(kind).is_some_and(|chunk| chunk.end() <= bytes.len());
     if level == finest {
-        let end = if is_whole(ChunkKind::Metadata) { bytes.len() } else { container.payload_end().min(bytes.len()) };
+        let end =
+            if is_whole(metadata_kind(&header.axes)) { bytes.len() } else { container.payload_end().min(bytes.len()) };
         return decode(&bytes[..end]);
     }
     if level > finest || !header.predicted {
@@ -110,8 +112,11 @@ pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
     let payload = |kind| container.get(kind).map(|chunk| chunk.payload);
     let classes = classes_of(&header, payload);
     let samples = level_samples(&header, classes.as_deref(), (payload(ChunkKind::Basis), coded), &index, level)?;
-    let (metadata, mut axes) =
-        if is_whole(ChunkKind::Metadata) { metadata_of(&header, &container)? } else { (None, header.axes.clone()) };
+    let (metadata, mut axes) = if is_whole(metadata_kind(&header.axes)) {
+        metadata_of(&header, &container)?
+    } else {
+        (None, header.axes.clone())
+    };
     coarsen(&mut axes, level);
     let measurement = measurement_of(&header, axes, samples, bytes.len())?;
     Ok(Decoded { measurement, summary: header.summary(metadata) })

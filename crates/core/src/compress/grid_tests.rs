@@ -187,7 +187,7 @@ fn any_grid_chunk_decodes_or_is_refused() {
         let settings = Settings { random_access, ..settings(Target::ErL2(0.1), Policy::Rd) };
         let file = compress(&m, &settings, &Silent).unwrap();
         let (_, container) = super::decode::open(&file.bytes).unwrap();
-        let kinds = [ChunkKind::Header, ChunkKind::Classes, ChunkKind::Basis, ChunkKind::Grid, ChunkKind::Metadata];
+        let kinds = [ChunkKind::Header, ChunkKind::Classes, ChunkKind::Basis, ChunkKind::Grid, ChunkKind::Provenance];
         let chunks: Vec<(ChunkKind, Vec<u8>)> =
             kinds.iter().filter_map(|&kind| Some((kind, container.get(kind)?.payload.to_vec()))).collect();
         assert_eq!(write_container(&chunks), file.bytes);

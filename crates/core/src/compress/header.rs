@@ -25,6 +25,7 @@
 //! flag 64: varint  zero, negative, below-floor and masked samples; all others are scored
 //! ```
 
+use super::metadata_chunk::metadata_kind;
 use super::policy::Policy;
 use super::rd::gridded::Shape as GridShape;
 use super::spectral_basis::basis_of;
@@ -295,7 +296,7 @@ impl Header {
         self.axes.iter().rev().find_map(level).unwrap_or(0)
     }
 
-    /// The chunks that follow, without metadata, in the order of a file.
+    /// The chunks that follow in the order of a file, last that of the metadata, which may be left out.
     pub(crate) fn announced(&self) -> Vec<Announced> {
         let lossless = self.policy == Policy::Lossless;
         let all = [
@@ -307,6 +308,7 @@ impl Header {
             (ChunkKind::Light, self.light_step != 0.0),
             (ChunkKind::Corrections, self.correction_step != 0.0),
             (ChunkKind::Exact, lossless),
+            (metadata_kind(&self.axes), true),
         ];
         let length = |kind| (kind == ChunkKind::Pyramid).then_some(self.pyramid_length);
         let announced = all.into_iter().filter(|(_, announced)| *announced);

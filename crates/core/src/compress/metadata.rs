@@ -1,11 +1,9 @@
 //! Metadata of a file: the text of its chunk, and the labels of index axes, which have no other place.
 
 use super::header::Header;
-use crate::codec::{ChunkKind, CodecError, Container, read_text};
+use super::metadata_chunk::{metadata_kind, read_metadata};
+use crate::codec::{CodecError, Container};
 use crate::domain::Axis;
-
-/// The largest metadata text, in bytes.
-pub(super) const MAX_METADATA: usize = 1 << 24;
 
 /// Metadata with the labels of index axes, which have no other place: `"labels": {"0": [...]}`.
 pub(super) fn metadata_with_labels(axes: &[Axis], metadata: Option<&str>) -> Option<String> {
@@ -30,9 +28,9 @@ pub(super) fn metadata_of(
     container: &Container<'_>,
 ) -> Result<(Option<String>, Vec<Axis>), CodecError> {
     let mut axes = header.axes.clone();
-    let Some(chunk) = container.get(ChunkKind::Metadata) else { return Ok((None, axes)) };
+    let Some(chunk) = container.get(metadata_kind(&axes)) else { return Ok((None, axes)) };
     let malformed = |reason: &str| CodecError::Malformed { at: chunk.offset, reason: reason.to_owned() };
-    let text = read_text(&mut chunk.reader(), MAX_METADATA)?;
+    let text = read_metadata(&chunk)?;
     let json: serde_json::Value = serde_json::from_str(&text).map_err(|_| malformed("metadata is no JSON"))?;
     for (i, axis) in axes.iter_mut().enumerate() {
         if let Axis::Index { count, labels } = axis {

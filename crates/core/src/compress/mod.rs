@@ -22,6 +22,7 @@ mod light;
 mod logarithm;
 mod lossless;
 mod metadata;
+mod metadata_chunk;
 mod noise;
 mod parts;
 mod policy;
@@ -86,7 +87,7 @@ pub fn compress(
         promise::check_random_access(measurement, settings)?;
     }
     let text = metadata::metadata_with_labels(measurement.tensor.axes(), settings.metadata.as_deref());
-    if let Some(text) = text.filter(|text| text.len() > metadata::MAX_METADATA) {
+    if let Some(text) = text.filter(|text| text.len() > metadata_chunk::MAX_METADATA) {
         return Err(SettingError::MetadataLength { found: text.len() }.into());
     }
     let settings = &Settings { target: promise::stateable(settings.target)?, ..settings.clone() };

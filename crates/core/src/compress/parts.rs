@@ -1,7 +1,8 @@
 //! Parts of a file before they are put together: the header, and the chunks between it and the metadata.
 
 use super::header::Header;
-use crate::codec::{ChunkKind, write_container, write_text};
+use super::metadata_chunk::metadata_chunk;
+use crate::codec::{ChunkKind, write_container};
 
 /// The chunks between header and metadata, and what the header says about them.
 pub(super) struct Parts {
@@ -22,7 +23,7 @@ pub(super) fn assemble(parts: &Parts, metadata: Option<&str>) -> Vec<u8> {
     let mut chunks = vec![(ChunkKind::Header, header.write())];
     chunks.extend(parts.chunks.iter().cloned());
     if let Some(text) = metadata {
-        chunks.push((ChunkKind::Metadata, write_text(text)));
+        chunks.push(metadata_chunk(&parts.header.axes, text));
     }
     write_container(&chunks)
 }

@@ -8,6 +8,7 @@
 use super::effort::Tally;
 use super::error::CompressError;
 use super::fill::fill;
+use super::metadata_chunk::metadata_chunk;
 use super::policy::Policy;
 use super::scales::Scales;
 use super::setting_error::SettingError;
@@ -16,7 +17,6 @@ use super::spectral_basis::SpectralBasis;
 use super::target::Target;
 use super::thresholded;
 use super::values::Values;
-use crate::codec::write_text;
 use crate::domain::{Axis, Measurement, Progress, Silent, Tensor};
 use crate::transform::{LineBasis, Plan, SphereBasis, Weights};
 use rayon::prelude::*;
@@ -67,7 +67,7 @@ pub(crate) fn candidates(
         Target::Ratio(ratio) => finalists(measurement, settings, wavelengths, ratio, (progress, tally))?,
         Target::Bytes(bytes) => {
             let bytes_each = if settings.policy == Policy::Rd { 1.0 } else { BYTES_OF_A_FLOAT };
-            let metadata = settings.metadata.as_deref().map_or(0, |text| write_text(text).len());
+            let metadata = settings.metadata.as_deref().map_or(0, |text| metadata_chunk(axes, text).1.len());
             let coefficients = bytes.saturating_sub((HEADER + metadata) as u64).max(8);
             let ratio = measurement.tensor.len() as f64 * bytes_each / coefficients as f64;
             finalists(measurement, settings, wavelengths, ratio, (progress, tally))?

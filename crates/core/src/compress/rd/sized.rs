@@ -3,6 +3,7 @@
 use super::super::error::CompressError;
 use super::super::header::UNSCORED_BYTES;
 use super::super::metadata::metadata_with_labels;
+use super::super::metadata_chunk::metadata_chunk;
 use super::super::parts::assemble;
 use super::super::refusal;
 use super::super::scales::LARGEST;
@@ -13,7 +14,7 @@ use super::candidate::Candidate;
 use super::layer::{FirstLayer, chunk_bytes};
 use super::levels;
 use super::steps::{Fineness, Steps};
-use crate::codec::{Class, write_text};
+use crate::codec::Class;
 use crate::domain::{Cancelled, Progress};
 
 /// The step that is tried first where nothing is known.
@@ -158,7 +159,11 @@ fn fitting(
 ) -> Result<Option<Notch>, CompressError> {
     let most = most(candidate);
     let fixed = if matches!(candidate.settings.target, Target::Bytes(_)) {
-        let metadata = candidate.settings.metadata.as_deref().map_or(0, |text| write_text(text).len());
+        let metadata = candidate
+            .settings
+            .metadata
+            .as_deref()
+            .map_or(0, |text| metadata_chunk(candidate.measurement.tensor.axes(), text).1.len());
         let classes = candidate.plane.coded.map_or(0, |(_, chunk)| chunk.len());
         ((LEAST_HEADER + metadata + classes) as f64).min(most - 1.0)
     } else {

@@ -1,0 +1,29 @@
+//! The chunk of the metadata: which one it is, written and read.
+
+use crate::codec::{Chunk, ChunkKind, CodecError, TYPICAL, read_provenance, read_text, write_provenance, write_text};
+use crate::domain::Axis;
+
+/// The largest metadata text, in bytes.
+pub(super) const MAX_METADATA: usize = 1 << 24;
+
+/// The chunk that holds the metadata of a measurement on these axes.
+pub(super) fn metadata_kind(axes: &[Axis]) -> ChunkKind {
+    let on_grid = axes.iter().any(|axis| matches!(axis, Axis::Grid(_)));
+    if on_grid { ChunkKind::Provenance } else { ChunkKind::Metadata }
+}
+
+/// The metadata of a measurement on `axes` as its chunk.
+pub(super) fn metadata_chunk(axes: &[Axis], text: &str) -> (ChunkKind, Vec<u8>) {
+    match metadata_kind(axes) {
+        ChunkKind::Provenance => (ChunkKind::Provenance, write_provenance(text)),
+        kind => (kind, write_text(TYPICAL, text)),
+    }
+}
+
+/// The text of such a chunk.
+pub(super) fn read_metadata(chunk: &Chunk<'_>) -> Result<String, CodecError> {
+    match chunk.kind {
+        ChunkKind::Provenance => read_provenance(&mut chunk.reader(), MAX_METADATA),
+        _ => read_text(TYPICAL, &mut chunk.reader(), MAX_METADATA),
+    }
+}
