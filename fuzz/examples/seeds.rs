@@ -117,6 +117,7 @@ fn materials(root: &Path) -> Outcome<Vec<Vec<u8>>> {
         basis: basis.to_owned(),
         floor: None,
         albedo_error: None,
+        straight_lines: 0,
         random_access: false,
         metadata: metadata.then(|| r#"{"generator":"seeds"}"#.to_owned()),
     };

@@ -5,7 +5,7 @@ use super::extract::{JobId, SmallJson, parse_json};
 use super::job::{Job, absent, change, find};
 use super::places::Peer;
 use super::problem::{Kind, Problem};
-use super::schemas::{DigestText, DomainName, JobIdText, PolicyName, StatedQuantityName, Text};
+use super::schemas::{DigestText, DomainName, InterpolationName, JobIdText, PolicyName, StatedQuantityName, Text};
 use super::state::App;
 use crate::catalog::{Enqueued, JobRow, JobState};
 use crate::jobs::{JobRequest, Kind as JobKind, KindOnly};
@@ -86,6 +86,10 @@ struct CompressSchema {
     /// `grid`: directions stay on the angles of the file, which has to state a grid of them (what is done where it does and
     /// nothing is asked for); `triangles`: samples are averaged over triangles, as a level asks, too.
     domain: Option<DomainName>,
+    /// The function between the directions of a grid of angles, written into the file: `cubic`, of logarithms and with as much of
+    /// straight lines as keeps a luminaire's flux within 0.3 % of the zonal flux of its samples, or `linear`. Default `cubic`.
+    #[schema(nullable = false)]
+    interpolation: Option<InterpolationName>,
     /// Subdivision level of the incoming triangles.
     incoming_level: Option<u8>,
     /// Subdivision level of the outgoing triangles.

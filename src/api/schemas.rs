@@ -7,6 +7,7 @@ use crate::domain::{Quantity, Unit};
 use crate::export::ExportFormat;
 use crate::formats::StatedQuantity;
 use crate::jobs::MAX_TEXT;
+use crate::pipeline::Curve;
 use crate::projection::DirectionDomain;
 use std::borrow::Cow;
 use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, ObjectBuilder, OneOfBuilder, Schema, Type};
@@ -79,6 +80,8 @@ described! {
         one_of("The integral of a phase table over the sphere.", ["1", "4pi", "vsf", "relative"]);
     /// The name of a domain of directions.
     DomainName = "DirectionDomain", one_of("What directions lie on.", DirectionDomain::ALL.iter().map(|known| known.name()));
+    /// The name of a function between stated directions.
+    InterpolationName = "Curve", one_of("The function between stated directions.", Curve::ALL.iter().map(|known| known.name()));
     /// The name of a policy.
     PolicyName = "Policy", one_of("How coefficients are chosen and coded.", Policy::ALL.iter().map(|known| known.name()));
     /// The format of an export, or `manifest`.

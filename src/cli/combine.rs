@@ -82,6 +82,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         basis: args.basis.clone().unwrap_or_else(|| "auto".to_owned()),
         floor: None,
         albedo_error: None,
+        straight_lines: 0,
         metadata: (!args.no_metadata)
             .then(|| json!({ "generator": concat!("wavelume ", env!("CARGO_PKG_VERSION")) }).to_string()),
         random_access: false,

@@ -199,6 +199,8 @@ struct Material {
     ratio_coefficients: Option<f64>,
     ratio_bytes: f64,
     floor: f64,
+    /// Share of straight lines between stated directions; `null` where they are not on a grid of angles.
+    straight_lines: Option<f64>,
     #[serde(flatten)]
     errors: ErrorReport,
     /// Coarse first, the last one the whole material.
@@ -207,6 +209,18 @@ struct Material {
     warnings: Vec<String>,
     /// The metadata chunk; `null` if the file has none.
     provenance: Option<serde_json::Value>,
+}
+
+/// The function between stated directions, for people.
+fn interpolation(straight_lines: f64) -> String {
+    match straight_lines {
+        0.0 => "cubics of logarithms".to_owned(),
+        1.0 => "straight lines".to_owned(),
+        share => format!(
+            "cubics of logarithms with {} % of straight lines, which keep the flux",
+            three_digits(100.0 * share)
+        ),
+    }
 }
 
 impl Material {
@@ -230,6 +244,7 @@ impl Material {
             ratio_coefficients: summary.kept_coefficients.map(|kept| samples / kept.max(1) as f64),
             ratio_bytes: 4.0 * samples / bytes.len() as f64,
             floor: summary.floor,
+            straight_lines: summary.straight_lines,
             errors: summary.errors,
             levels: compress::levels(bytes)?,
             warnings: pipeline::sparse(bytes)?.into_iter().collect(),
@@ -253,6 +268,9 @@ impl Material {
         coefficient_line(&mut sheet, self.kept_coefficients, self.ratio_coefficients);
         if self.floor > 0.0 {
             sheet.line("floor", self.floor);
+        }
+        if let Some(share) = self.straight_lines {
+            sheet.line("interpolation", interpolation(share));
         }
         error_lines(
             &mut sheet,

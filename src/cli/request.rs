@@ -5,7 +5,7 @@ use crate::compress::{DeltaE, Policy, Target};
 use crate::domain::WavelengthGrid;
 use crate::domain::colour::Illuminant;
 use crate::domain::limits::MAX_LEVEL;
-use crate::pipeline::Request;
+use crate::pipeline::{Curve, Request};
 use crate::projection::DirectionDomain;
 
 /// The promise that holds where none is named.
@@ -103,6 +103,9 @@ pub(crate) struct RequestArgs {
     /// One incoming direction is decoded without the others (policy rd); no coarser levels
     #[arg(long)]
     random_access: bool,
+    /// Between the directions of a grid of angles: cubics of logarithms that keep a luminaire's flux, or straight lines
+    #[arg(long, value_name = "cubic|linear", default_value_t)]
+    interpolation: Curve,
     /// Leave the provenance out of the file
     #[arg(long)]
     no_metadata: bool,
@@ -174,6 +177,7 @@ impl RequestArgs {
             albedo_error: self.albedo_error,
             metadata: !self.no_metadata,
             random_access: self.random_access,
+            interpolation: self.interpolation,
             ..self.axes.request()
         }
     }

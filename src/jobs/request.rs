@@ -3,7 +3,7 @@
 use crate::compress::{Policy, Target};
 use crate::formats::StatedQuantity;
 use crate::paper::TABLES;
-use crate::pipeline::Request;
+use crate::pipeline::{Curve, Request};
 use crate::projection::DirectionDomain;
 use crate::store::Digest;
 use serde::{Deserialize, Serialize};
@@ -63,6 +63,9 @@ pub(crate) struct CompressRequest {
     /// Grid of the file or triangles; a level asks for triangles, too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub domain: Option<DirectionDomain>,
+    /// The function between stated directions.
+    #[serde(default, skip_serializing_if = "Curve::is_default")]
+    pub interpolation: Curve,
     /// Subdivision level of the incoming triangles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub incoming_level: Option<u8>,
@@ -185,6 +188,7 @@ impl CompressRequest {
             wavelengths: self.wavelengths.clone(),
             metadata: self.metadata,
             random_access: self.random_access,
+            interpolation: self.interpolation,
         }
     }
 }

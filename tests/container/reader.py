@@ -427,7 +427,7 @@ def check_layout(quantity, axes):
 
 RD, CONVENTIONAL, LOSSLESS, GENERIC, ADAPTIVE = range(5)
 POLICIES = ["rate-distortion", "conventional", "lossless", "generic", "adaptive"]
-KLT, PREDICTED, CLASSES, FLOOR, CORRECTIONS, UNSCORED, COUNTS, LINEAR, LIGHT, GRIDDED = (1 << k for k in range(10))
+KLT, PREDICTED, CLASSES, FLOOR, CORRECTIONS, UNSCORED, COUNTS, LINEAR, LIGHT, GRIDDED, STRAIGHT = (1 << k for k in range(11))
 FIXED = ["identity", "bio-haar", "orthonormal-area", "orthonormal-count"]
 
 
@@ -446,7 +446,8 @@ def read_header(r):
     require(h.unit < len(UNITS) and h.policy < len(POLICIES), "an unknown unit or policy")
     r.note(r.at - 1, f"unit {UNITS[h.unit]}, policy {POLICIES[h.policy]}")
     start, h.flags = r.at, r.varint()
-    allowed = {RD: 1023, LOSSLESS: CLASSES | FLOOR | COUNTS}.get(h.policy, CLASSES | FLOOR | UNSCORED | COUNTS)
+    others = CLASSES | FLOOR | COUNTS | STRAIGHT
+    allowed = {RD: 2047, LOSSLESS: others}.get(h.policy, others | UNSCORED)
     require(h.flags & ~allowed == 0, "unknown flags, or flags that do not fit the policy")
     r.note(start, f"flags {h.flags:#05x}")
     h.axes = [read_axis(r) for _ in range(axes)]
@@ -458,6 +459,13 @@ def read_header(r):
     require(there or not h.flags & (PREDICTED | LIGHT), "a pyramid or light without triangles")
     h.grid = GridShape.of(h.axes)
     require(not h.flags & GRIDDED or h.grid and not h.flags & PREDICTED, "a predicted grid without one, or with a pyramid")
+    h.straight_lines = 0
+    if h.flags & STRAIGHT:
+        directions = [axis.kind for axis in h.axes if axis.kind in ("triangles", "grid")]
+        require(directions and directions[-1] == "grid", "straight lines between directions that are not on a grid")
+        h.straight_lines = r.unsigned(1)
+        require(h.straight_lines > 0, "a share of straight lines that is 0")
+        r.note(r.at - 1, f"{h.straight_lines} of 255 parts are straight lines")
     require(not h.flags & LIGHT or not h.flags & LINEAR, "light of what are no logarithms")
     require(not h.flags & KLT or h.axes, "a spectral basis without an axis")
     h.transforms = ["identity"] * axes

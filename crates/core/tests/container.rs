@@ -91,6 +91,7 @@ fn golden(name: &'static str, quantity: Quantity, tensor: Tensor, target: Target
         basis,
         floor: None,
         albedo_error: None,
+        straight_lines: 0,
         metadata: None,
         random_access: false,
     };
@@ -304,7 +305,9 @@ fn lamp() -> Golden {
             900.0 * down * down * (1.0 + 0.4 * side * side) * if azimuth == 4 { 1.0 } else { 1.1 }
         }
     });
-    golden("lamp", Quantity::Edf, data, Target::ErL2(0.01))
+    let mut golden = golden("lamp", Quantity::Edf, data, Target::ErL2(0.01));
+    golden.settings.straight_lines = 26;
+    golden
 }
 
 /// Grids on incoming elevations in chunk G, every incoming entry a stream of its own: masks, zeros, negative samples.
@@ -397,6 +400,7 @@ fn stated() -> Golden {
     let mut golden = golden("stated", Quantity::Brdf, data, Target::Lossless);
     let digest = "0123456789abcdef".repeat(4);
     golden.settings.metadata = Some(format!(r#"{{"source":{{"content_digest":"b3-{digest}","format":"mbsdf"}}}}"#));
+    golden.settings.straight_lines = 255;
     golden
 }
 

@@ -32,6 +32,7 @@ fn encoded(measurement: &Measurement, target: Target) -> Compressed {
         basis: "auto".to_owned(),
         floor: None,
         albedo_error: None,
+        straight_lines: 0,
         metadata: None,
         random_access: false,
     };

@@ -9,8 +9,10 @@
 //!         8 a floor was declared; 16 there is a corrections chunk (policy 0); 32 unscored samples have errors;
 //!         64 not every sample is scored; 128 samples themselves are approximated, not logarithms (policy 0);
 //!         256 there is a light chunk (policy 0, not flag 128);
-//!         512 the last directions are the grid of the grid chunk (policy 0, not flag 2; there is no coefficients chunk then)
+//!         512 the last directions are the grid of the grid chunk (policy 0, not flag 2; there is no coefficients chunk then);
+//!         1024 functions between stated directions have a share of straight lines (the last directions are a grid)
 //! axes    as in `codec`'s axes
+//! flag 1024: u8 the share of straight lines in 255ths, 1 … 255
 //! not policy 2, not flags 2, 512: varint a transform for each axis (flag 1: but the last):
 //!               0 identity, 1 bio-Haar, 2 orthonormal by area, 3 orthonormal by count,
 //!               16 + the number of a basis on a line, followed by u8 its boundary rule
@@ -54,6 +56,8 @@ pub(crate) struct Header {
     pub(crate) predicted: bool,
     /// The last directions are a grid that is predicted; all transforms are then identities.
     pub(crate) gridded: bool,
+    /// Share of straight lines between stated directions, in 255ths.
+    pub(crate) straight_lines: u8,
     /// The length of the pyramid chunk's payload, 0 without one.
     pub(crate) pyramid_length: usize,
     /// Whether samples are approximated rather than logarithms.
@@ -82,7 +86,8 @@ impl Flags {
     const LINEAR: u16 = 128;
     const LIGHT: u16 = 256;
     const GRIDDED: u16 = 512;
-    const ALL: u16 = 1023;
+    const STRAIGHT: u16 = 1024;
+    const ALL: u16 = 2047;
 
     fn of(header: &Header) -> Self {
         let e = &header.errors;
@@ -98,6 +103,7 @@ impl Flags {
             (Self::LINEAR, header.linear),
             (Self::LIGHT, header.light_step != 0.0),
             (Self::GRIDDED, header.gridded),
+            (Self::STRAIGHT, header.straight_lines > 0),
         ];
         Self(flags.into_iter().filter(|(_, set)| *set).map(|(flag, _)| flag).sum())
     }
@@ -123,6 +129,9 @@ impl Flags {
         if self.has(Self::GRIDDED) && (self.has(Self::PREDICTED) || GridShape::of(axes).is_none()) {
             return Err(r.malformed("a predicted grid without directions on a grid, or with a pyramid"));
         }
+        if self.has(Self::STRAIGHT) && !ends_on_grid(axes) {
+            return Err(r.malformed("straight lines between directions that are not on a grid"));
+        }
         if self.has(Self::LIGHT)
             && (self.has(Self::LINEAR) || !axes.iter().any(|axis| matches!(axis, Axis::Triangles(_))))
         {
@@ -133,6 +142,12 @@ impl Flags {
         }
         Ok(())
     }
+}
+
+/// Returns true where the last axis of directions is a grid of angles.
+pub(super) fn ends_on_grid(axes: &[Axis]) -> bool {
+    let mut directions = axes.iter().rev().filter(|axis| matches!(axis, Axis::Triangles(_) | Axis::Grid(_)));
+    matches!(directions.next(), Some(Axis::Grid(_)))
 }
 
 /// How many transforms are written: those that do not follow from policy and flags.
@@ -153,6 +168,7 @@ impl Header {
             klt: false,
             predicted: false,
             gridded: false,
+            straight_lines: 0,
             pyramid_length: 0,
             linear: false,
             step: 0.0,
@@ -172,6 +188,9 @@ impl Header {
         w.u8(self.unit.code() | self.policy.code() << 5);
         w.varint(u64::from(flags.0));
         write_axes(&mut w, &self.axes);
+        if flags.has(Flags::STRAIGHT) {
+            w.u8(self.straight_lines);
+        }
         let written = transforms_written(self.policy, self.klt, self.predicted || self.gridded, self.axes.len());
         for &transform in self.transforms.iter().take(written) {
             write_transform(&mut w, transform);
@@ -225,6 +244,10 @@ impl Header {
         // The limit on the product of the axes holds before anything is decoded.
         let samples = crate::domain::check_axes(&axes).map_err(|e| r.malformed(e.to_string()))? as u64;
         crate::domain::Layout::of(quantity, &axes).map_err(|e| r.malformed(e.to_string()))?;
+        let straight_lines = if flags.has(Flags::STRAIGHT) { r.u8("share of straight lines")? } else { 0 };
+        if flags.has(Flags::STRAIGHT) && straight_lines == 0 {
+            return Err(r.malformed("share of straight lines is 0, expected 1 to 255"));
+        }
         let (klt, predicted, gridded) = (flags.has(Flags::KLT), flags.has(Flags::PREDICTED), flags.has(Flags::GRIDDED));
         let written = transforms_written(policy, klt, predicted || gridded, axes.len());
         let mut transforms = (0..written).map(|_| read_transform(r)).collect::<Result<Vec<_>, _>>()?;
@@ -258,6 +281,7 @@ impl Header {
             klt,
             predicted,
             gridded,
+            straight_lines,
             pyramid_length,
             linear: flags.has(Flags::LINEAR),
             step: if policy == Policy::Rd { step } else { 0.0 },
@@ -326,6 +350,7 @@ impl Header {
             basis: basis_of(&self.axes, &self.transforms, self.klt),
             kept_coefficients: (self.policy != Policy::Lossless).then_some(self.kept),
             floor: f64::from(self.floor),
+            straight_lines: ends_on_grid(&self.axes).then(|| f64::from(self.straight_lines) / 255.0),
             errors: self.errors,
             metadata,
         }
@@ -380,6 +405,7 @@ mod tests {
             klt: true,
             predicted: true,
             gridded: false,
+            straight_lines: 0,
             pyramid_length: 300,
             step: 0.015_625,
             linear: false,

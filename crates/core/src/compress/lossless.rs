@@ -30,7 +30,12 @@ pub(crate) fn compress(
     code_exact(&mut encoder, lanes(axes), &mut samples);
     drop(samples);
     progress.step(0.6)?;
-    let header = Header { has_classes: classes.is_some(), floor, ..Header::of(measurement, Policy::Lossless) };
+    let header = Header {
+        has_classes: classes.is_some(),
+        floor,
+        straight_lines: settings.straight_lines,
+        ..Header::of(measurement, Policy::Lossless)
+    };
     let chunks = classes.into_iter().chain([(ChunkKind::Exact, encoder.finish())]).collect();
     finish(Parts { header, chunks }, measurement, settings.metadata.as_deref())
 }

@@ -4,6 +4,7 @@ use super::compressed::Compressed;
 use super::decode::decode;
 use super::error::CompressError;
 use super::figures::shown;
+use super::header::ends_on_grid;
 use super::light::Light;
 use super::policy::Policy;
 use super::rd::gridded::Shape as GridShape;
@@ -24,6 +25,9 @@ pub(crate) fn check(measurement: &Measurement, settings: &Settings) -> Result<()
     }
     if matches!(settings.target, Target::Step(_)) && policy != Policy::Rd {
         return Err(SettingError::NeedsRd { option: RdOption::Step, policy });
+    }
+    if settings.straight_lines > 0 && !ends_on_grid(measurement.tensor.axes()) {
+        return Err(SettingError::StraightLines);
     }
     if let Some(bound) = settings.albedo_error {
         check_albedo(measurement, settings, bound)?;

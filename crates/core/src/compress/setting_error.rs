@@ -48,6 +48,12 @@ pub enum SettingError {
          before triangles"
     )]
     RandomAccess(RandomAccessConflict),
+    /// Straight lines between directions that are not stated at angles.
+    #[error(
+        "straight lines between stated directions: the measurement has no outgoing grid of angles; keep the interpolation \
+         cubic, or the directions on the grid of the file (domain grid)"
+    )]
+    StraightLines,
     /// Metadata that are not a JSON object.
     #[error("metadata is no JSON object, expected text such as {{\"name\": \"value\"}}")]
     MetadataObject,

@@ -25,6 +25,10 @@ pub struct Settings {
     /// Policy `rd` on the data's own basis (`auto` is `klt` then), something before the outgoing triangles, no target
     /// that bounds every sample; the file has no coarser levels.
     pub random_access: bool,
+    /// Share of straight lines between stated directions, in 255ths: 0 for cubics of logarithms, 255 for straight lines alone.
+    /// With any, the last directions have to be a grid of angles. `evaluate::straight_lines_for_flux` finds the share that
+    /// keeps the flux of a luminaire.
+    pub straight_lines: u8,
 }
 
 impl Default for Settings {
@@ -38,6 +42,7 @@ impl Default for Settings {
             albedo_error: None,
             metadata: None,
             random_access: false,
+            straight_lines: 0,
         }
     }
 }

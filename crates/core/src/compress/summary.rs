@@ -22,6 +22,9 @@ pub struct Summary {
     pub kept_coefficients: Option<u64>,
     /// Absolute floor, 0 if none was declared.
     pub floor: f64,
+    /// Share of straight lines between stated directions, 0 (cubics of logarithms) to 1, where the last directions are a grid of
+    /// angles.
+    pub straight_lines: Option<f64>,
     /// The errors of the decoded file against its input tensor (each rounded up by at most 0.007 % when read from a file).
     pub errors: ErrorReport,
     /// The metadata chunk's text, if there is one.

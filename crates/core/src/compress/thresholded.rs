@@ -358,7 +358,9 @@ impl<'a> Work<'a> {
 
     fn parts_of(&self, kept: Vec<f32>) -> Parts {
         let plan = (self.settings.policy, self.transforms.as_slice());
-        parts_of(self.measurement, plan, self.floor, self.classes.clone(), &self.rows, kept)
+        let mut parts = parts_of(self.measurement, plan, self.floor, self.classes.clone(), &self.rows, kept);
+        parts.header.straight_lines = self.settings.straight_lines;
+        parts
     }
 }
 

@@ -109,9 +109,9 @@ impl Material {
         Ok(Self { body, summary: None })
     }
 
-    /// Returns this material with a share, 0 to 1, of straight lines between stated samples in its smooth form. It is 0 unless
-    /// this is called; 1 is what most readers of luminaires and of MDL's measured materials draw. Of samples of cells, which
-    /// are not stated at directions, nothing changes.
+    /// Returns this material with a share, 0 to 1, of straight lines between stated samples in its smooth form. Without this
+    /// call it is that of the file, 0 for a measurement; 1 is what most readers of luminaires and of MDL's measured materials
+    /// draw. Samples of cells, which are not stated at directions, stay as they are.
     #[must_use]
     pub fn with_straight_lines(self, share: f32) -> Self {
         match self.body {
@@ -150,7 +150,11 @@ impl Material {
 
     /// This material with the header of the file that it comes from.
     pub(super) fn with_summary(self, summary: Summary) -> Self {
-        Self { summary: Some(summary), ..self }
+        let material = match summary.straight_lines {
+            Some(share) if share > 0.0 => self.with_straight_lines(share as f32),
+            _ => self,
+        };
+        Self { summary: Some(summary), ..material }
     }
 
     /// What was measured.

@@ -74,6 +74,7 @@ mod smooth;
 mod spectrum;
 mod staged;
 mod stated;
+mod straight;
 mod trees;
 mod warp;
 mod wavelength_sampler;
@@ -87,6 +88,7 @@ pub use material::Material;
 pub use place::{Beyond, Interpolation, Place};
 pub use report::OpenedReport;
 pub use sampler::DirectionSample;
+pub use straight::straight_lines_for_flux;
 pub use warp::{Density, SampleOptions};
 #[doc(hidden)]
 pub use warp::{Drawn, Measure, WarpMesh, Warps};

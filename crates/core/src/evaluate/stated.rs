@@ -156,8 +156,18 @@ impl Stated {
     /// The integral over all outgoing directions of an entry of the opaque axes, of quantities without an incoming direction.
     pub(super) fn integral(&self, entry: usize) -> Vec<f32> {
         let mut sums = vec![0.0; self.geometry.lambdas()];
-        self.lines.integrate(entry, &mut sums);
+        self.lines.integrate(entry, self.lines.straight(), &mut sums);
         sums.into_iter().map(|sum| sum as f32).collect()
+    }
+
+    /// Integrals over all outgoing directions and wavelengths of an entry of the opaque axes: of cubics of logarithms, and of
+    /// straight lines between the samples.
+    pub(super) fn fluxes(&self, entry: usize) -> [f64; 2] {
+        [0.0, 1.0].map(|straight| {
+            let mut sums = vec![0.0; self.geometry.lambdas()];
+            self.lines.integrate(entry, straight, &mut sums);
+            sums.into_iter().sum()
+        })
     }
 
     /// As [`super::material::Material::slice`].

@@ -15,7 +15,7 @@ pub use error::PipelineError;
 pub use outcome::{Outcome, compress, project};
 pub use provenance::runs;
 pub use report::{CellErrors, Report};
-pub use request::Request;
+pub use request::{Curve, Request};
 pub use restated::{Origin, Restated, restate};
 pub use source::{Input, Source, read};
 pub use sparse::{sparse, sparse_measurement};

@@ -3,10 +3,11 @@
 use super::error::PipelineError;
 use super::provenance::provenance;
 use super::report::{Report, report};
-use super::request::Request;
+use super::request::{Curve, Request};
 use super::source::Source;
 use crate::compress::{self, Settings};
 use crate::domain::{Axis, Progress, Silent};
+use crate::evaluate::straight_lines_for_flux;
 use crate::formats::Acquisition;
 use crate::projection::{self, Projected};
 
@@ -48,6 +49,11 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
         albedo_error: request.albedo_error,
         metadata: request.metadata.then(|| provenance(source, request, &filled, on_grid)),
         random_access: request.random_access,
+        // Where no function can be made of the measurement, there is no flux to keep.
+        straight_lines: match request.interpolation {
+            Curve::Cubic => straight_lines_for_flux(&measurement).unwrap_or(0),
+            Curve::Linear => u8::MAX,
+        },
     };
     let compressed = compress::compress(&measurement, &settings, progress)?;
     // The measurement is not needed any more, and decoding needs the memory.

@@ -15,6 +15,7 @@ fn settings(target: Target, policy: Policy, basis: &str) -> Settings {
         basis: basis.to_owned(),
         floor: None,
         albedo_error: None,
+        straight_lines: 0,
         metadata: Some("{}".to_owned()),
         random_access: false,
     }

@@ -13,9 +13,9 @@ const POINTS: [[f64; 2]; 4] = [
 
 impl Lines {
     /// Writes ∫ f dω of an entry of the opaque axes into `out`, one a wavelength: without an incoming direction, over what the grid
-    /// covers. Between neighbouring angles of the file the rule has four points each way, so that on straight lines it is the
-    /// zonal flux of the samples to rounding. Masked directions count as dark.
-    pub(in crate::evaluate) fn integrate(&self, entry: usize, out: &mut [f64]) {
+    /// covers, of the function with a share, 0..=1, of straight lines. Between neighbouring angles of the file the rule has four
+    /// points each way, so that on straight lines it is the zonal flux of the samples to rounding. Masked directions count as dark.
+    pub(in crate::evaluate) fn integrate(&self, entry: usize, straight: f32, out: &mut [f64]) {
         out.fill(0.0);
         let Some(sphere) = &self.outgoing else { return };
         let [polar, azimuth] = sphere.intervals();
@@ -32,7 +32,7 @@ impl Lines {
             for &[turn, step] in &azimuths {
                 let area = sides * circumference * width.to_radians() * step.to_radians();
                 let wo: Direction = frame.direction(angle, turn);
-                self.spectrum(&self.under(entry, 0, wo), &mut spectrum);
+                self.spectrum_with(straight, &self.under(entry, 0, wo), &mut spectrum);
                 for (sum, &value) in out.iter_mut().zip(&spectrum).filter(|(_, value)| !value.is_nan()) {
                     *sum += area * f64::from(value);
                 }

@@ -138,6 +138,11 @@ impl Lines {
         Self { straight, ..self }
     }
 
+    /// Share of straight lines between samples, 0..=1.
+    pub(super) fn straight(&self) -> f32 {
+        self.straight
+    }
+
     /// How lobes go from one incoming direction to the next.
     pub(super) fn alignment(&self) -> Alignment {
         self.alignment
@@ -252,12 +257,17 @@ impl Lines {
 
     /// The whole spectrum of what was found.
     pub(super) fn spectrum(&self, found: &Found, out: &mut [f32]) {
+        self.spectrum_with(self.straight, found, out);
+    }
+
+    /// [`Self::spectrum`] with a share of straight lines of its own.
+    fn spectrum_with(&self, straight: f32, found: &Found, out: &mut [f32]) {
         if self.values.lambdas() == 1 {
-            out[0] = self.sample(found, 0);
+            [out[0]] = self.samples(straight, found, 0);
             return;
         }
         for (start, out) in (0..).step_by(4).zip(out.chunks_mut(4)) {
-            let samples = self.samples::<4>(found, start);
+            let samples = self.samples::<4>(straight, found, start);
             out.copy_from_slice(&samples[..out.len()]);
         }
     }
@@ -273,21 +283,21 @@ impl Lines {
 
     /// One sample of what was found.
     pub(super) fn sample(&self, found: &Found, lambda: usize) -> f32 {
-        self.samples::<1>(found, lambda)[0]
+        self.samples::<1>(self.straight, found, lambda)[0]
     }
 
-    /// `SIZE` samples from `lambda` on.
+    /// `SIZE` samples from `lambda` on, of the function with a share of straight lines.
     #[inline(always)]
-    fn samples<const SIZE: usize>(&self, found: &Found, lambda: usize) -> [f32; SIZE] {
-        if self.straight == 0.0 {
+    fn samples<const SIZE: usize>(&self, share: f32, found: &Found, lambda: usize) -> [f32; SIZE] {
+        if share == 0.0 {
             return self.curved(found, lambda);
         }
         let straight = self.on_straight_lines(found, lambda);
-        if self.straight == 1.0 {
+        if share == 1.0 {
             return straight;
         }
         let curved = self.curved::<SIZE>(found, lambda);
-        std::array::from_fn(|l| (1.0 - self.straight) * curved[l] + self.straight * straight[l])
+        std::array::from_fn(|l| (1.0 - share) * curved[l] + share * straight[l])
     }
 
     /// `SIZE` samples from `lambda` on, on straight lines between the samples around; masked ones are left out.
