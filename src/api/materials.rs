@@ -136,7 +136,7 @@ struct Manifest {
     #[schema(value_type = Option<Object>)]
     delta_e: Option<Value>,
     /// How much of the light of every direction and wavelength (directional albedo, flux) the file keeps: `largest` and
-    /// `rms` relative error, and the `brightest` of the measurement; null without triangles.
+    /// `rms` relative error, and the `brightest` of the measurement; null without directions.
     #[serde(default)]
     #[schema(value_type = Option<Object>)]
     light: Option<Value>,
@@ -159,14 +159,15 @@ struct Manifest {
     provenance: Value,
 }
 
-/// A level of the last triangle axis that a material can be decoded to.
+/// A level that a material can be decoded to: of its last triangle axis, or a coarser grid of angles.
 #[derive(Debug, Serialize, Deserialize, ToSchema)]
 struct MaterialLevel {
     /// The level.
     level: u8,
     /// How many of the file's first bytes it needs.
     bytes: u64,
-    /// er(L2) against the averages of the original samples over the level's triangles, rounded up.
+    /// er(L2), rounded up: against the averages of the original samples over the level's triangles, or of evaluating the level at
+    /// the angles of the file.
     er_l2: f64,
 }
 

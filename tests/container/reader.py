@@ -427,7 +427,7 @@ def check_layout(quantity, axes):
 
 RD, CONVENTIONAL, LOSSLESS, GENERIC, ADAPTIVE = range(5)
 POLICIES = ["rate-distortion", "conventional", "lossless", "generic", "adaptive"]
-KLT, PREDICTED, CLASSES, FLOOR, CORRECTIONS, UNSCORED, COUNTS, LINEAR, LIGHT, GRIDDED, STRAIGHT = (1 << k for k in range(11))
+KLT, PREDICTED, CLASSES, FLOOR, CORRECTIONS, UNSCORED, COUNTS, LINEAR, LIGHT, GRIDDED, STRAIGHT, LEVELS = (1 << k for k in range(12))
 FIXED = ["identity", "bio-haar", "orthonormal-area", "orthonormal-count"]
 
 
@@ -447,7 +447,7 @@ def read_header(r):
     r.note(r.at - 1, f"unit {UNITS[h.unit]}, policy {POLICIES[h.policy]}")
     start, h.flags = r.at, r.varint()
     others = CLASSES | FLOOR | COUNTS | STRAIGHT
-    allowed = {RD: 2047, LOSSLESS: others}.get(h.policy, others | UNSCORED)
+    allowed = {RD: 4095, LOSSLESS: others}.get(h.policy, others | UNSCORED)
     require(h.flags & ~allowed == 0, "unknown flags, or flags that do not fit the policy")
     r.note(start, f"flags {h.flags:#05x}")
     h.axes = [read_axis(r) for _ in range(axes)]
@@ -455,10 +455,12 @@ def read_header(r):
     h.count = math.prod(h.shape)
     require(h.count <= MAX_SAMPLES, "too many samples")
     check_layout(h.quantity, h.axes)
-    there = any(axis.kind == "triangles" for axis in h.axes)
-    require(there or not h.flags & (PREDICTED | LIGHT), "a pyramid or light without triangles")
+    kinds = {axis.kind for axis in h.axes}
+    require("triangles" in kinds or not h.flags & PREDICTED, "a pyramid without triangles")
+    require(kinds & {"triangles", "grid"} or not h.flags & LIGHT, "light without directions")
     h.grid = GridShape.of(h.axes)
     require(not h.flags & GRIDDED or h.grid and not h.flags & PREDICTED, "a predicted grid without one, or with a pyramid")
+    require(not h.flags & LEVELS or h.flags & GRIDDED, "levels of a grid chunk without one")
     h.straight_lines = 0
     if h.flags & STRAIGHT:
         directions = [axis.kind for axis in h.axes if axis.kind in ("triangles", "grid")]
@@ -478,9 +480,9 @@ def read_header(r):
             require(code == 0 or (code < 4) == (h.axes[i].kind == "triangles"), "a transform that does not fit")
             r.note(start, f"transform of axis {i}: {h.transforms[i]}")
     h.pyramid_length = None
-    if h.flags & PREDICTED:
+    if h.flags & (PREDICTED | LEVELS):
         start, h.pyramid_length = r.at, r.varint()
-        r.note(start, f"length of chunk P {h.pyramid_length}")
+        r.note(start, f"length of chunk {'P' if h.flags & PREDICTED else 'G'} {h.pyramid_length}")
     h.step = h.light_step = h.correction_step = h.floor = F(0)
     if h.policy == RD:
         h.step = np.array([r.unsigned(2) << 16], np.uint32).view(F)[0]
@@ -2117,7 +2119,7 @@ class Pairs:
         sets = self.weights
         return sets[min(plane if self.by_plane else plane // vectors, len(sets) - 1)][level]
 
-    def decode(self, coder, step, unit, learns, planes, vectors):
+    def decode(self, coder, step, unit, learns, planes, vectors, left_out=0):
         residuals, unit = Residuals(), unit / step
         expected = [Expected(unit) for _ in range(4)]
         around = [Around(a, self.long) for a in range(4)]
@@ -2131,7 +2133,7 @@ class Pairs:
                 number = (1 << count - 1 | coder.bits(count - 1)) if count else 0
                 root = F((-number if count and coder.even() else number) / math.sqrt(weight))
             values.append(np.full((1, 1, 1, 1), root, F))
-        for level in reversed(range(len(self.halvings))):
+        for level in reversed(range(left_out, len(self.halvings))):
             axis = self.halvings[level][0]
             if axis in seen:
                 for system in squares[axis]:
@@ -2230,16 +2232,82 @@ class Pairs:
         return new, errors_of_new, details
 
 
-def decode_grid(h, classes, basis, r):
+def read_grid_levels(r, h):
+    start, levels, end = r.at, [], 0
+    count = r.varint()
+    require(1 <= count <= 96, "too many or no levels")
+    r.note(start, f"{count} coarser levels")
+    for _ in range(count):
+        start, more, left_out = r.at, r.varint(), r.unsigned(1)
+        require(more > 0 and left_out > 0 and (not levels or left_out < levels[-1][1]), "a level that is no finer")
+        error = np.array([r.unsigned(3) << 8], np.uint32).view(F)[0]
+        require(error >= 0 and np.isfinite(error), "an error that is no number")
+        end += more
+        levels.append((end, left_out))
+        r.note(start, f"level of {end} bytes without {left_out} halvings, er(L2) {error:.6g}")
+    require(end <= h.pyramid_length - (r.at - r.start), "levels of more bytes than the stream has")
+    return levels
+
+
+def coarse_lines(shape, kept, left_out):
+    """By line of a level: nodes, angles, the node of each entry, halvings."""
+    lines = []
+    for i, (line, own) in enumerate(zip(shape.lines, kept)):
+        halvings = sum(axis == 4 - len(kept) + i for axis in left_out)
+        if halvings == 0:
+            lines.append((len(own.positions), list(line.angles), list(own.source), 0))
+            continue
+        count = len(own.positions)
+        for _ in range(halvings):
+            count = (count + 1) // 2
+        stated = len(own.source) - (1 if line.extent == 1 and own.circle else 0)
+        sums, merged = [0.0] * count, [0] * count
+        for source, angle in zip(own.source[:stated], line.angles):
+            sums[source >> halvings] += angle
+            merged[source >> halvings] += 1
+        lines.append((count, [s / n for s, n in zip(sums, merged)], list(range(count)), halvings))
+    return lines
+
+
+def coarse_samples(h, classes, shape, kept, lines, first, values):
+    """Samples of a level from the values of its nodes."""
+    rows = [0]
+    for i, (count, _, entries, _) in enumerate(lines):
+        poles = kept[i - 1].poles if i > 0 and lines[i - 1][3] == 0 else []
+        before = lines[i - 1][0] if i > 0 else 1
+        rows = [row * count + (0 if row % before in poles else entry) for row in rows for entry in entries]
+    nodes = math.prod(line[0] for line in lines)
+    rows = [block * nodes + row for block in range(shape.blocks) for row in rows]
+    samples = finish(h, values[rows].reshape(-1)).reshape(len(rows), shape.length)
+    if classes is not None:
+        merged = list(range(shape.blocks))
+        for (count, _, _, halvings), own in zip(lines, kept):
+            merged = [node * count + (entry >> halvings) for node in merged for entry in range(len(own.positions))]
+        table = classes.reshape(shape.rows, shape.length)
+        signs, measured = np.zeros((shape.blocks * nodes, shape.length)), np.zeros((shape.blocks * nodes, shape.length))
+        for leaf, row in first.items():
+            signs[merged[leaf]] += (table[row] == POSITIVE).astype(float) - (table[row] == NEGATIVE)
+            measured[merged[leaf]] += table[row] != MASKED
+        with np.errstate(invalid="ignore"):
+            shares = (signs / measured).astype(F)[rows]
+            samples = np.where(np.isnan(shares), F(np.nan), samples * shares).astype(F)
+    return samples.reshape(-1)
+
+
+def decode_grid(h, classes, basis, r, level=None):
     shape = h.grid
     require(basis is None or shape.length > 1, "a basis chunk without a last axis behind the directions")
     basis = None if basis is None else Basis(basis, h.axes, shape.rows, h.step, gridded=True)
     start, form = r.at, r.unsigned(1)
-    require(form < 8, "an unknown form of a grid chunk")
+    require(form < 16 and form & 9 != 9 and bool(form & 8) == bool(h.flags & LEVELS), "an unknown form of a grid chunk")
     random, has_bound, learns = form & 1, form & 2, not form & 4
     r.note(start, f"form of the grid chunk {form}")
     bound = F(r.number("f")) if has_bound else None
-    coder = Decoder(r.take(r.varint() if random else r.left(), "range-coded: what repeats, order of halvings"))
+    levels = r.levels = read_grid_levels(r, h) if form & 8 else []
+    r.levels_at = r.at
+    require(level is None or level < len(levels), "there is no such level")
+    end, left_out = (r.left(), 0) if level is None else levels[level]
+    coder = Decoder(r.take(r.varint() if random else end, "range-coded: what repeats, order of halvings"))
     kept = read_repeats(coder, shape)
     lines = kept[shape.first :] if random else kept
     lengths = [1] * (4 - len(lines)) + [len(k.positions) for k in lines]
@@ -2280,13 +2348,17 @@ def decode_grid(h, classes, basis, r):
         require(r.left() == 0, "bytes after the last stream")
     else:
         pyramid = Pairs(lines, order, [one for unit in sets for one in unit], by_plane)
-        planes = pyramid.decode(coder, *quantiser, units * vectors, vectors)
+        planes = pyramid.decode(coder, *quantiser, units * vectors, vectors, left_out)
+        unit_leaves = len(planes[0])
     planes = np.array(planes).reshape(units, vectors, unit_leaves).transpose(0, 2, 1).reshape(-1, vectors)
     if basis is None:
         values = np.zeros((len(planes), shape.length), F)
         values[:, lanes] = planes
     else:
         values = basis.synthesise(planes)
+    if level is not None:
+        lines = coarse_lines(shape, kept, order[:left_out])
+        return coarse_samples(h, classes, shape, kept, lines, first, values)
     logs = values[rows].reshape(-1)
     if bound is not None and classes is not None:
         logs = np.where(classes == NEGATIVE, np.minimum(logs, bound), logs).astype(F)
@@ -2367,7 +2439,8 @@ class Material:
         length = r.varint()
         payload = r.at
         r.note(start, f"chunk {letter}: {length} bytes")
-        require(letter != "P" or length == self.header.pyramid_length, "a chunk P of another length than in the header")
+        stated = letter == "P" or letter == "G" and self.header.flags & LEVELS
+        require(not stated or length == self.header.pyramid_length, f"a chunk {letter} of another length than in the header")
         self.lengths[letter] = length
         cut = level is not None and r.left() < length + 4
         if cut:
@@ -2410,11 +2483,12 @@ class Material:
                 logs = basis.synthesise(logs.reshape(-1, basis.rank)).reshape(-1)
         if h.flags & LIGHT:
             chunk = self.chunks["L"]
-            shape = Shape(h.axes)
-            inner = shape.inner * shape.length
+            at = max(i for i, axis in enumerate(h.axes) if axis.kind in ("triangles", "grid"))
+            count, inner = h.axes[at].count, math.prod(axis.count for axis in h.axes[at + 1 :])
             data = chunk.take(chunk.left(), "range-coded: steps of the light")
-            steps = np.array(decode_steps(data, h.count // shape.mesh.count, inner)).reshape(-1, 1, inner)
-            logs = (logs.reshape(-1, shape.mesh.count, inner) + steps.astype(F) * h.light_step).reshape(-1)
+            steps = np.array(decode_steps(data, h.count // count, inner)).reshape(-1, 1, inner)
+            lit = (logs.reshape(-1, count, inner) + steps.astype(F) * h.light_step).reshape(-1)
+            logs = np.where(classes == NEGATIVE, logs, lit) if h.flags & GRIDDED and classes is not None else lit
         if h.flags & CORRECTIONS:
             chunk = self.chunks["R"]
             data = chunk.take(chunk.left(), "range-coded: corrections")
@@ -2423,6 +2497,9 @@ class Material:
         return apply_classes(finish(h, logs), classes)
 
     def decode_level(self, h, level):
+        if h.flags & LEVELS:
+            require("G" in self.chunks, "no levels")
+            return decode_grid(h, self.classes, self.chunks.get("B"), self.chunks["G"], level)
         require(h.flags & PREDICTED and "P" in self.chunks, "no levels")
         r = self.chunks["P"]
         mesh = Shape(h.axes).mesh
@@ -2519,6 +2596,10 @@ def check():
             # The first bytes alone are enough for the level.
             prefix = data[: material.coded_at + material.index.ends[0]]
             runs.append(("level 0", Material(prefix, level=0).samples, base + ".level0.f32"))
+        if h.flags & LEVELS:
+            prefix = data[: material.chunks["G"].levels_at + material.chunks["G"].levels[0][0]]
+            runs.append(("level 0", Material(prefix, level=0).samples, base + ".level0.f32"))
+            found.add("levels of a grid")
         if h.flags & PREDICTED:
             found.add(("model", h.found[0]))
             found |= {"symmetries"} if h.found[1] > 1 else set()
@@ -2535,7 +2616,7 @@ def check():
         found |= set(material.chunks) | {"H"} | {POLICIES[h.policy]} | {str(t) for t in h.transforms}
     models = {("model", k) for k in range(4)}
     wanted = models | set("HCBPGQLRXM") | {"symmetries", "dead triangles", "conventional", "orthonormal-count", "bio-haar"}
-    wanted |= {"random access", "samples", "samples with signs"}
+    wanted |= {"random access", "samples", "samples with signs", "levels of a grid"}
     wanted |= {"(0, 4)", "(78, 2)", "(87, 2)"}
     for what, damaged in damaged_files(open(os.path.join(golden, DUMPED + ".wlm"), "rb").read()):
         try:

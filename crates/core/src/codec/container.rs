@@ -210,6 +210,13 @@ impl<'a> Container<'a> {
         self.chunks.iter().find(|chunk| chunk.kind == kind).copied()
     }
 
+    /// The file with another payload in the chunks of a kind.
+    pub(crate) fn replaced(&self, kind: ChunkKind, payload: &[u8]) -> Vec<u8> {
+        let payload_of = |chunk: &Chunk<'_>| if chunk.kind == kind { payload } else { chunk.payload }.to_vec();
+        let chunks: Vec<_> = self.chunks.iter().map(|chunk| (chunk.kind, payload_of(chunk))).collect();
+        write_container(&chunks)
+    }
+
     /// The chunk of this kind, or an error that names it.
     pub(crate) fn require(&self, kind: ChunkKind) -> Result<Chunk<'a>, CodecError> {
         self.get(kind).ok_or(CodecError::Truncated { at: self.bytes.len(), expected: kind.name() })

@@ -14,7 +14,7 @@ pub struct Compressed {
     pub bytes: Vec<u8>,
     /// Summary of the file, with the errors of the decoded bytes in full precision (the header holds them rounded).
     pub summary: Summary,
-    /// Comparison of the light (directional albedo, flux) of the decoded bytes with the measurement's; `None` without triangles.
+    /// Comparison of the light (directional albedo, flux) of the decoded bytes with the measurement's; `None` without directions.
     pub light: Option<LightReport>,
     /// The colours of the decoded bytes, where they were promised.
     pub colour: Option<ColourReport>,

@@ -47,15 +47,16 @@ pub fn decode(bytes: &[u8]) -> Result<Decoded, CodecError> {
     Ok(Decoded { measurement, summary: Summary { axes, ..header.summary(metadata) } })
 }
 
-/// A level of the last triangle axis that a file can be decoded to.
+/// A level that a file can be decoded to: of its last triangle axis, or a coarser grid of angles.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct LevelInfo {
     /// The level.
     pub level: u8,
     /// How many of the file's first bytes it needs.
     pub bytes: u64,
-    /// er(L2) against the averages of the original samples over the level's triangles, rounded up (to 9 % below the finest
-    /// level; `f64::MAX` where it is above 20 000).
+    /// er(L2), rounded up: of triangles against the averages of the original samples over the level's triangles (below the finest
+    /// level to 9 %; `f64::MAX` where it is above 20 000), of grids of angles that of evaluating the level at the original samples
+    /// (`f64::MAX` where it was not measured).
     pub er_l2: f64,
 }
 
@@ -73,28 +74,53 @@ pub fn levels(bytes: &[u8]) -> Result<Vec<LevelInfo>, CodecError> {
             er_l2: entry.er_l2(),
         }));
     }
+    if header.grid_levels {
+        let chunk = container.require(ChunkKind::Grid)?;
+        let (levels, start) = gridded::levels_of(chunk.reader(), chunk.offset + chunk.length)?;
+        infos.extend((0..).zip(levels).map(|(level, entry)| LevelInfo {
+            level,
+            bytes: (start + entry.end) as u64,
+            er_l2: entry.er_l2,
+        }));
+    }
+    let finest = if header.gridded { infos.len() as u8 } else { header.finest_level() };
     let bytes = container.payload_end() as u64;
-    infos.push(LevelInfo { level: header.finest_level(), bytes, er_l2: header.errors.er_l2 });
+    infos.push(LevelInfo { level: finest, bytes, er_l2: header.errors.er_l2 });
     Ok(infos)
 }
 
-/// Decodes a material, or enough of its first bytes, to a level of its last triangle axis: a coarser measurement, whose
-/// samples are averages over larger triangles. The summary is that of the whole file.
+/// Decodes a material, or enough of its first bytes, to a level: a coarser measurement, whose samples are averages over larger
+/// triangles, or means over blocks of the grid of angles at the mean of their angles. The summary is that of the whole file.
 ///
 /// Chunks that are whole are verified; the one that the prefix cuts has no checksum. Labels are in the metadata at the end.
 pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
     let (header, container) = Container::prefix(bytes, announced)?;
-    let finest = header.finest_level();
+    let grid = if header.grid_levels { Some(container.require(ChunkKind::Grid)?) } else { None };
+    let finest = match grid {
+        Some(chunk) => gridded::levels_of(chunk.reader(), chunk.offset + chunk.length)?.0.len() as u8,
+        None => header.finest_level(),
+    };
     let is_whole = |kind| container.get(kind).is_some_and(|chunk| chunk.end() <= bytes.len());
     if level == finest {
         let end =
             if is_whole(metadata_kind(&header.axes)) { bytes.len() } else { container.payload_end().min(bytes.len()) };
         return decode(&bytes[..end]);
     }
-    if level > finest || !header.predicted {
-        let coarsest = if header.predicted { 0 } else { finest };
+    if level > finest || !(header.predicted || header.grid_levels) {
+        let coarsest = if header.predicted || header.grid_levels { 0 } else { finest };
         let reason = format!("there is no level {level} in the material, expected {coarsest} to {finest}");
         return Err(CodecError::Malformed { at: bytes.len(), reason });
+    }
+    if let Some(chunk) = grid {
+        let payload = |kind| container.get(kind).map(|chunk| chunk.payload);
+        let classes = classes_of(&header, payload);
+        let chunks = (payload(ChunkKind::Basis), chunk.payload);
+        let (step, at) = ((header.step, header.linear), (chunk.length, usize::from(level)));
+        let (axes, samples) =
+            gridded::decode_level(&header.axes, classes.as_deref(), step, chunks, at, header.values())?;
+        let metadata = if is_whole(ChunkKind::Metadata) { metadata_of(&header, &container)?.0 } else { None };
+        let measurement = measurement_of(&header, axes, samples, bytes.len())?;
+        return Ok(Decoded { measurement, summary: header.summary(metadata) });
     }
     let chunk = container.require(ChunkKind::Pyramid)?;
     let mut r = chunk.reader();
@@ -154,7 +180,7 @@ pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecErr
             let chunks = (payload(ChunkKind::Basis), coded);
             let mut samples = predictive::decode_block(&header.axes, classes.as_deref(), header.step, chunks, block)?;
             if let Some((light, steps)) = light_of(&header, payload(ChunkKind::Light)) {
-                light.add(header.light_step, &steps[block * light.inner()..][..light.inner()], &mut samples);
+                light.add(header.light_step, &steps[block * light.inner()..][..light.inner()], None, &mut samples);
             }
             header.values().finish(&mut samples);
             finish_samples(classes.as_deref().map(|classes| &classes[own]), &mut samples)?;
@@ -166,8 +192,12 @@ pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecErr
                 let chunks = (payload(ChunkKind::Basis), coded);
                 let fineness = (header.step, header.linear);
                 let mut samples = gridded::decode_block(&header.axes, classes.as_deref(), fineness, chunks, block)?;
+                let own = classes.as_deref().map(|classes| &classes[own]);
+                if let Some((light, steps)) = light_of(&header, payload(ChunkKind::Light)) {
+                    light.add(header.light_step, &steps[block * light.inner()..][..light.inner()], own, &mut samples);
+                }
                 header.values().finish(&mut samples);
-                finish_samples(classes.as_deref().map(|classes| &classes[own]), &mut samples)?;
+                finish_samples(own, &mut samples)?;
                 samples
             }
             None => samples_of(&header, payload)?[own].to_vec(),
@@ -198,6 +228,16 @@ fn measurement_of(header: &Header, axes: Vec<Axis>, samples: Vec<f32>, at: usize
     let malformed = |reason: String| CodecError::Malformed { at, reason };
     let tensor = Tensor::new(axes, samples).map_err(|e| malformed(e.to_string()))?;
     Measurement::new(header.quantity, header.unit, header.sampling, tensor).map_err(|e| malformed(e.to_string()))
+}
+
+/// The file with these errors of its coarser levels on a grid of angles, coarse first; other files stay as they are.
+pub(crate) fn with_level_errors(bytes: &[u8], errors: &[f64]) -> Result<Vec<u8>, CodecError> {
+    let (header, container) = open(bytes)?;
+    if !header.grid_levels {
+        return Ok(bytes.to_vec());
+    }
+    let payload = gridded::with_errors(container.require(ChunkKind::Grid)?.payload, errors)?;
+    Ok(container.replaced(ChunkKind::Grid, &payload))
 }
 
 /// The BLAKE3 digest of the file without its metadata chunk.
@@ -258,6 +298,10 @@ pub(crate) fn samples_behind<'a>(
                 }
             } else if header.gridded {
                 let chunks = (chunk(ChunkKind::Basis), payload(ChunkKind::Grid));
+                if gridded::has_levels(chunks.1)? != header.grid_levels {
+                    let reason = "a grid chunk and a header that differ on coarser levels".to_owned();
+                    return Err(CodecError::Malformed { at: 0, reason });
+                }
                 let fineness = (header.step, header.linear);
                 gridded::decode(&header.axes, classes.as_deref(), fineness, chunks, finish)?
             } else if header.klt {
@@ -267,7 +311,7 @@ pub(crate) fn samples_behind<'a>(
                 fixed_logs(header, classes.as_deref(), coefficients)?
             };
             if let Some((light, steps)) = light_of(header, chunk(ChunkKind::Light)) {
-                light.add(header.light_step, &steps, &mut logs);
+                light.add(header.light_step, &steps, classes.as_deref().filter(|_| header.gridded), &mut logs);
             }
             if header.correction_step != 0.0 {
                 let mut steps = vec![0_i32; count];

@@ -207,3 +207,55 @@ fn any_grid_chunk_decodes_or_is_refused() {
         assert!(matches!(Container::read(&file.bytes[..9], |_| Ok(((), vec![]))), Err(CodecError::Truncated { .. })));
     }
 }
+
+#[test]
+fn the_light_of_every_incoming_entry_is_kept() {
+    for m in materials().iter().flat_map(|m| [m.clone(), hurt(m.clone())]) {
+        let has_incoming = m.tensor.axes().iter().position(|axis| matches!(axis, Axis::Grid(_))) > Some(0);
+        for random_access in [false, true] {
+            let plain = Settings { random_access, ..settings(Target::ErL2(0.1), Policy::Rd) };
+            if random_access && !has_incoming {
+                continue;
+            }
+            let without = check(&m, &plain).light.unwrap();
+            for bound in [0.01, 0.002] {
+                let wanted = Settings { albedo_error: Some(bound), ..plain.clone() };
+                let file = check(&m, &wanted);
+                let light = file.light.unwrap();
+                assert!(light.largest <= bound && light.rms <= light.largest, "{:?} {light:?}", m.tensor.shape());
+                assert!(without.largest >= light.largest || without.largest <= bound);
+                if random_access {
+                    let whole = decode(&file.bytes).unwrap().measurement.tensor.samples().to_vec();
+                    let block = decode_block(&file.bytes, 1).unwrap().tensor.samples().to_vec();
+                    let bits = |samples: &[f32]| samples.iter().map(|s| s.to_bits()).collect::<Vec<_>>();
+                    assert_eq!(bits(&block), bits(&whole[block.len()..2 * block.len()]));
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn noise_on_grids_is_found_and_left_out() {
+    let azimuths = Some((every(10.0, 36), AzimuthExtent::Circle));
+    let half = Some((every(9.0, 21), AzimuthExtent::Mirrored));
+    let elevations = Axis::Elevation(every(10.0, 8));
+    for noise in [0.03, 0.1] {
+        // Even noise has the standard deviation of its width through √12.
+        let sigma = noise / f64::sqrt(12.0);
+        for m in [
+            measured(Quantity::Edf, &[grid(Frame::TypeC, every(5.0, 37), azimuths.clone())], noise),
+            measured(Quantity::Brdf, &[elevations.clone(), grid(Frame::Surface, every(4.0, 23), half.clone())], noise),
+            measured(Quantity::Edf, &[grid(Frame::TypeC, every(9.0, 21), azimuths.clone()), wavelengths(31)], noise),
+        ] {
+            let found = estimate_noise(&m, 0.0).unwrap().relative;
+            assert!((0.75..1.15).contains(&(found / sigma)), "{:?} {sigma} {found}", m.tensor.shape());
+            let file = check(&m, &settings(Target::Auto, Policy::Rd));
+            let er_l2 = file.summary.errors.er_l2;
+            assert!((0.6..1.3).contains(&(er_l2 / sigma)), "{:?} {sigma} {er_l2}", m.tensor.shape());
+        }
+    }
+    let smooth = measured(Quantity::Edf, &[grid(Frame::TypeC, every(5.0, 37), azimuths)], 0.0);
+    let found = estimate_noise(&smooth, 0.0).map_or(0.0, |noise| noise.relative);
+    assert!(found < 2e-3, "{found}");
+}

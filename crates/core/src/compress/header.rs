@@ -10,14 +10,15 @@
 //!         64 not every sample is scored; 128 samples themselves are approximated, not logarithms (policy 0);
 //!         256 there is a light chunk (policy 0, not flag 128);
 //!         512 the last directions are the grid of the grid chunk (policy 0, not flag 2; there is no coefficients chunk then);
-//!         1024 functions between stated directions have a share of straight lines (the last directions are a grid)
+//!         1024 functions between stated directions have a share of straight lines (the last directions are a grid);
+//!         2048 the grid chunk states coarser levels (flag 512)
 //! axes    as in `codec`'s axes
 //! flag 1024: u8 the share of straight lines in 255ths, 1 … 255
 //! not policy 2, not flags 2, 512: varint a transform for each axis (flag 1: but the last):
 //!               0 identity, 1 bio-Haar, 2 orthonormal by area, 3 orthonormal by count,
 //!               16 + the number of a basis on a line, followed by u8 its boundary rule
-//! flag 2: varint  length of the pyramid chunk: without it a flipped bit in that chunk's own length could make a whole file
-//!               the prefix of another one
+//! flags 2, 2048: varint  length of the pyramid or grid chunk: without it a flipped bit in that chunk's own length could make
+//!               a whole file the prefix of another one
 //! policy 0:     u16 step: the high 16 bits of an f32;  flag 256: f32 step of the light;
 //!               flag 16: f32 correction step
 //! flag 8: f32   absolute floor
@@ -58,7 +59,9 @@ pub(crate) struct Header {
     pub(crate) gridded: bool,
     /// Share of straight lines between stated directions, in 255ths.
     pub(crate) straight_lines: u8,
-    /// The length of the pyramid chunk's payload, 0 without one.
+    /// The grid chunk states coarser levels.
+    pub(crate) grid_levels: bool,
+    /// The length of the payload of the pyramid chunk or of a grid chunk with levels, 0 without one.
     pub(crate) pyramid_length: usize,
     /// Whether samples are approximated rather than logarithms.
     pub(crate) linear: bool,
@@ -87,7 +90,8 @@ impl Flags {
     const LIGHT: u16 = 256;
     const GRIDDED: u16 = 512;
     const STRAIGHT: u16 = 1024;
-    const ALL: u16 = 2047;
+    const LEVELS: u16 = 2048;
+    const ALL: u16 = 4095;
 
     fn of(header: &Header) -> Self {
         let e = &header.errors;
@@ -104,6 +108,7 @@ impl Flags {
             (Self::LIGHT, header.light_step != 0.0),
             (Self::GRIDDED, header.gridded),
             (Self::STRAIGHT, header.straight_lines > 0),
+            (Self::LEVELS, header.grid_levels),
         ];
         Self(flags.into_iter().filter(|(_, set)| *set).map(|(flag, _)| flag).sum())
     }
@@ -114,7 +119,8 @@ impl Flags {
 
     /// Refuses flags that contradict the policy or the axes.
     fn check(&self, r: &Reader<'_>, policy: Policy, axes: &[Axis]) -> Result<(), CodecError> {
-        let of_rd = Self::KLT | Self::PREDICTED | Self::CORRECTIONS | Self::LINEAR | Self::LIGHT | Self::GRIDDED;
+        let of_rd =
+            Self::KLT | Self::PREDICTED | Self::CORRECTIONS | Self::LINEAR | Self::LIGHT | Self::GRIDDED | Self::LEVELS;
         let allowed = match policy {
             Policy::Rd => Self::ALL,
             Policy::Lossless => Self::ALL & !(of_rd | Self::UNSCORED_ERROR),
@@ -129,13 +135,16 @@ impl Flags {
         if self.has(Self::GRIDDED) && (self.has(Self::PREDICTED) || GridShape::of(axes).is_none()) {
             return Err(r.malformed("a predicted grid without directions on a grid, or with a pyramid"));
         }
+        if self.has(Self::LEVELS) && !self.has(Self::GRIDDED) {
+            return Err(r.malformed("levels of a grid chunk without one"));
+        }
         if self.has(Self::STRAIGHT) && !ends_on_grid(axes) {
             return Err(r.malformed("straight lines between directions that are not on a grid"));
         }
         if self.has(Self::LIGHT)
-            && (self.has(Self::LINEAR) || !axes.iter().any(|axis| matches!(axis, Axis::Triangles(_))))
+            && (self.has(Self::LINEAR) || !axes.iter().any(|axis| matches!(axis, Axis::Triangles(_) | Axis::Grid(_))))
         {
-            return Err(r.malformed("a light chunk without logarithms on triangles"));
+            return Err(r.malformed("a light chunk without logarithms over directions"));
         }
         if self.has(Self::KLT) && axes.is_empty() {
             return Err(r.malformed("a spectral basis without an axis"));
@@ -169,6 +178,7 @@ impl Header {
             predicted: false,
             gridded: false,
             straight_lines: 0,
+            grid_levels: false,
             pyramid_length: 0,
             linear: false,
             step: 0.0,
@@ -195,7 +205,7 @@ impl Header {
         for &transform in self.transforms.iter().take(written) {
             write_transform(&mut w, transform);
         }
-        if self.predicted {
+        if self.predicted || self.grid_levels {
             w.varint(self.pyramid_length as u64);
         }
         if self.policy == Policy::Rd {
@@ -254,7 +264,9 @@ impl Header {
         if policy != Policy::Lossless {
             transforms.resize(axes.len(), AxisTransform::Identity);
         }
-        let pyramid_length = if predicted { r.size(usize::MAX >> 1, "length of the pyramid")? } else { 0 };
+        let grid_levels = flags.has(Flags::LEVELS);
+        let pyramid_length =
+            if predicted || grid_levels { r.size(usize::MAX >> 1, "length of the pyramid")? } else { 0 };
         let step = if policy == Policy::Rd { f32::from_bits(r.low_bytes(2, "step")? << 16) } else { 1.0 };
         let light_step = if flags.has(Flags::LIGHT) { r.f32("step of the light")? } else { 0.0 };
         let correction_step = if flags.has(Flags::CORRECTIONS) { r.f32("correction step")? } else { 0.0 };
@@ -282,6 +294,7 @@ impl Header {
             predicted,
             gridded,
             straight_lines,
+            grid_levels,
             pyramid_length,
             linear: flags.has(Flags::LINEAR),
             step: if policy == Policy::Rd { step } else { 0.0 },
@@ -334,7 +347,8 @@ impl Header {
             (ChunkKind::Exact, lossless),
             (metadata_kind(&self.axes), true),
         ];
-        let length = |kind| (kind == ChunkKind::Pyramid).then_some(self.pyramid_length);
+        let is_stated = |kind| kind == ChunkKind::Pyramid || kind == ChunkKind::Grid && self.grid_levels;
+        let length = |kind| is_stated(kind).then_some(self.pyramid_length);
         let announced = all.into_iter().filter(|(_, announced)| *announced);
         announced.map(|(kind, _)| Announced { kind, length: length(kind) }).collect()
     }
@@ -406,6 +420,7 @@ mod tests {
             predicted: true,
             gridded: false,
             straight_lines: 0,
+            grid_levels: false,
             pyramid_length: 300,
             step: 0.015_625,
             linear: false,

@@ -1,9 +1,11 @@
 //! The light that leaves each block of directions, at each wavelength: directional albedo, flux, or a phase function's integral.
 //!
-//! It is Σ sample · weight over the last triangle axis; the weight is the cell's solid angle, projected for quantities that go
-//! with a cosine. A block is one entry of all axes before the triangles. Masked samples do not count.
+//! It is Σ sample · weight over the last axis of directions. The weight of a triangle is its solid angle, projected for
+//! quantities that go with a cosine. Weights of a grid of angles integrate straight lines between polar angles, and are
+//! trapezoids around the pole. A block is one entry of all axes before the directions. Masked samples do not count.
 
-use crate::domain::{Axis, Quantity, TriangleMesh};
+use crate::codec::Class;
+use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Frame, Quantity, TriangleMesh};
 use crate::numeric::wide;
 use serde::Serialize;
 
@@ -25,14 +27,18 @@ pub(crate) struct Light {
 }
 
 impl Light {
-    /// `None` where there are no triangles.
+    /// `None` where there are no directions.
     pub(crate) fn of(quantity: Quantity, axes: &[Axis]) -> Option<Self> {
-        let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_)))?;
-        let Axis::Triangles(mesh) = axes[at] else { return None };
-        Some(Self { weights: weights(quantity, mesh), inner: axes[at + 1..].iter().map(Axis::len).product() })
+        let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_) | Axis::Grid(_)))?;
+        let weights = match &axes[at] {
+            Axis::Triangles(mesh) => weights(quantity, *mesh),
+            Axis::Grid(grid) => weights_of_angles(quantity, grid),
+            _ => return None,
+        };
+        Some(Self { weights, inner: axes[at + 1..].iter().map(Axis::len).product() })
     }
 
-    /// Entries after the triangles.
+    /// Entries after the directions.
     pub(crate) fn inner(&self) -> usize {
         self.inner
     }
@@ -42,7 +48,7 @@ impl Light {
         samples / self.weights.len()
     }
 
-    /// `[blocks, entries after the triangles]`
+    /// `[blocks, entries after the directions]`
     pub(crate) fn sums(&self, samples: &[f32]) -> Vec<f64> {
         let block = self.weights.len() * self.inner;
         let mut sums = vec![0.0; samples.len() / self.weights.len()];
@@ -62,16 +68,19 @@ impl Light {
         sums
     }
 
-    /// Adds `step · k` to the logarithms of every block and entry.
-    pub(crate) fn add(&self, step: f32, steps: &[i32], logs: &mut [f32]) {
+    /// Adds `step · k` to the logarithms of every block and entry, without those that are `bounded`: negative samples.
+    pub(crate) fn add(&self, step: f32, steps: &[i32], bounded: Option<&[Class]>, logs: &mut [f32]) {
         let block = self.weights.len() * self.inner;
-        for (logs, steps) in logs.chunks_exact_mut(block).zip(steps.chunks_exact(self.inner)) {
+        for (number, (logs, steps)) in logs.chunks_exact_mut(block).zip(steps.chunks_exact(self.inner)).enumerate() {
             if steps.iter().all(|&k| k == 0) {
                 continue;
             }
-            for row in logs.chunks_exact_mut(self.inner) {
-                for (log, &k) in row.iter_mut().zip(steps) {
-                    *log += k as f32 * step;
+            let classes = bounded.map(|classes| &classes[number * block..]);
+            for (first, row) in (0..).step_by(self.inner).zip(logs.chunks_exact_mut(self.inner)) {
+                for (lane, (log, &k)) in row.iter_mut().zip(steps).enumerate() {
+                    if classes.is_none_or(|classes| classes[first + lane] != Class::Negative) {
+                        *log += k as f32 * step;
+                    }
                 }
             }
         }
@@ -90,15 +99,29 @@ impl Light {
         LightReport { largest, rms: if count == 0 { 0.0 } else { (sum / count as f64).sqrt() }, brightest }
     }
 
-    /// The steps of the logarithm that take the light of `decoded` within `bound` of that of `original`; 0 where it is.
-    pub(crate) fn steps(&self, bound: f64, step: f32, original: &[f32], decoded: &[f32]) -> Vec<i32> {
+    /// The steps of the logarithm that take the light of `decoded` within `bound` of that of `original`; 0 where it is. With
+    /// `bounded` negative samples stay as they are.
+    pub(crate) fn steps(
+        &self,
+        bound: f64,
+        step: f32,
+        bounded: bool,
+        (original, decoded): (&[f32], &[f32]),
+    ) -> Vec<i32> {
         let (wanted, found) = (self.sums(original), self.sums(decoded));
+        let fixed = if bounded {
+            let negative: Vec<f32> = decoded.iter().map(|&s| if s < 0.0 { s } else { 0.0 }).collect();
+            self.sums(&negative)
+        } else {
+            vec![0.0; found.len()]
+        };
         wanted
             .iter()
             .zip(&found)
-            .map(|(&wanted, &found)| {
-                let ratio = wanted / found;
-                let usable = wanted > 0.0 && found > 0.0 && ratio.is_finite();
+            .zip(&fixed)
+            .map(|((&wanted, &found), &fixed)| {
+                let ratio = (wanted - fixed) / (found - fixed);
+                let usable = wanted > 0.0 && found - fixed > 0.0 && ratio.is_finite();
                 // Half of the bound is left to rounding and to what comes after.
                 if !usable || (found / wanted - 1.0).abs() <= 0.9 * bound {
                     0
@@ -119,8 +142,129 @@ pub(crate) fn weights(quantity: Quantity, mesh: TriangleMesh) -> Vec<f64> {
     }
 }
 
-/// The step of the logarithm for a bound of the light's relative error.
-pub(crate) fn step_of(bound: f64) -> f32 {
-    // Rounding to the nearest step leaves half a step.
-    (1.6 * libm::log1p(bound)) as f32
+/// What a stated direction of a grid counts for.
+fn weights_of_angles(quantity: Quantity, grid: &DirectionGrid) -> Vec<f64> {
+    let (polar, around) = (polar_weights(quantity, grid), azimuth_weights(grid));
+    polar.iter().flat_map(|polar| around.iter().map(move |around| polar * around)).collect()
+}
+
+/// Weights of polar angles: ∫ f sin θ dθ, or ∫ f sin θ |cos θ| dθ, of straight lines between them, f as at the ends beyond.
+fn polar_weights(quantity: Quantity, grid: &DirectionGrid) -> Vec<f64> {
+    let from_pole = if matches!(grid.frame(), Frame::TypeA | Frame::TypeB) { 90.0 } else { 0.0 };
+    let angles: Vec<f64> = grid.polar().iter().map(|angle| (angle + from_pole).to_radians()).collect();
+    let (low, high) = grid.covers();
+    let [low, high] = [low, high].map(|angle| (angle + from_pole).to_radians());
+    let mut weights = vec![0.0; angles.len()];
+    let last = angles.len() - 1;
+    weights[0] += zone(quantity, low, angles[0]).iter().sum::<f64>();
+    weights[last] += zone(quantity, angles[last], high).iter().sum::<f64>();
+    for k in 0..last {
+        let [near, far] = zone(quantity, angles[k], angles[k + 1]);
+        weights[k] += near;
+        weights[k + 1] += far;
+    }
+    // Mirrored latitudes stand for both sides of the equator.
+    let sides = if grid.is_polar_mirrored() { 2.0 } else { 1.0 };
+    for weight in &mut weights {
+        *weight *= sides;
+    }
+    weights
+}
+
+/// Weights of both ends of a zone from `a` to `b`, angles from a pole.
+fn zone(quantity: Quantity, a: f64, b: f64) -> [f64; 2] {
+    // ∫ sin u of the straight lines that are 1 at one end and 0 at the other.
+    let of_sine = |a: f64, b: f64| {
+        let slope = (libm::sin(b) - libm::sin(a)) / (b - a);
+        [libm::cos(a) - slope, slope - libm::cos(b)]
+    };
+    if b <= a {
+        [0.0, 0.0]
+    } else if quantity.has_cosine() {
+        // sin θ cos θ = ½ sin 2θ, u = 2θ. A zone across the horizon has about no weight.
+        of_sine(2.0 * a, 2.0 * b).map(|weight| (0.25 * weight).abs())
+    } else {
+        of_sine(a, b)
+    }
+}
+
+/// Weights of azimuths: half the angles to both neighbours, 2π in all but for sectors.
+fn azimuth_weights(grid: &DirectionGrid) -> Vec<f64> {
+    let Some(azimuths) = grid.azimuths() else { return vec![std::f64::consts::TAU] };
+    let (angles, last) = (&azimuths.angles, azimuths.angles.len() - 1);
+    let mut weights = vec![0.0; angles.len()];
+    let mut add = |from: usize, to: usize, angle: f64| {
+        weights[from] += 0.5 * angle.to_radians();
+        weights[to] += 0.5 * angle.to_radians();
+    };
+    for k in 0..last {
+        add(k, k + 1, angles[k + 1] - angles[k]);
+    }
+    if azimuths.extent == AzimuthExtent::Circle {
+        add(last, 0, angles[0] + 360.0 - angles[last]);
+    }
+    let total: f64 = weights.iter().sum();
+    if azimuths.extent != AzimuthExtent::Sector || total == 0.0 {
+        let factor = std::f64::consts::TAU / total;
+        let even = std::f64::consts::TAU / weights.len() as f64;
+        for weight in &mut weights {
+            *weight = if total > 0.0 { *weight * factor } else { even };
+        }
+    }
+    weights
+}
+
+/// The step of the logarithm for a bound of the light's relative error; `bounded` where negative samples stay as they are.
+pub(crate) fn step_of(bound: f64, bounded: bool) -> f32 {
+    // Rounding to the nearest step leaves half a step; of positive samples alone, which are more than all.
+    let part = if bounded { 0.5 } else { 1.6 };
+    (part * libm::log1p(bound)) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::Azimuths;
+
+    #[test]
+    fn weights_of_angles_are_those_of_the_sphere() {
+        let every = |step: f64, count: usize| -> Vec<f64> { (0..count).map(|i| step * i as f64).collect() };
+        let pi = std::f64::consts::PI;
+        let grid = |frame, polar, azimuths: Option<(Vec<f64>, AzimuthExtent)>| {
+            let azimuths = azimuths.map(|(angles, extent)| Azimuths { angles, extent });
+            DirectionGrid::new(frame, polar, azimuths).unwrap()
+        };
+        for (quantity, grid, expected) in [
+            (Quantity::Edf, grid(Frame::TypeC, every(10.0, 19), None), 4.0 * pi),
+            (
+                Quantity::Edf,
+                grid(Frame::TypeC, every(10.0, 10), Some((every(22.5, 5), AzimuthExtent::Quadrant))),
+                2.0 * pi,
+            ),
+            (
+                Quantity::Edf,
+                grid(Frame::TypeC, every(10.0, 19), Some((every(30.0, 13), AzimuthExtent::Closed))),
+                4.0 * pi,
+            ),
+            (
+                Quantity::Edf,
+                grid(Frame::TypeB, every(10.0, 10), Some((every(60.0, 6), AzimuthExtent::Circle))).mirrored().unwrap(),
+                4.0 * pi,
+            ),
+            (
+                Quantity::Brdf,
+                grid(Frame::Surface, vec![0.0, 7.0, 30.0, 90.0], Some((vec![5.0], AzimuthExtent::Circle))),
+                pi,
+            ),
+            (
+                Quantity::Edf,
+                grid(Frame::Surface, every(30.0, 4), Some((vec![0.0, 45.0, 90.0], AzimuthExtent::Sector))),
+                0.5 * pi,
+            ),
+        ] {
+            let light = Light::of(quantity, &[Axis::Grid(grid.clone())]).unwrap();
+            let found = light.sums(&vec![1.0; grid.len()])[0];
+            assert!((found / expected - 1.0).abs() < 1e-12, "{} {found} {expected}", grid.describe());
+        }
+    }
 }

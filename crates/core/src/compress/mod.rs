@@ -48,6 +48,7 @@ mod values;
 
 pub use crate::codec::CodecError as DecodeError;
 pub use compressed::{Compressed, Ranked};
+pub(crate) use decode::with_level_errors;
 pub use decode::{
     Decoded, DecodedBlock, LevelInfo, decode, decode_block, decode_level, inspect, levels, payload_digest,
 };

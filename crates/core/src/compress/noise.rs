@@ -17,8 +17,9 @@
 //!   noise that whole stretches of a spectrum have in common: gain errors of one direction. Here, and where there is no second
 //!   axis, only the quarter of the blocks that bends least (in degree 2) is asked. κ is 1.5 wherever only one axis has order.
 //!
-//! Axes without order (indices, colours, meshes too coarse for cubics) only lose their mean. Nothing is estimated where no
-//! axis has neighbours, for single spectra (one line cannot tell noise from lines), or from few coefficients.
+//! A grid of angles counts as two lines, its polar angles and its azimuths. Axes without order (indices, colours, meshes too
+//! coarse for cubics) only lose their mean. Nothing is estimated where no axis has neighbours, for single spectra (one line
+//! cannot tell noise from lines), or from few coefficients.
 //!
 //! At most [`MAX_BLOCKS`] blocks are looked at, the same ones every time: time and memory are bounded.
 
@@ -106,10 +107,10 @@ const ROUNDING: f64 = 2e-7;
 /// spending bytes on noise, as far as anyone can tell. Up to a few per cent of scattered zeros and masks are borne, and
 /// any number of contiguous ones.
 pub fn estimate(measurement: &Measurement, floor: f32) -> Option<Noise> {
-    let axes = measurement.tensor.axes();
+    let axes = lines(measurement.tensor.axes());
     let samples = measurement.tensor.samples();
-    let (rows, columns) = fits(axes)?;
-    let blocks = |columns: Option<&Fit>| gather(axes, samples, floor, &rows, columns);
+    let (rows, columns) = fits(&axes)?;
+    let blocks = |columns: Option<&Fit>| gather(&axes, samples, floor, &rows, columns);
     let both = columns.as_ref().and_then(|columns| {
         let ordered = !matches!(columns.place, Place::Unordered);
         on_two_axes(blocks(Some(columns)), if ordered { DECAY } else { DECAY_ALONE })
@@ -117,6 +118,19 @@ pub fn estimate(measurement: &Measurement, floor: f32) -> Option<Noise> {
     // Scattered masks leave no block whole on two axes; triangles alone may do.
     let alone = || if matches!(rows.place, Place::Plane(_)) { on_triangles_alone(blocks(None)) } else { None };
     both.or_else(alone).filter(|noise| noise.relative > 0.0 || noise.common > 0.0)
+}
+
+/// The axes, with grids of angles as two lines.
+fn lines(axes: &[Axis]) -> Vec<Axis> {
+    let line = |angles: &[f64]| Axis::Elevation(angles.to_vec());
+    let of_axis = |axis: &Axis| match axis {
+        Axis::Grid(grid) => {
+            let azimuths = grid.azimuths().map(|azimuths| line(&azimuths.angles));
+            [line(grid.polar())].into_iter().chain(azimuths).collect()
+        }
+        other => vec![other.clone()],
+    };
+    axes.iter().flat_map(of_axis).collect()
 }
 
 /// How one axis is cut into blocks.

@@ -18,7 +18,8 @@ impl Parts {
 
 /// The file of `parts` with the errors its header holds now.
 pub(super) fn assemble(parts: &Parts, metadata: Option<&str>) -> Vec<u8> {
-    let pyramid_length = parts.chunk(ChunkKind::Pyramid).map_or(0, <[u8]>::len);
+    let kind = if parts.header.grid_levels { ChunkKind::Grid } else { ChunkKind::Pyramid };
+    let pyramid_length = parts.chunk(kind).map_or(0, <[u8]>::len);
     let header = Header { pyramid_length, ..parts.header.clone() };
     let mut chunks = vec![(ChunkKind::Header, header.write())];
     chunks.extend(parts.chunks.iter().cloned());

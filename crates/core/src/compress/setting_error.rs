@@ -147,8 +147,8 @@ pub enum AlbedoConflict {
          for er_l2 or er_l1"
     )]
     Bounded,
-    /// No outgoing triangles.
-    #[error("the axes have no triangles to add light over; leave albedo_error out")]
+    /// No outgoing directions.
+    #[error("the axes have no directions to add light over; leave albedo_error out")]
     NoTriangles,
 }
 

@@ -7,7 +7,7 @@ use super::request::{Curve, Request};
 use super::source::Source;
 use crate::compress::{self, Settings};
 use crate::domain::{Axis, Progress, Silent};
-use crate::evaluate::straight_lines_for_flux;
+use crate::evaluate::{state_levels, straight_lines_for_flux};
 use crate::formats::Acquisition;
 use crate::projection::{self, Projected};
 
@@ -55,7 +55,10 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
             Curve::Linear => u8::MAX,
         },
     };
-    let compressed = compress::compress(&measurement, &settings, progress)?;
+    let mut compressed = compress::compress(&measurement, &settings, progress)?;
+    if on_grid && let Ok(bytes) = state_levels(compressed.bytes.clone(), &measurement) {
+        compressed.bytes = bytes;
+    }
     // The measurement is not needed any more, and decoding needs the memory.
     let samples = measurement.tensor.len();
     drop(measurement);

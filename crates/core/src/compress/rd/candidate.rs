@@ -87,11 +87,17 @@ impl<'a> Candidate<'a> {
             }
         };
         let layer = Counted::new(layer, tally, measurement.tensor.len());
-        let light = settings
-            .albedo_error
-            .and_then(|bound| Light::of(measurement.quantity, axes).map(|light| (light, light::step_of(bound))));
+        let bounded = layer.is_gridded() && plane.counts.negative_samples > 0;
+        let light = settings.albedo_error.and_then(|bound| {
+            Light::of(measurement.quantity, axes).map(|light| (light, light::step_of(bound, bounded)))
+        });
         let closest = Cell::new(f64::INFINITY);
         Ok(Self { measurement, settings, plane, layer, light, floor, closest, sizes: Sizes::default() })
+    }
+
+    /// Returns true where a file may state coarser levels.
+    pub(super) fn has_levels(&self) -> bool {
+        (self.layer.is_predicted() || self.layer.is_gridded()) && !self.settings.random_access
     }
 
     pub(super) fn original(&self) -> &[f32] {
@@ -103,7 +109,8 @@ impl<'a> Candidate<'a> {
         self.layer.approximate(fineness, values);
         if let Some((light, step)) = &self.light {
             let steps = self.light_steps(light, *step, values);
-            light.add(*step, &steps, values);
+            let bounded = self.plane.coded.filter(|_| self.layer.is_gridded()).map(|_| self.plane.classes);
+            light.add(*step, &steps, bounded, values);
         }
     }
 
@@ -123,7 +130,8 @@ impl<'a> Candidate<'a> {
         if self.plane.coded.is_some() {
             apply_classes(self.plane.classes, &mut samples);
         }
-        light.steps(self.settings.albedo_error.unwrap_or(1.0), step, self.original(), &samples)
+        let bounded = self.layer.is_gridded() && self.plane.counts.negative_samples > 0;
+        light.steps(self.settings.albedo_error.unwrap_or(1.0), step, bounded, (self.original(), &samples))
     }
 
     /// The chunk of the light's corrections.

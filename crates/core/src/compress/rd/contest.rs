@@ -75,8 +75,7 @@ pub(super) fn best_of<'a>(
             shared = shared.or(own);
         }
         let Some(steps) = own.or(shared) else { continue };
-        let has_levels = candidate.layer.is_predicted() && !candidate.settings.random_access;
-        let levels = if has_levels { levels::usual_bytes(candidate.measurement) } else { 0 };
+        let levels = if candidate.has_levels() { levels::usual_bytes(candidate.measurement) } else { 0 };
         let bytes = chunk_bytes(&candidate.layer.chunks(steps.first)) + levels;
         let errors = if by_error {
             let error = candidate.relative_error(steps.first, &mut decoded, progress)?;

@@ -2,7 +2,8 @@
 //! closed loop.
 //!
 //! ```text
-//! grid chunk   u8 s + 2 · n + 4 · f: f without least squares; n: f32 the largest logarithm of a negative sample; then
+//! grid chunk   u8 s + 2 · n + 4 · f + 8 · l: f without least squares; n: f32 the largest logarithm of a negative sample;
+//!              l: coarser levels, as in `index`; then
 //!              s = 0: one range-coded stream: what repeats, as in `lattice`; the order of halvings; the pyramid
 //!              s = 1: varint length, and the first two as a stream of their own; then the pyramid of every incoming entry
 //!                     that is kept, in order, as in `streams`
@@ -10,12 +11,16 @@
 //! Planes are coefficients in the data's own basis where there is a basis chunk, else the entries of the last axis: of three,
 //! the second, the third and the first. Negative samples cost nothing: they take what is predicted, at most the largest of them.
 
+mod coarser;
 mod decode;
+mod index;
 mod lattice;
+mod nodes;
 mod planes;
 mod quantised;
 
-pub(crate) use decode::{decode, decode_block, is_random};
+pub(crate) use coarser::{decode_level, levels_of, with_errors, with_levels};
+pub(crate) use decode::{decode, decode_block, has_levels, is_random};
 pub(crate) use lattice::Shape;
 
 use super::super::setting_error::SettingError;

@@ -21,7 +21,7 @@ use super::super::classes::{apply_classes, classes_of};
 use super::super::header::{Header, finish_of};
 use super::super::light::weights;
 use super::super::parts::Parts;
-use super::predictive;
+use super::{gridded, predictive};
 use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Reader, Writer, code_steps};
 use crate::domain::{Axis, ErrorReport, Measurement, Quantity, TriangleMesh};
 use crate::numeric::wide;
@@ -112,7 +112,7 @@ impl<'a> LevelIndex<'a> {
     }
 }
 
-/// Bytes that the index of a measurement usually takes.
+/// Bytes that the index of a measurement on triangles usually takes.
 pub(crate) fn usual_bytes(measurement: &Measurement) -> usize {
     let grid = Grid::of(measurement.tensor.axes());
     grid.map_or(0, |grid| 2 * usize::from(grid.mesh.level()) + 1)
@@ -135,6 +135,10 @@ fn insert_and<T>(
     measurement: &Measurement,
     more: impl FnOnce(&Header, &predictive::Levels<'_>) -> T,
 ) -> Result<Option<T>, CodecError> {
+    if parts.header.gridded {
+        insert_in_grid(parts)?;
+        return Ok(None);
+    }
     let header = &parts.header;
     let (Some(coded), Some(finest)) = (parts.chunk(ChunkKind::Pyramid), Grid::of(&header.axes)) else {
         return Ok(None);
@@ -191,6 +195,22 @@ fn insert_and<T>(
     payload.extend_from_slice(coded);
     replace(parts, payload);
     Ok(Some(more))
+}
+
+/// States the levels of a grid chunk, without their errors.
+fn insert_in_grid(parts: &mut Parts) -> Result<(), CodecError> {
+    let header = &parts.header;
+    let classes = classes_of(header, |kind| parts.chunk(kind));
+    let chunks = (parts.chunk(ChunkKind::Basis), parts.chunk(ChunkKind::Grid).unwrap_or_default());
+    let step = (header.step, header.linear);
+    let payload = gridded::with_levels(&header.axes, classes.as_deref(), step, chunks, header.values())?;
+    if let Some(payload) = payload {
+        for (_, old) in parts.chunks.iter_mut().filter(|(kind, _)| *kind == ChunkKind::Grid) {
+            old.clone_from(&payload);
+        }
+        parts.header.grid_levels = true;
+    }
+    Ok(())
 }
 
 fn replace(parts: &mut Parts, payload: Vec<u8>) {

@@ -43,7 +43,6 @@ use crate::codec::Class;
 use crate::domain::{ErrorReport, Measurement, Progress};
 use candidate::Candidate;
 use class_plane::ClassPlane;
-use layer::FirstLayer;
 use schemes::{Scheme, schemes};
 use sized::settled;
 use target_steps::{find_steps, refined};
@@ -116,7 +115,7 @@ fn compress_with(
         [only] => {
             let work = work(only)?;
             let found = find_steps(&work, progress)?;
-            let found = if work.layer.is_predicted() { settled(&work, found, progress)? } else { found };
+            let found = if work.has_levels() { settled(&work, found, progress)? } else { found };
             let steps = refined(&work, found, progress)?;
             (work, steps, None)
         }

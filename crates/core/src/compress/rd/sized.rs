@@ -90,7 +90,7 @@ pub(super) fn settled(
     }
     let most = most(candidate);
     let mut at = Notch::below(steps.first.step);
-    if !(candidate.layer.is_predicted() && matches!(candidate.settings.target, Target::Bytes(_))) {
+    if !(candidate.has_levels() && matches!(candidate.settings.target, Target::Bytes(_))) {
         // What was compared may be a little coarser than it has to be.
         let finest = finest(candidate).max(at.moved(-NEAR));
         return match fitting(candidate, (at, finest), Until::Close, progress)? {
@@ -201,8 +201,7 @@ fn size(candidate: &Candidate<'_>, at: Notch, progress: &dyn Progress) -> Result
 
 /// Bytes of the level index.
 fn index(candidate: &Candidate<'_>) -> f64 {
-    let has_levels = candidate.layer.is_predicted() && !candidate.settings.random_access;
-    let usual = if has_levels { levels::usual_bytes(candidate.measurement) as f64 } else { 0.0 };
+    let usual = if candidate.has_levels() { levels::usual_bytes(candidate.measurement) as f64 } else { 0.0 };
     candidate.sizes.index.get().unwrap_or(usual)
 }
 

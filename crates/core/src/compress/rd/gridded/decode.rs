@@ -4,6 +4,7 @@ use super::super::super::values::Values;
 use super::super::lines::{Quantiser, code_order};
 use super::super::spectrum::{Basis, MAX_GRID_RANK};
 use super::super::streams::Streams;
+use super::index::{self, GridLevel};
 use super::lattice::Shape;
 use super::planes::Planes;
 use super::quantised::{bound_negative, quantiser};
@@ -12,23 +13,27 @@ use crate::domain::Axis;
 use rayon::prelude::*;
 
 /// What is decoded before any pyramid.
-struct Opened<'a> {
-    quantiser: Quantiser,
+pub(super) struct Opened<'a> {
+    pub(super) quantiser: Quantiser,
     /// Bound of the logarithms of negative samples.
-    largest_negative: Option<f32>,
-    planes: Planes,
-    basis: Option<Basis>,
-    order: Vec<u8>,
+    pub(super) largest_negative: Option<f32>,
+    pub(super) planes: Planes,
+    pub(super) basis: Option<Basis>,
+    pub(super) order: Vec<u8>,
+    /// Coarser levels, coarse first.
+    pub(super) levels: Vec<GridLevel>,
     /// Behind the opening, of one stream.
-    decoder: Decoder<'a>,
-    streams: Option<Streams<'a>>,
+    pub(super) decoder: Decoder<'a>,
+    pub(super) streams: Option<Streams<'a>>,
 }
 
 impl<'a> Opened<'a> {
-    fn new(
+    /// Opens a chunk of `length` bytes; for a level, as much of it as the level needs.
+    pub(super) fn new(
         axes: &[Axis],
         (step, is_linear): (f32, bool),
         (basis, coded): (Option<&[u8]>, &'a [u8]),
+        (length, level): (usize, Option<usize>),
     ) -> Result<Self, CodecError> {
         let malformed = |reason: &str| CodecError::Malformed { at: 0, reason: reason.to_owned() };
         let shape = Shape::of(axes).ok_or_else(|| malformed("a grid chunk without directions on a grid"))?;
@@ -38,9 +43,13 @@ impl<'a> Opened<'a> {
         }
         let basis = basis.map(|chunk| Basis::decode(chunk, axes, (rows, MAX_GRID_RANK), step)).transpose()?;
         let mut r = Reader::new(coded, 0);
-        let Flags { random, has_negative, learns } = Flags::read(&mut r)?;
+        let flags = Flags::read(&mut r)?;
+        let Flags { random, has_negative, learns, .. } = flags;
         let quantiser = quantiser(step, is_linear, learns);
-        let largest_negative = if has_negative { Some(r.f32("largest logarithm of a negative sample")?) } else { None };
+        let mut bound = r.clone();
+        let largest_negative =
+            if has_negative { Some(bound.f32("largest logarithm of a negative sample")?) } else { None };
+        let levels = flags.levels(&mut r, length)?;
         let form = (random, basis.is_some());
         let open = |decoder: &mut Decoder<'a>| {
             let planes = Planes::code(decoder, shape.clone(), form, None);
@@ -48,9 +57,18 @@ impl<'a> Opened<'a> {
             (planes, order)
         };
         if !random {
-            let mut decoder = Decoder::new(r.take(r.remaining(), "grid")?);
+            let stream = match level {
+                None => r.take(r.remaining(), "grid")?,
+                Some(level) => {
+                    let end = levels.get(level).map(|level| level.end).ok_or_else(|| malformed("no such level"))?;
+                    // A level is what its own bytes say, however many follow.
+                    let cut = CodecError::Truncated { at: r.offset() + r.remaining(), expected: "more of the level" };
+                    r.take(end, "bytes of the level").map_err(|_| cut)?
+                }
+            };
+            let mut decoder = Decoder::new(stream);
             let (planes, order) = open(&mut decoder);
-            return Ok(Self { quantiser, largest_negative, planes, basis, order, decoder, streams: None });
+            return Ok(Self { quantiser, largest_negative, planes, basis, order, levels, decoder, streams: None });
         }
         let length = r.size(usize::MAX >> 1, "length of a stream")?;
         let (planes, order) = open(&mut Decoder::new(r.take(length, "opening of a grid")?));
@@ -61,12 +79,13 @@ impl<'a> Opened<'a> {
             planes,
             basis,
             order,
+            levels,
             decoder: Decoder::new(&[]),
             streams: Some(streams),
         })
     }
 
-    fn vectors(&self) -> usize {
+    pub(super) fn vectors(&self) -> usize {
         self.basis.as_ref().map_or(self.planes.length(), Basis::rank)
     }
 }
@@ -80,7 +99,7 @@ pub(crate) fn decode(
     chunks: (Option<&[u8]>, &[u8]),
     finish: Option<Values>,
 ) -> Result<Vec<f32>, CodecError> {
-    let mut opened = Opened::new(axes, step, chunks)?;
+    let mut opened = Opened::new(axes, step, chunks, (chunks.1.len(), None))?;
     let (vectors, quantiser) = (opened.vectors(), opened.quantiser);
     let planes = &opened.planes;
     let weights = planes.weights(classes);
@@ -112,7 +131,7 @@ pub(crate) fn decode_block(
     chunks: (Option<&[u8]>, &[u8]),
     entry: usize,
 ) -> Result<Vec<f32>, CodecError> {
-    let opened = Opened::new(axes, step, chunks)?;
+    let opened = Opened::new(axes, step, chunks, (chunks.1.len(), None))?;
     let malformed = |reason: String| CodecError::Malformed { at: 0, reason };
     let Some(streams) = &opened.streams else {
         return Err(malformed("incoming entries that are not decoded by themselves".to_owned()));
@@ -126,7 +145,7 @@ pub(crate) fn decode_block(
     let decoded = pyramid.code(&mut streams.block(unit), opened.quantiser, (vectors, vectors), None, 0).0;
     let rows = planes.lattice().outgoing_rows();
     let mut values = vec![0.0; rows.len() * planes.length()];
-    planes.synthesise_rows(opened.basis.as_ref(), &decoded, &rows, &mut values);
+    planes.synthesise_rows(opened.basis.as_ref(), (&decoded, planes.unit()), &rows, &mut values);
     let own = classes.map(|classes| &classes[entry * values.len()..][..values.len()]);
     bound_negative(opened.largest_negative, own, &mut values);
     Ok(values)
@@ -137,18 +156,42 @@ pub(crate) fn is_random(coded: &[u8]) -> Result<bool, CodecError> {
     Ok(Flags::read(&mut Reader::new(coded, 0))?.random)
 }
 
+/// Returns true where a chunk states coarser levels.
+pub(crate) fn has_levels(coded: &[u8]) -> Result<bool, CodecError> {
+    Ok(Flags::read(&mut Reader::new(coded, 0))?.has_levels)
+}
+
+/// Flag of a grid chunk with coarser levels.
+pub(super) const LEVELS: u8 = 8;
+
 /// The first byte of a grid chunk.
-struct Flags {
+#[derive(Clone, Copy)]
+#[allow(clippy::struct_excessive_bools, reason = "each is a flag of the file")]
+pub(super) struct Flags {
     random: bool,
-    has_negative: bool,
+    pub(super) has_negative: bool,
     learns: bool,
+    has_levels: bool,
 }
 
 impl Flags {
-    fn read(r: &mut Reader<'_>) -> Result<Self, CodecError> {
+    pub(super) fn read(r: &mut Reader<'_>) -> Result<Self, CodecError> {
         match r.u8("form of a grid chunk")? {
-            form @ 0..8 => Ok(Self { random: form & 1 != 0, has_negative: form & 2 != 0, learns: form & 4 == 0 }),
+            form @ 0..16 if form & LEVELS == 0 || form & 1 == 0 => Ok(Self {
+                random: form & 1 != 0,
+                has_negative: form & 2 != 0,
+                learns: form & 4 == 0,
+                has_levels: form & LEVELS != 0,
+            }),
             other => Err(r.malformed(format!("form {other} of a grid chunk is unknown"))),
         }
+    }
+
+    /// Reads what follows the flags up to the stream of a chunk that ends at the offset `end`: the levels.
+    pub(super) fn levels(self, r: &mut Reader<'_>, end: usize) -> Result<Vec<GridLevel>, CodecError> {
+        if self.has_negative {
+            r.f32("largest logarithm of a negative sample")?;
+        }
+        if self.has_levels { index::read(r, end) } else { Ok(Vec::new()) }
     }
 }

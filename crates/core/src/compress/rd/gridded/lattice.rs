@@ -10,7 +10,8 @@
 //! ```
 //! Lines are those of the incoming axis, then those of the outgoing one, polar angles before azimuths.
 
-use super::super::lines::{Grid, Line};
+use super::super::lines::{AXES, Grid, Line};
+use super::nodes::Nodes;
 use crate::codec::{BitCoder, ClassGrid, code_flags};
 use crate::domain::{Axis, AzimuthExtent, DirectionGrid};
 use std::ops::Range;
@@ -291,6 +292,65 @@ impl Lattice {
             last = *row;
         }
         first
+    }
+
+    /// The lines of a level that leaves out the finest halvings, of these axes out of four.
+    pub(super) fn coarse_lines(&self, left_out: &[u8]) -> Vec<Nodes> {
+        let lines = self.kept.len();
+        let halvings = |axis: usize| left_out.iter().filter(|&&halved| usize::from(halved) == axis).count() as u32;
+        (0..lines).map(|line| self.nodes(line, halvings(AXES - lines + line))).collect()
+    }
+
+    /// A line after so many halvings: every node at the mean of the stated entries that it merges, a closing one left out.
+    /// Without a halving all stated entries remain.
+    fn nodes(&self, line: usize, halvings: u32) -> Nodes {
+        let (stated, kept) = (&self.shape.lines[line], &self.kept[line]);
+        if halvings == 0 {
+            let (positions, entries) = (stated.positions.clone(), kept.source.clone());
+            return Nodes { count: kept.positions.len(), positions, entries, halvings };
+        }
+        let count = (0..halvings).fold(kept.positions.len(), |count, _| count.div_ceil(2));
+        let is_seam = stated.is_closed && kept.period.is_some();
+        let own = kept.source.len() - usize::from(is_seam);
+        let mut sums = vec![(0.0, 0_u32); count];
+        for (&source, angle) in kept.source[..own].iter().zip(&stated.positions) {
+            let (sum, merged) = &mut sums[(source >> halvings) as usize];
+            (*sum, *merged) = (*sum + angle, *merged + 1);
+        }
+        let positions = sums.into_iter().map(|(sum, merged)| sum / f64::from(merged)).collect();
+        Nodes { count, positions, entries: (0..count as u32).collect(), halvings }
+    }
+
+    /// By row of a level: its node.
+    pub(super) fn coarse_rows(&self, lines: &[Nodes]) -> Vec<u32> {
+        let mut rows = vec![0_u32];
+        for (axis, line) in lines.iter().enumerate() {
+            let n = line.count as u32;
+            // Copies within a pole have no node of their own.
+            let polar = axis.checked_sub(1).map(|polar| (&lines[polar], &self.kept[polar].poles));
+            let polar = polar.filter(|(polar, _)| polar.halvings == 0);
+            let of_row = |&row: &u32| {
+                let is_pole = polar.is_some_and(|(polar, poles)| poles.contains(&(row % polar.count as u32)));
+                line.entries.iter().map(move |&entry| row * n + if is_pole { 0 } else { entry })
+            };
+            rows = rows.iter().flat_map(of_row).collect();
+        }
+        let nodes = lines.iter().map(|line| line.count as u32).product::<u32>();
+        (0..self.shape.blocks as u32).flat_map(|block| rows.iter().map(move |&row| block * nodes + row)).collect()
+    }
+
+    /// By leaf: its node of a level.
+    pub(super) fn nodes_of_leaves(&self, lines: &[Nodes]) -> Vec<u32> {
+        let mut nodes: Vec<u32> = (0..self.shape.blocks as u32).collect();
+        for (line, kept) in lines.iter().zip(&self.kept) {
+            let n = line.count as u32;
+            let entries = 0..kept.positions.len() as u32;
+            nodes = nodes
+                .iter()
+                .flat_map(|&node| entries.clone().map(move |entry| node * n + (entry >> line.halvings)))
+                .collect();
+        }
+        nodes
     }
 
     /// The shape of the tensor.

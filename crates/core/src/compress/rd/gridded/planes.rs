@@ -4,6 +4,7 @@ use super::super::folding::transposed;
 use super::super::lines::{Grid, PairPyramid};
 use super::super::spectrum::Basis;
 use super::lattice::{Lattice, Shape};
+use super::nodes::Nodes;
 use crate::codec::{BitCoder, Class};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -65,6 +66,11 @@ impl Planes {
     /// Pyramids that are coded by themselves.
     pub(super) fn streams(&self) -> usize {
         if self.random { self.units() } else { 1 }
+    }
+
+    /// Leaves of one unit.
+    pub(super) fn unit(&self) -> usize {
+        self.unit
     }
 
     /// Leaves of all units.
@@ -149,6 +155,31 @@ impl Planes {
         Weights { values, by_plane, are_alike }
     }
 
+    /// By node of a level and entry of a row: positive less negative samples in parts of all that are measured; NaN where none
+    /// is. Copies within a pole are left out.
+    pub(super) fn shares(&self, classes: &[Class], lines: &[Nodes]) -> Vec<f32> {
+        let n = self.length();
+        let nodes = self.lattice.nodes_of_leaves(lines);
+        let count = nodes.last().map_or(0, |&last| last as usize + 1);
+        let mut sums = vec![(0_i64, 0_i64); count * n];
+        for (leaf, &node) in nodes.iter().enumerate() {
+            let row = self.first[leaf] as usize;
+            if self.rows[row] as usize != leaf {
+                continue;
+            }
+            for (lane, class) in classes[row * n..][..n].iter().enumerate() {
+                let (sum, measured) = &mut sums[node as usize * n + lane];
+                match class {
+                    Class::Positive => (*sum, *measured) = (*sum + 1, *measured + 1),
+                    Class::Negative => (*sum, *measured) = (*sum - 1, *measured + 1),
+                    Class::Zero => *measured += 1,
+                    Class::Masked => {}
+                }
+            }
+        }
+        sums.into_iter().map(|(sum, measured)| (sum as f64 / measured as f64) as f32).collect()
+    }
+
     /// The pyramids of all streams, one if they are all alike.
     pub(super) fn pyramids(&self, order: &[u8], weights: &Weights) -> Vec<PairPyramid> {
         let streams = if weights.are_alike { 1 } else { self.streams() };
@@ -164,14 +195,20 @@ impl Planes {
 
     /// Values of all samples from planes of all units.
     pub(super) fn synthesise(&self, basis: Option<&Basis>, planes: &[f32], values: &mut [f32]) {
-        self.synthesise_rows(basis, planes, &self.rows, values);
+        self.synthesise_rows(basis, (planes, self.unit), &self.rows, values);
     }
 
-    /// Values of rows, each equal to some leaf, from planes of the units that hold these.
-    pub(super) fn synthesise_rows(&self, basis: Option<&Basis>, planes: &[f32], rows: &[u32], values: &mut [f32]) {
+    /// Values of rows, each equal to some node of units of so many, from planes of the units that hold these.
+    pub(super) fn synthesise_rows(
+        &self,
+        basis: Option<&Basis>,
+        (planes, unit): (&[f32], usize),
+        rows: &[u32],
+        values: &mut [f32],
+    ) {
         let n = self.length();
         let vectors = basis.map_or(n, Basis::rank);
-        let coefficients = transposed(planes, vectors, self.unit);
+        let coefficients = transposed(planes, vectors, unit);
         let mut leaves = vec![0.0; coefficients.len() / vectors * n];
         if let Some(basis) = basis {
             basis.synthesise(&coefficients, &mut leaves);

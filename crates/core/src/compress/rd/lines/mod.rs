@@ -20,7 +20,7 @@ mod template;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use grid::{Grid, Line};
+pub(crate) use grid::{AXES, Grid, Line};
 pub(crate) use order::{code_order, order_of_halvings};
 pub(crate) use pyramid::{PairPyramid, Quantiser};
 pub(crate) use source::Source;

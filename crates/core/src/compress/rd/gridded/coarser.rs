@@ -1,0 +1,178 @@
+//! Levels of a grid: coarser grids whose nodes stand at the mean of the entries that they merge.
+
+use super::super::super::values::Values;
+use super::decode::Opened;
+use super::index::{self, GridLevel};
+use super::nodes::Nodes;
+use crate::codec::{Class, CodecError, Reader, Writer};
+use crate::domain::{Axis, AzimuthExtent, Azimuths, DirectionGrid, DirectionGridError};
+
+/// A level: axes and samples.
+type Coarse = (Vec<Axis>, Vec<f32>);
+
+/// Samples of a level, number `level` from the coarsest, with its axes. `coded` is a grid chunk of `length` bytes, at least up
+/// to what the level needs.
+pub(crate) fn decode_level(
+    axes: &[Axis],
+    classes: Option<&[Class]>,
+    step: (f32, bool),
+    (basis, coded): (Option<&[u8]>, &[u8]),
+    (length, level): (usize, usize),
+    values: Values,
+) -> Result<Coarse, CodecError> {
+    let mut opened = Opened::new(axes, step, (basis, coded), (length, Some(level)))?;
+    let left_out = opened.levels.get(level).map_or(0, |level| level.left_out);
+    let weights = opened.planes.weights(classes);
+    let pyramid = opened.planes.pyramid(&opened.order, &weights, 0);
+    let (count, vectors) = (opened.planes.units() * opened.vectors(), opened.vectors());
+    let nodes = pyramid.code(&mut opened.decoder, opened.quantiser, (count, vectors), None, left_out).0;
+    let malformed = |error: DirectionGridError| CodecError::Malformed { at: 0, reason: error.to_string() };
+    samples(&opened, axes, classes, (&nodes, left_out), values).map_err(malformed)
+}
+
+/// The chunk with an index of its levels in front of the stream, their errors unknown; `None` where no level is worth it.
+pub(crate) fn with_levels(
+    axes: &[Axis],
+    classes: Option<&[Class]>,
+    step: (f32, bool),
+    chunks: (Option<&[u8]>, &[u8]),
+    values: Values,
+) -> Result<Option<Vec<u8>>, CodecError> {
+    let opened = Opened::new(axes, step, chunks, (chunks.1.len(), None))?;
+    if opened.streams.is_some() || !opened.levels.is_empty() {
+        return Ok(None);
+    }
+    let head = if opened.largest_negative.is_some() { 5 } else { 1 };
+    let stream = &chunks.1[head..];
+    let pyramid = opened.planes.pyramid(&opened.order, &opened.planes.weights(classes), 0);
+    let (count, vectors) = (opened.planes.units() * opened.vectors(), opened.vectors());
+    let mut levels: Vec<GridLevel> = Vec::new();
+    for left_out in (1..=opened.order.len()).rev() {
+        let mut decoder = opened.decoder.clone();
+        let nodes = pyramid.code(&mut decoder, opened.quantiser, (count, vectors), None, left_out).0;
+        // Beyond the end a decoder reads zeros, which are not there.
+        let end = decoder.position().min(stream.len());
+        if !index::is_stated(end, levels.last().map_or(0, |level| level.end), stream.len()) {
+            continue;
+        }
+        // Angles that rounding makes equal, or samples beyond float32, make no grid.
+        let is_whole = samples(&opened, axes, classes, (&nodes, left_out), values)
+            .is_ok_and(|(_, samples)| !samples.iter().any(|sample| sample.is_infinite()));
+        if is_whole {
+            levels.push(GridLevel { end, left_out, er_l2: f64::MAX });
+        }
+    }
+    Ok((!levels.is_empty()).then(|| chunk_of(chunks.1, head, &levels, stream)))
+}
+
+/// Levels in a grid chunk that was written with some, and the offset of the stream that their bytes are counted from.
+pub(crate) fn levels_of(mut r: Reader<'_>, end: usize) -> Result<(Vec<GridLevel>, usize), CodecError> {
+    let levels = super::decode::Flags::read(&mut r)?.levels(&mut r, end)?;
+    Ok((levels, r.offset()))
+}
+
+/// The chunk with these errors of its levels.
+pub(crate) fn with_errors(coded: &[u8], errors: &[f64]) -> Result<Vec<u8>, CodecError> {
+    let mut r = Reader::new(coded, 0);
+    let flags = super::decode::Flags::read(&mut r)?;
+    let head = if flags.has_negative { 5 } else { 1 };
+    let mut levels = flags.levels(&mut r, coded.len())?;
+    for (level, &error) in levels.iter_mut().zip(errors) {
+        level.er_l2 = error;
+    }
+    let stream = r.take(r.remaining(), "grid")?;
+    Ok(if levels.is_empty() { coded.to_vec() } else { chunk_of(coded, head, &levels, stream) })
+}
+
+/// A chunk that starts like `coded`, with levels in front of its stream.
+fn chunk_of(coded: &[u8], head: usize, levels: &[GridLevel], stream: &[u8]) -> Vec<u8> {
+    let mut w = Writer::default();
+    w.u8(coded[0] | super::decode::LEVELS);
+    w.raw(&coded[1..head]);
+    index::write(&mut w, levels);
+    w.raw(stream);
+    w.into_bytes()
+}
+
+/// Axes and samples of decoded nodes.
+fn samples(
+    opened: &Opened<'_>,
+    axes: &[Axis],
+    classes: Option<&[Class]>,
+    (nodes, left_out): (&[f32], usize),
+    finish: Values,
+) -> Result<Coarse, DirectionGridError> {
+    let planes = &opened.planes;
+    let lattice = planes.lattice();
+    let lines = lattice.coarse_lines(&opened.order[..left_out]);
+    let axes = coarse_axes(axes, &lines)?;
+    let rows = lattice.coarse_rows(&lines);
+    let n = planes.length();
+    let unit = lines.iter().map(|line| line.count).product();
+    let mut samples = vec![0.0; rows.len() * n];
+    planes.synthesise_rows(opened.basis.as_ref(), (nodes, unit), &rows, &mut samples);
+    finish.finish(&mut samples);
+    if let Some(classes) = classes {
+        let shares = planes.shares(classes, &lines);
+        for (row, samples) in rows.iter().zip(samples.chunks_exact_mut(n)) {
+            for (sample, &share) in samples.iter_mut().zip(&shares[*row as usize * n..]) {
+                *sample = if share.is_nan() { f32::NAN } else { *sample * share };
+            }
+        }
+    }
+    Ok((axes, samples))
+}
+
+/// The axes of a tensor with coarser lines.
+fn coarse_axes(axes: &[Axis], lines: &[Nodes]) -> Result<Vec<Axis>, DirectionGridError> {
+    let mut axes = axes.to_vec();
+    let mut rest = lines;
+    let first = axes.iter().rposition(|axis| matches!(axis, Axis::Grid(_))).unwrap_or(0).saturating_sub(1);
+    for axis in &mut axes[first..] {
+        match axis {
+            Axis::Elevation(angles) => {
+                if let [line, others @ ..] = rest {
+                    angles.clone_from(&line.positions);
+                    rest = others;
+                }
+            }
+            Axis::Grid(grid) => {
+                let has_azimuths = grid.azimuths().is_some_and(|azimuths| azimuths.angles.len() > 1);
+                let (own, others) = rest.split_at((1 + usize::from(has_azimuths)).min(rest.len()));
+                if let [polar, azimuths @ ..] = own {
+                    *grid = coarse_grid(grid, polar, azimuths.first())?;
+                }
+                rest = others;
+            }
+            _ => {}
+        }
+    }
+    Ok(axes)
+}
+
+/// A grid with coarser lines; it covers what the finer one covers.
+fn coarse_grid(
+    grid: &DirectionGrid,
+    polar: &Nodes,
+    azimuth: Option<&Nodes>,
+) -> Result<DirectionGrid, DirectionGridError> {
+    let azimuths = match (grid.azimuths(), azimuth.filter(|nodes| nodes.halvings > 0)) {
+        (Some(_), Some(nodes)) if nodes.count == 1 => None,
+        (Some(own), Some(nodes)) => {
+            let mut angles = nodes.positions.clone();
+            if own.extent == AzimuthExtent::Sector
+                && let ([first, .., last], [own_first, .., own_last]) = (angles.as_mut_slice(), own.angles.as_slice())
+            {
+                // Nothing is known outside a sector: its ends stay where they are.
+                (*first, *last) = (*own_first, *own_last);
+            }
+            let extent = if own.extent == AzimuthExtent::Closed { AzimuthExtent::Circle } else { own.extent };
+            Some(Azimuths { angles, extent })
+        }
+        (own, _) => own.cloned(),
+    };
+    let (low, high) = grid.covers();
+    let coarse = DirectionGrid::new(grid.frame(), polar.positions.clone(), azimuths)?;
+    let coarse = if grid.is_polar_mirrored() { coarse.mirrored()? } else { coarse };
+    Ok(coarse.covering(low, high)?.with_outside(grid.outside()))
+}

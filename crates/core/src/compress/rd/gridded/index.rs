@@ -1,0 +1,100 @@
+//! Index of the coarser levels of a grid chunk: the bytes that each needs, the halvings that it leaves out, its error.
+//!
+//! ```text
+//! levels   varint  number, at least 1; for each, coarse first:
+//!            varint  bytes of the stream that it needs, less those of the level before, at least 1
+//!            u8      halvings that it leaves out, at least 1, fewer than the level before
+//!            u24     er(L2) of evaluating it at the samples of the file, rounded up; 7F7FFF: unknown
+//! ```
+
+use super::super::super::stated::{read_error, rounded_up, write_error};
+use crate::codec::{CodecError, Reader, Writer};
+
+/// Largest number of levels; every level leaves out another number of halvings.
+const MOST: usize = 96;
+/// Least bytes of the stream that a level is worth stating with. Raising it saves some six bytes a level in small files.
+const LEAST: usize = 512;
+/// A level is stated if it needs this many hundredths of the bytes of the level before.
+const APART: usize = 115;
+
+/// One level.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct GridLevel {
+    /// Bytes of the stream that it needs.
+    pub(crate) end: usize,
+    /// Finest halvings that it leaves out.
+    pub(crate) left_out: usize,
+    /// er(L2) at the samples of the file, `f64::MAX` where it is unknown.
+    pub(crate) er_l2: f64,
+}
+
+/// Returns true where a level of `end` bytes of a stream is stated after one of `before` bytes.
+pub(super) fn is_stated(end: usize, before: usize, stream: usize) -> bool {
+    end >= LEAST && 100 * end >= APART * before && 100 * stream >= APART * end
+}
+
+/// Writes levels, coarse first, at least one.
+pub(super) fn write(w: &mut Writer, levels: &[GridLevel]) {
+    w.varint(levels.len() as u64);
+    let mut before = 0;
+    for level in levels {
+        w.varint((level.end - before) as u64);
+        w.u8(level.left_out as u8);
+        write_error(w, level.er_l2);
+        before = level.end;
+    }
+}
+
+/// Reads levels in a chunk that ends at the offset `end`, with the stream right behind them.
+pub(super) fn read(r: &mut Reader<'_>, end: usize) -> Result<Vec<GridLevel>, CodecError> {
+    let count = r.size(MOST, "number of levels")?;
+    if count == 0 {
+        return Err(r.malformed("0 levels of a grid chunk, expected at least 1"));
+    }
+    let mut levels: Vec<GridLevel> = Vec::with_capacity(count);
+    for _ in 0..count {
+        let before = levels.last();
+        let more = r.size(usize::MAX >> 1, "bytes of a level")?;
+        let left_out = usize::from(r.u8("halvings that a level leaves out")?);
+        if more == 0 || left_out == 0 || before.is_some_and(|before| before.left_out <= left_out) {
+            return Err(r.malformed("a level of a grid chunk that is no finer than the one before"));
+        }
+        let er_l2 = read_error(r, "er(L2) of a level")?;
+        let er_l2 = if er_l2 >= f64::from(rounded_up(f64::MAX)) { f64::MAX } else { er_l2 };
+        levels.push(GridLevel { end: before.map_or(0, |before| before.end).saturating_add(more), left_out, er_l2 });
+    }
+    let (needed, behind) = (levels[count - 1].end, end.saturating_sub(r.offset()));
+    if needed > behind {
+        return Err(r.malformed(format!("the levels need {needed} bytes of the stream, but {behind} follow")));
+    }
+    Ok(levels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_are_read_as_they_were_written_and_cut_short_they_are_an_error() {
+        let level = |end, left_out, er_l2| GridLevel { end, left_out, er_l2 };
+        let levels = [level(600, 9, 0.5), level(1000, 4, 0.125), level(70_000, 1, f64::MAX)];
+        let mut w = Writer::default();
+        write(&mut w, &levels);
+        let bytes = w.into_bytes();
+        let read = |bytes: &[u8], end| super::read(&mut Reader::new(bytes, 0), end);
+        assert_eq!(read(&bytes, bytes.len() + 70_000), Ok(levels.to_vec()));
+        assert!(read(&bytes, bytes.len() + 69_999).is_err());
+        for end in 0..bytes.len() {
+            assert!(read(&bytes[..end], 1 << 20).is_err());
+        }
+        let mut w = Writer::default();
+        write(&mut w, &[level(600, 4, 0.5), level(1000, 4, 0.125)]);
+        assert!(read(&w.into_bytes(), 1 << 20).is_err());
+    }
+
+    #[test]
+    fn levels_are_an_eighth_apart_and_not_too_small() {
+        assert!(is_stated(512, 0, 600) && !is_stated(511, 0, 600) && !is_stated(512, 0, 580));
+        assert!(is_stated(1150, 1000, 2000) && !is_stated(1149, 1000, 2000));
+    }
+}
