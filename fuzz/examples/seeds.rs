@@ -7,7 +7,10 @@ use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
 use wavelume_core::compress::{Policy, Settings, Target, compress};
-use wavelume_core::domain::{Axis, Domain, Measurement, Quantity, Sampling, Silent, Tensor, TriangleMesh, WavelengthGrid};
+use wavelume_core::domain::{
+    Axis, AzimuthExtent, Azimuths, DirectionGrid, Domain, Frame, Measurement, Quantity, Sampling, Silent, Tensor,
+    TriangleMesh, WavelengthGrid,
+};
 use wavelume_formats::formats::{Interpretation, manifest_of, write_npy};
 use wavelume_formats::pipeline::{self, Input, Request};
 use wavelume_fuzz::SEPARATOR;
@@ -24,6 +27,8 @@ fn main() -> Outcome<()> {
     for target in ["decode", "decode_sealed", "decode_prefix", "decode_block", "material"] {
         save(&corpus.join(target), &materials)?;
     }
+    let on_grids = grids()?;
+    save(&corpus.join("grids"), &on_grids)?;
     save(&corpus.join("formats"), &files(&root)?)?;
     Ok(())
 }
@@ -66,6 +71,7 @@ fn measurement(quantity: Quantity, axes: Vec<Axis>, hurt: bool) -> Outcome<Measu
             rest /= n;
             value *= match axis {
                 Axis::Triangles(mesh) => 1.2 + mesh.centroid(i).xyz()[2] * 0.7,
+                Axis::Grid(grid) => 1.2 + grid.direction(i).xyz()[2] * 0.7,
                 _ => 1.0 + 0.5 * (i as f64 / *n as f64 * 3.0).sin(),
             };
         }
@@ -108,6 +114,52 @@ fn measurements() -> Outcome<Vec<Measurement>> {
         }
     }
     Ok(all)
+}
+
+/// Materials on grids of angles, of every extent of azimuths: streams for all and for each incoming entry, on a basis or by
+/// channel, with light, corrections, levels, straight lines, and exact.
+fn grids() -> Outcome<Vec<Vec<u8>>> {
+    let every = |step: f64, count: usize| -> Vec<f64> { (0..count).map(|i| f64::from(i as u32) * step).collect() };
+    let grid = |frame, polar, angles: Vec<f64>, extent| -> Outcome<Axis> {
+        Ok(Axis::Grid(DirectionGrid::new(frame, polar, Some(Azimuths { angles, extent }))?))
+    };
+    let elevations = Axis::Elevation(vec![0.0, 20.0, 50.0, 80.0]);
+    let half = grid(Frame::Surface, vec![0.0, 8.0, 30.0, 31.0, 70.0], every(30.0, 7), AzimuthExtent::Mirrored)?;
+    let kinds = [
+        (Quantity::Edf, vec![grid(Frame::TypeC, every(10.0, 19), every(30.0, 13), AzimuthExtent::Closed)?]),
+        (Quantity::Edf, vec![grid(Frame::TypeC, every(2.5, 37), every(15.0, 24), AzimuthExtent::Circle)?]),
+        (
+            Quantity::Edf,
+            vec![grid(Frame::TypeB, every(10.0, 10), every(22.5, 5), AzimuthExtent::Quadrant)?, wavelengths(9)],
+        ),
+        (Quantity::Edf, vec![Axis::Grid(DirectionGrid::new(Frame::TypeC, every(5.0, 19), None)?)]),
+        (Quantity::Edf, vec![grid(Frame::TypeA, every(10.0, 9), every(10.0, 6), AzimuthExtent::Sector)?]),
+        (Quantity::Brdf, vec![elevations.clone(), half.clone(), Axis::Rgb]),
+        (Quantity::Brdf, vec![elevations, half.clone()]),
+        (Quantity::Brdf, vec![half.clone(), half]),
+    ];
+    let plain = |target| Settings { target, metadata: None, ..Settings::default() };
+    let wanted = [
+        plain(Target::ErL2(0.03)),
+        plain(Target::ErL2(0.002)),
+        plain(Target::Lossless),
+        plain(Target::MaxRelativeError(0.03)),
+        Settings { straight_lines: 100, albedo_error: Some(1e-3), ..plain(Target::ErL2(0.1)) },
+        Settings { random_access: true, albedo_error: Some(1e-3), ..plain(Target::ErL2(0.1)) },
+        Settings { floor: Some(0.1), ..plain(Target::ErL2(0.05)) },
+        Settings { basis: "klt".to_owned(), ..plain(Target::ErL2(0.02)) },
+    ];
+    let mut files = Vec::new();
+    for (quantity, axes) in kinds {
+        for hurt in [false, true] {
+            let measurement = measurement(quantity, axes.clone(), hurt)?;
+            for settings in &wanted {
+                // A promise that some kind cannot keep is no seed.
+                files.extend(compress(&measurement, settings, &Silent).map(|compressed| compressed.bytes));
+            }
+        }
+    }
+    Ok(files)
 }
 
 fn materials(root: &Path) -> Outcome<Vec<Vec<u8>>> {

@@ -81,8 +81,8 @@ pub fn decode_blocks(bytes: &[u8]) {
         Ok(summary) if announced(&summary) <= MOST_OPENED => summary,
         _ => return,
     };
-    let Some(at) = summary.axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_))) else {
-        assert!(compress::decode_block(bytes, 0).is_err(), "a slice without triangles");
+    let Some(at) = summary.axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_) | Axis::Grid(_))) else {
+        assert!(compress::decode_block(bytes, 0).is_err(), "a slice without directions");
         return;
     };
     let blocks: usize = summary.axes[..at].iter().map(Axis::len).product();
@@ -96,6 +96,18 @@ pub fn decode_blocks(bytes: &[u8]) {
         let expected = &whole.measurement.tensor.samples()[block * length..][..length];
         let same = slice.tensor.samples().iter().zip(expected).all(|(a, b)| a.to_bits() == b.to_bits());
         assert!(same && slice.tensor.len() == length, "other samples in slice {block}");
+    }
+}
+
+/// Everything that decodes a material on grids of angles: the whole, its levels, its slices, and its function. Other materials
+/// are passed over.
+pub fn decode_grids(bytes: &[u8], cut: u16) {
+    let is_grid = |summary: Summary| summary.axes.iter().any(|axis| matches!(axis, Axis::Grid(_)));
+    if compress::inspect(bytes).is_ok_and(is_grid) {
+        decode(bytes);
+        decode_prefixes(bytes, cut);
+        decode_blocks(bytes);
+        use_material(bytes);
     }
 }
 

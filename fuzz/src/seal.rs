@@ -26,6 +26,7 @@ fn letter(chunk: &str) -> u8 {
         "classes chunk" => b'C',
         "basis chunk" => b'B',
         "pyramid chunk" => b'P',
+        "grid chunk" => b'G',
         "coefficients chunk" => b'Q',
         "light chunk" => b'L',
         "corrections chunk" => b'R',

@@ -2,6 +2,8 @@
 
 /// Bins of a line, in which a search for an angle starts.
 const BINS: usize = 512;
+/// Part of an interval within which a direction counts as a stated one.
+const ROUNDING: f64 = 1e-7;
 /// Degrees in a circle.
 const CIRCLE: f64 = 360.0;
 
@@ -71,7 +73,12 @@ impl Line {
         let (one, two) = (at(0), at(1));
         let [one, two] = [one.unwrap_or(self.nodes[below]), two.unwrap_or(self.nodes[below])];
         let (before, after) = (at(-1), at(2));
-        let t = (angle - one.angle) / (two.angle - one.angle);
+        // At a stated angle the entry alone counts, whatever rounding made of the direction.
+        let t = match (angle - one.angle) / (two.angle - one.angle) {
+            t if t < ROUNDING => 0.0,
+            t if t > 1.0 - ROUNDING => 1.0,
+            t => t,
+        };
         let distances = [before.map(|node| one.angle - node.angle), after.map(|node| node.angle - two.angle)];
         let entries = [before.unwrap_or(one), one, two, after.unwrap_or(two)].map(|node| node.entry);
         Around { entries, cubic: cubic(t, two.angle - one.angle, distances).map(|w| w as f32), t: t as f32 }

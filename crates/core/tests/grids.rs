@@ -1,0 +1,303 @@
+//! Random measurements on grids of angles break no promise: errors, classes, slices, levels, and evaluation at the stated angles.
+//!
+//! 300 of them, or as many as the variable `WAVELUME_GRIDS` names; `WAVELUME_GRIDS_FROM` is the first seed. A case is named by its
+//! seed, and made from it alone.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test's helper fails by panicking, like the test")]
+
+use wavelume_core::compress::{
+    CompressError, Policy, Settings, Target, compress, decode, decode_block, decode_level, levels,
+};
+use wavelume_core::domain::{
+    Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Frame, Measurement, Quantity, Sampling, Silent, Tensor,
+    WavelengthGrid,
+};
+use wavelume_core::evaluate::{Interpolation, Material, Place, state_levels, straight_lines_for_flux};
+
+/// A sequence that a seed fixes (Steele, Lea & Flood 2014, `SplitMix`).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    /// Below `n`.
+    fn below(&mut self, n: usize) -> usize {
+        (self.next() % n as u64) as usize
+    }
+
+    /// In 0..1.
+    fn share(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// True in a share of all cases.
+    fn chance(&mut self, share: f64) -> bool {
+        self.share() < share
+    }
+
+    fn one_of<T: Copy>(&mut self, all: &[T]) -> T {
+        all[self.below(all.len())]
+    }
+
+    /// Up to `most` increasing angles in a range, its ends among them now and then; even or not.
+    fn angles(&mut self, (low, high): (f64, f64), most: usize) -> Vec<f64> {
+        let count = 1 + self.below(most);
+        let mut angles: Vec<f64> = if self.chance(0.5) {
+            (0..count).map(|i| low + (high - low) * i as f64 / count as f64).collect()
+        } else {
+            (0..count).map(|_| low + (high - low) * self.share()).collect()
+        };
+        if self.chance(0.5) {
+            angles.push(low);
+        }
+        if self.chance(0.5) {
+            angles.push(high);
+        }
+        // Neighbours at least a thousandth of a degree apart.
+        for angle in &mut angles {
+            *angle = (*angle * 1000.0).round() / 1000.0;
+        }
+        angles.sort_by(f64::total_cmp);
+        angles.dedup();
+        angles
+    }
+
+    fn azimuths(&mut self, most: usize) -> Option<Azimuths> {
+        let extent = self.one_of(AzimuthExtent::ALL);
+        let angles = match extent {
+            AzimuthExtent::Circle => self.angles((-90.0, 269.0), most),
+            AzimuthExtent::Sector => self.angles((-40.0, 110.0), most),
+            AzimuthExtent::Mirrored => self.angles((0.0, 180.0), most),
+            AzimuthExtent::MirroredAt90 => self.angles((90.0, 270.0), most),
+            AzimuthExtent::Quadrant => self.angles((0.0, 90.0), most),
+            AzimuthExtent::Closed => {
+                let inner = self.angles((1.0, 359.0), most);
+                [0.0].into_iter().chain(inner).chain([360.0]).collect()
+            }
+        };
+        self.chance(0.85).then_some(Azimuths { angles, extent })
+    }
+
+    fn grid(&mut self, is_upper: bool, most: [usize; 2]) -> DirectionGrid {
+        let frame = if is_upper { Frame::Surface } else { self.one_of(Frame::ALL) };
+        let (low, high) = if is_upper { (0.0, 90.0) } else { frame.polar_range() };
+        let is_mirrored = low < 0.0 && self.chance(0.3);
+        let polar = self.angles((if is_mirrored { 0.0 } else { low }, high), most[0]);
+        let (first, last) = (polar[0], polar[polar.len() - 1]);
+        let grid = DirectionGrid::new(frame, polar, self.azimuths(most[1])).unwrap();
+        let grid = if is_mirrored { grid.mirrored().unwrap() } else { grid };
+        if self.chance(0.5) {
+            grid.covering(0.5 * (first + low.max(if is_mirrored { 0.0 } else { low })), last).unwrap()
+        } else {
+            grid
+        }
+    }
+
+    /// Smooth values with noise, negative, zero and masked ones, and slices that repeat.
+    fn samples(&mut self, shape: &[usize], azimuths: usize) -> Vec<f32> {
+        let scale = libm::exp((self.share() - 0.5) * 2.0 * 68.0);
+        let (waves, noise) = (3.0 * self.share(), self.one_of(&[0.0, 0.0, 0.01, 0.3]));
+        let [negative, zero, masked] =
+            [0.1, 0.1, 0.1].map(|most| if self.chance(0.4) { most * self.share() } else { 0.0 });
+        let count: usize = shape.iter().product();
+        let mut samples = Vec::with_capacity(count);
+        let repeats = self.chance(0.3);
+        let behind = shape.last().copied().filter(|_| shape.len() > 1).unwrap_or(1);
+        for flat in 0..count {
+            let mut rest = flat;
+            let mut log = 0.0;
+            for (axis, n) in shape.iter().enumerate().rev() {
+                log += waves * libm::sin((rest % n) as f64 * 2.0 / *n as f64 + axis as f64);
+                rest /= n;
+            }
+            let value = scale * libm::exp(log) * (1.0 + noise * (self.share() - 0.5));
+            let value = value.clamp(1e-30, 1e30);
+            let class = self.share();
+            samples.push(if class < negative {
+                -0.1 * value
+            } else if class < negative + zero {
+                0.0
+            } else if class < negative + zero + masked {
+                f64::NAN
+            } else {
+                value
+            } as f32);
+            // Equal to the azimuth before.
+            if repeats && flat / behind % azimuths > 0 && flat / behind % azimuths % 3 == 1 {
+                samples[flat] = samples[flat - behind];
+            }
+        }
+        samples
+    }
+
+    fn measurement(&mut self) -> Measurement {
+        let last = match self.below(4) {
+            0 | 1 => None,
+            2 => Some(Axis::Rgb),
+            _ => Some(Axis::Wavelength(WavelengthGrid::even(400.0, 10.0, 2 + self.below(6)).unwrap())),
+        };
+        let (quantity, incoming) = match self.below(3) {
+            0 => (Quantity::Edf, None),
+            1 => (Quantity::Brdf, Some(Axis::Elevation(self.angles((0.0, 90.0), 5)))),
+            _ => (Quantity::Brdf, Some(Axis::Grid(self.grid(true, [3, 4])))),
+        };
+        let most = if incoming.is_some() { [6, 6] } else { [16, 16] };
+        let outgoing = self.grid(incoming.is_some(), most);
+        let azimuths = outgoing.shape()[1];
+        let axes: Vec<Axis> = incoming.into_iter().chain([Axis::Grid(outgoing)]).chain(last).collect();
+        let shape: Vec<usize> = axes.iter().map(Axis::len).collect();
+        let samples = self.samples(&shape, azimuths);
+        let tensor = Tensor::new(axes, samples).unwrap();
+        Measurement::new(quantity, quantity.default_unit(), Sampling::Point, tensor).unwrap()
+    }
+
+    fn settings(&mut self, measurement: &Measurement) -> Settings {
+        let has_incoming = matches!(measurement.quantity, Quantity::Brdf);
+        let is_lossless = self.chance(0.12);
+        let error = 0.001 * libm::pow(200.0, self.share());
+        let target = if is_lossless { Target::Lossless } else { Target::ErL2(error) };
+        Settings {
+            target,
+            policy: if is_lossless { Policy::Lossless } else { Policy::Rd },
+            floor: self.chance(0.15).then(|| 0.5 * self.share() + 1e-6),
+            albedo_error: (!is_lossless && self.chance(0.15)).then_some(0.01),
+            random_access: !is_lossless && has_incoming && self.chance(0.3),
+            straight_lines: self.one_of(&[0, 0, straight_lines_for_flux(measurement).unwrap(), 1, 100, 255]),
+            ..Settings::default()
+        }
+    }
+}
+
+fn bits(samples: &[f32]) -> Vec<u32> {
+    samples.iter().map(|&s| if s.is_nan() { f32::NAN } else { s }.to_bits()).collect()
+}
+
+/// Directions of all samples, `None` where a file states several values for one, or an azimuth for one that has none: poles,
+/// and ends of a closed circle.
+fn directions(axis: &Axis) -> Vec<Option<Direction>> {
+    match axis {
+        Axis::Elevation(angles) => angles.iter().map(|&angle| Some(Direction::from_degrees(angle, 0.0))).collect(),
+        Axis::Grid(grid) => {
+            let [_, width] = grid.shape();
+            let (low, high) = grid.frame().polar_range();
+            let closed = grid.azimuths().is_some_and(|azimuths| azimuths.extent == AzimuthExtent::Closed);
+            let own = |entry: usize| {
+                let polar = grid.polar()[entry / width];
+                let is_pole = grid.azimuths().is_some() && (polar == low || polar == high);
+                let is_seam = closed && (entry.is_multiple_of(width) || entry % width == width - 1);
+                (!is_pole && !is_seam).then(|| grid.direction(entry))
+            };
+            (0..grid.len()).map(own).collect()
+        }
+        _ => vec![None],
+    }
+}
+
+/// What a decoder has breaks no promise.
+fn check_samples(measurement: &Measurement, settings: &Settings, floor: f64, found: &[f32]) {
+    let samples = measurement.tensor.samples();
+    if settings.policy == Policy::Lossless {
+        assert_eq!(bits(found), bits(samples));
+        return;
+    }
+    let largest = samples.iter().fold(0.0_f32, |largest, &s| largest.max(-s));
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (&s, &d) in samples.iter().zip(found) {
+        assert_eq!(s.is_nan(), d.is_nan());
+        let (wanted, decoded) = (f64::from(s), f64::from(d));
+        if s > 0.0 && wanted >= floor {
+            sum += (decoded / wanted - 1.0) * (decoded / wanted - 1.0);
+            count += 1.0;
+        } else if s == 0.0 {
+            assert_eq!(d, 0.0, "a zero is not 0");
+        } else if floor > 0.0 && wanted.abs() < floor {
+            assert!((decoded - wanted).abs() <= floor * (1.0 + 1e-6), "{s} below the floor {floor}: {d}");
+        } else if s < 0.0 {
+            assert!(d <= 0.0 && (s - d).abs() <= largest, "a negative sample {s}: {d}");
+        }
+    }
+    if let Target::ErL2(error) = settings.target
+        && count > 0.0
+    {
+        let er_l2 = f64::sqrt(sum / count);
+        assert!(er_l2 <= error * (1.0 + 1e-9), "er(L2) {er_l2}, promised {error}");
+    }
+}
+
+/// The function at stated angles is the sample.
+fn check_function(file: &[u8], measurement: &Measurement, found: &[f32]) {
+    let material = Material::open(file).unwrap();
+    let axes = measurement.tensor.axes();
+    let at = axes.iter().rposition(|axis| matches!(axis, Axis::Grid(_))).unwrap();
+    let wis = if at > 0 { directions(&axes[0]) } else { vec![None] };
+    let wos = directions(&axes[at]);
+    let mut spectrum = vec![0.0; material.lambdas()];
+    let largest = found.iter().fold(0.0_f32, |largest, s| largest.max(s.abs()));
+    let is_linear = found.iter().any(|&s| s < 0.0);
+    let rows = found.chunks_exact(spectrum.len());
+    let pairs = wis.iter().flat_map(|wi| wos.iter().map(move |wo| (wi, wo)));
+    for ((&wi, &wo), row) in pairs.zip(rows) {
+        let (Some(wo), true) = (wo, wi.is_some() || at == 0) else { continue };
+        let place = Place { index: &[], wi, wo: Some(wo) };
+        material.evaluate(place, Interpolation::Smooth, &mut spectrum).unwrap();
+        for (&value, &sample) in spectrum.iter().zip(row) {
+            // Rounding of angles takes a part of a neighbour along, which counts where values are not logarithms.
+            let rounding = if is_linear { 2e-6 * largest } else { 0.0 };
+            let is_near = (value - sample).abs() <= 1e-5 * sample.abs() + rounding;
+            assert!(
+                is_near || value.is_nan() && sample.is_nan(),
+                "evaluated {value}, decoded {sample} at {wi:?} {wo:?}"
+            );
+        }
+    }
+}
+
+/// Slices and levels are those of the whole.
+fn check_parts(file: &[u8], measurement: &Measurement, found: &[f32]) {
+    let at = measurement.tensor.axes().iter().rposition(|axis| matches!(axis, Axis::Grid(_))).unwrap();
+    let blocks: usize = measurement.tensor.axes()[..at].iter().map(Axis::len).product();
+    for (block, own) in found.chunks_exact(found.len() / blocks).enumerate() {
+        assert_eq!(bits(decode_block(file, block).unwrap().tensor.samples()), bits(own));
+    }
+    let stated = state_levels(file.to_vec(), measurement).unwrap();
+    for info in levels(&stated).unwrap() {
+        let coarse = decode_level(&stated[..info.bytes as usize], info.level).unwrap();
+        let whole = decode_level(&stated, info.level).unwrap();
+        assert_eq!(bits(coarse.measurement.tensor.samples()), bits(whole.measurement.tensor.samples()));
+        assert!(info.er_l2.is_finite());
+    }
+}
+
+#[test]
+fn random_grids_keep_every_promise() {
+    let number = |name: &str, usual: u64| std::env::var(name).map_or(usual, |text| text.parse().unwrap());
+    let (count, first) = (number("WAVELUME_GRIDS", 300), number("WAVELUME_GRIDS_FROM", 0));
+    let mut refused = 0;
+    for seed in first..first + count {
+        let mut random = Random(seed.wrapping_mul(0x2545_F491_4F6C_DD1D));
+        let measurement = random.measurement();
+        let settings = random.settings(&measurement);
+        let case = std::panic::catch_unwind(|| {
+            let compressed = match compress(&measurement, &settings, &Silent) {
+                Ok(compressed) => compressed,
+                // One incoming entry is nothing to have access to; a size may be out of reach.
+                Err(CompressError::Setting(_) | CompressError::Unreachable(_)) => return false,
+                Err(error) => panic!("{error}"),
+            };
+            let decoded = decode(&compressed.bytes).unwrap();
+            let found = decoded.measurement.tensor.samples();
+            check_samples(&measurement, &settings, decoded.summary.floor, found);
+            check_function(&compressed.bytes, &measurement, found);
+            check_parts(&compressed.bytes, &measurement, found);
+            true
+        });
+        let Ok(is_made) = case else { panic!("seed {seed}: {:?}, {settings:?}", measurement.tensor.axes()) };
+        refused += u64::from(!is_made);
+    }
+    assert!(refused * 10 <= count.max(10), "{refused} of {count} were refused");
+}
