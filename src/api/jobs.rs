@@ -107,6 +107,10 @@ struct CompressSchema {
     /// Whether one incoming direction is decoded without the others (policy `rd`; the material has no coarser levels then).
     #[schema(nullable = false)]
     random_access: Option<bool>,
+    /// Whether the job fails (`unreachable-target`) where the material adds more to the noise of scattered samples than twice the
+    /// promised error or half of the noise; else that is a warning among its notes.
+    #[schema(nullable = false)]
+    strict: Option<bool>,
     /// What to call the material.
     name: Option<Text>,
     /// Under which licence it is.

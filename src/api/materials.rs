@@ -140,6 +140,13 @@ struct Manifest {
     #[serde(default)]
     #[schema(value_type = Option<Object>)]
     light: Option<Value>,
+    /// Of scattered samples: `noise`, the root mean square of their relative noise (null where too few tell it); `fit`, er(L2)
+    /// of the evaluated material at all that were not rejected; `added`, what of it the material adds to the noise;
+    /// `allowed`, what it may add; `rejected`, the `values` left out as outliers, and their share of all `samples` and of
+    /// their `light`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Object>)]
+    scattered: Option<Value>,
     /// Standard deviations of the relative noise of the measurement, found by its lack of structure: `relative` of one
     /// sample, its `uncertainty`, `common` to neighbouring spectral samples; null where none can be told.
     #[schema(value_type = Option<Object>)]

@@ -84,6 +84,8 @@ impl From<PipelineError> for Failure {
             PipelineError::Format(_)
             | PipelineError::Spectrum(_)
             | PipelineError::Projection(_)
+            | PipelineError::Opened(_)
+            | PipelineError::Strict(_)
             | PipelineError::Compress(_) => Self::failed(error),
         }
     }

@@ -6,6 +6,7 @@ use super::input::{Loaded, MeasurementArgs};
 use super::output::{Sheet, count, print, print_json, three_digits};
 use super::report::{
     axes_lines, coefficient_line, coverage_lines, error_lines, labelled, level_lines, note_lines, sample_lines,
+    stated_fit_lines,
 };
 use super::request::AxesArgs;
 use crate::compress::{self, LevelInfo, Summary};
@@ -294,6 +295,9 @@ impl Material {
         };
         if let (Some(cells), Some(of)) = (provenance["filled"]["cells"].as_u64(), provenance["filled"]["of"].as_u64()) {
             sheet.line("filled", format!("{} of {} cells, not measured", count(cells), count(of)));
+        }
+        if let Ok(fit) = serde_json::from_value(provenance["scattered"].clone()) {
+            stated_fit_lines(sheet, &fit);
         }
         let source = &provenance["source"];
         if let (Some(format), Some(dialect)) = (source["format"].as_str(), source["dialect"].as_str()) {

@@ -5,8 +5,8 @@ use crate::compress::{LevelInfo, Noise};
 use crate::domain::ErrorReport;
 use crate::domain::colour::ColourReport;
 use crate::formats::{Note, NoteKind};
-use crate::pipeline::Report;
-use crate::projection::{Coverage, ScatterReport};
+use crate::pipeline::{FitReport, Report};
+use crate::projection::{Coverage, Rejected, ScatterReport};
 
 /// The report of a compression; `file_bytes` is the size of the input file.
 pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
@@ -47,6 +47,9 @@ pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
     }
     if let Some(colour) = &report.delta_e {
         colour_lines(&mut sheet, colour);
+    }
+    if let Some(fit) = &report.fit {
+        fit_line(&mut sheet, fit);
     }
     sheet.line("digest", &report.digest);
     sheet
@@ -148,23 +151,47 @@ pub(crate) fn coverage_lines(sheet: &mut Sheet, coverage: &Coverage) {
     }
 }
 
-/// The errors at scattered samples, by region.
+/// Number, noise and outliers of scattered samples.
 fn scatter_lines(sheet: &mut Sheet, report: &ScatterReport) {
     let negative = if report.negative > 0 { format!(", {} negative", count(report.negative)) } else { String::new() };
     sheet.line(
         "scattered",
         format!("{} samples{negative}, {} neighbours to a fit", count(report.samples), report.neighbours),
     );
-    for (what, regions) in [("left out", &report.left_out), ("fit", &report.fit), ("constant cells", &report.constant)]
-    {
-        let [all, peak, middle, grazing] =
-            [regions.all, regions.peak, regions.middle, regions.grazing].map(|scores| per_cent(scores.er_l2));
-        let text = format!("er(L2) {all} at the samples (peak {peak}, middle {middle}, grazing {grazing})");
-        sheet.line(what, text);
-    }
-    if report.outliers > 0.0 {
-        sheet.line("outliers", format!("{} of the samples left out", per_cent(report.outliers)));
-    }
+    scatter_noise_lines(sheet, report.noise, report.rejected);
+}
+
+/// Noise and outliers of scattered samples.
+fn scatter_noise_lines(sheet: &mut Sheet, noise: Option<f64>, rejected: Rejected) {
+    let noise = noise.map_or_else(|| "unknown: too few samples".to_owned(), per_cent);
+    sheet.line("sample noise", format!("{noise}, from differences between neighbours"));
+    let values = match rejected.values {
+        0 => "no samples".to_owned(),
+        values => format!(
+            "{} values far from their neighbours: {} of the samples, {} of the light",
+            count(values),
+            per_cent(rejected.samples),
+            per_cent(rejected.light)
+        ),
+    };
+    sheet.line("rejected", values);
+}
+
+/// What a material is at scattered samples.
+fn fit_line(sheet: &mut Sheet, fit: &FitReport) {
+    let text = format!(
+        "er(L2) {} at the samples that were not rejected; the material adds {} to their noise, at most {} is allowed",
+        per_cent(fit.fit),
+        per_cent(fit.added),
+        per_cent(fit.allowed)
+    );
+    sheet.line("fit", text);
+}
+
+/// The same of a file that states it.
+pub(crate) fn stated_fit_lines(sheet: &mut Sheet, fit: &FitReport) {
+    scatter_noise_lines(sheet, fit.noise, fit.rejected);
+    fit_line(sheet, fit);
 }
 
 /// The estimated noise of the samples.

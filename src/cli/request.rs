@@ -106,6 +106,9 @@ pub(crate) struct RequestArgs {
     /// Between the directions of a grid of angles: cubics of logarithms that keep a luminaire's flux, or straight lines
     #[arg(long, value_name = "cubic|linear", default_value_t)]
     interpolation: Curve,
+    /// Fail where the material adds more to the noise of scattered samples than twice the promised error or half of the noise
+    #[arg(long)]
+    strict: bool,
     /// Leave the provenance out of the file
     #[arg(long)]
     no_metadata: bool,
@@ -178,6 +181,7 @@ impl RequestArgs {
             metadata: !self.no_metadata,
             random_access: self.random_access,
             interpolation: self.interpolation,
+            strict: self.strict,
             ..self.axes.request()
         }
     }

@@ -112,7 +112,10 @@ impl From<PipelineError> for Failure {
                 last(Code::BadSetting, error)
             }
             PipelineError::Projection(_) => last(Code::UnfitAxes, error),
-            PipelineError::Compress(CompressError::Unreachable(_)) => last(Code::UnreachableTarget, error),
+            PipelineError::Compress(CompressError::Unreachable(_)) | PipelineError::Strict(_) => {
+                last(Code::UnreachableTarget, error)
+            }
+            PipelineError::Opened(_) => last(Code::Internal, error),
         }
     }
 }

@@ -87,6 +87,9 @@ pub(crate) struct CompressRequest {
     /// Whether one incoming direction is decoded without the others.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub random_access: bool,
+    /// Whether a material that adds more to the noise of scattered samples than it may is refused, not warned of.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub strict: bool,
     /// What to call the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
@@ -189,6 +192,7 @@ impl CompressRequest {
             metadata: self.metadata,
             random_access: self.random_access,
             interpolation: self.interpolation,
+            strict: self.strict,
         }
     }
 }

@@ -8,6 +8,8 @@ mod scans;
 mod service;
 mod views;
 
+pub(crate) use scans::noisy_lobe;
+
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};

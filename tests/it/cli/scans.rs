@@ -60,3 +60,56 @@ fn filled_cells_are_marked_in_arrays_materials_and_reports() {
     let measured = json(at, &["inspect", "scan.csv"]);
     assert_eq!(measured["coverage"]["filled"].as_u64(), Some(filled), "{measured}");
 }
+
+/// A lobe over a base with noise of 1 % at directions even in solid angle, under one elevation.
+pub(crate) fn noisy_lobe() -> String {
+    let mut text =
+        "# radiometric-csv: 1\n# quantity: brdf\n# value_unit: 1/sr\n# cosine_included: false\n# angle_unit: deg\n\
+                    # isotropic: true\ntheta_i,theta_o,phi_o,value\n"
+            .to_owned();
+    let mut state = 1_u32;
+    let mut even = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(state >> 8) / f64::from(1 << 24)
+    };
+    for i in 0..2000 {
+        let [u, v] = [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (0.5 + f64::from(i) * step).fract());
+        let (theta, phi) = ((1.0 - u).acos(), std::f64::consts::TAU * v);
+        // The direction 30 degrees from the normal, opposite to the light.
+        let near = theta.cos() * 0.866_025 - theta.sin() * 0.5 * phi.cos();
+        let noise = (0..12).map(|_| even()).sum::<f64>() - 6.0;
+        let value = (0.1 + (20.0 * (near - 1.0)).exp()) * (1.0 + 0.01 * noise);
+        writeln!(text, "30,{:.4},{:.4},{value:.6}", theta.to_degrees(), phi.to_degrees()).unwrap();
+    }
+    text
+}
+
+#[test]
+fn what_a_material_adds_to_the_noise_is_stated_warned_of_and_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    std::fs::write(at.join("lobe.csv"), noisy_lobe()).unwrap();
+    let fit = json(at, &["compress", "lobe.csv", "-o", "lobe.wlm", "--strict"])["scattered"].clone();
+    let number = |name: &str| fit[name].as_f64().unwrap();
+    assert!((number("noise") - 0.01).abs() < 0.0025 && number("added") <= number("allowed"), "{fit}");
+    assert_eq!((number("allowed"), &fit["rejected"]["values"]), (0.02, &Value::from(0)), "{fit}");
+    let stated = json(at, &["inspect", "lobe.wlm"])["provenance"]["scattered"].clone();
+    assert!((stated["fit"].as_f64().unwrap() / number("fit") - 1.0).abs() < 1e-3, "{stated}");
+
+    let run = |args: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_wavelume"));
+        let output = command.args(args).current_dir(at).stdin(Stdio::null()).output().unwrap();
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+        (output.status.code(), text(output.stdout), text(output.stderr))
+    };
+    let sheet = run(&["inspect", "lobe.wlm"]).1;
+    assert!(sheet.contains("sample noise") && sheet.contains("no samples"), "{sheet}");
+    let coarse = ["compress", "lobe.csv", "-o", "coarse.wlm", "--outgoing-level", "1"];
+    let (code, sheet, warning) = run(&coarse);
+    assert!(code == Some(0) && warning.contains("outgoing level 1 adds er(L2)"), "{warning}");
+    assert!(sheet.contains("to their noise, at most 2.00 % is allowed"), "{sheet}");
+    std::fs::remove_file(at.join("coarse.wlm")).unwrap();
+    let (code, _, refusal) = run(&[&coarse[..], &["--strict"]].concat());
+    assert!(code == Some(1) && refusal.contains("strict: outgoing level 1 adds er(L2)"), "{refusal}");
+    assert!(!at.join("coarse.wlm").exists());
+}

@@ -1,5 +1,6 @@
 //! Jobs, their events and their ends.
 
+use crate::cli::noisy_lobe;
 use crate::service::{CHECKER, D65, LAMP, LONG_SHAPE, Service, config, long_request, npy, problem, problem_of};
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
@@ -99,6 +100,24 @@ async fn every_promise_can_be_asked_for() {
         let job = service.compress(&json!({ "measurement": id, "target": target })).await;
         assert_eq!(job["problem"]["type"], "urn:wavelume:problem:bad-setting", "{job}");
     }
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_a_material_adds_to_the_noise_is_stated_or_refused() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    let scan = service.upload("?filename=lobe.csv", noisy_lobe()).await;
+    let request = |strict: bool| json!({ "measurement": scan["id"], "target": { "er_l2": 0.01 }, "outgoing_level": 1, "strict": strict });
+    let job = service.compress(&request(false)).await;
+    let path = format!("/v1/materials/{}", job["material"].as_str().unwrap());
+    let material: Value = service.get(&path).send().await.unwrap().json().await.unwrap();
+    let number = |name: &str| material["scattered"][name].as_f64().unwrap();
+    assert!(number("added") > number("allowed") && number("fit") > number("noise"), "{material}");
+    assert_eq!(material["er_l2"], material["scattered"]["fit"], "{material}");
+    let job = service.compress(&request(true)).await;
+    assert_eq!((job["state"].as_str(), job["attempts"].as_u64()), (Some("failed"), Some(1)), "{job}");
+    assert_eq!(job["problem"]["type"], "urn:wavelume:problem:unreachable-target", "{job}");
     service.stop().await;
 }
 

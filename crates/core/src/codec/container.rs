@@ -137,18 +137,23 @@ pub(crate) struct Container<'a> {
     chunks: Vec<Chunk<'a>>,
 }
 
+/// One chunk: its length, its payload, its checksum.
+pub(crate) fn write_chunk(kind: ChunkKind, payload: &[u8]) -> Vec<u8> {
+    let mut chunk = Writer::default();
+    chunk.varint(payload.len() as u64);
+    chunk.raw(payload);
+    let mut chunk = chunk.into_bytes();
+    chunk.extend(checksum(kind, &chunk));
+    chunk
+}
+
 /// Puts a file together; `chunks` in the order of a file, the header and those that it announces, then metadata.
 pub(crate) fn write_container(chunks: &[(ChunkKind, Vec<u8>)]) -> Vec<u8> {
     let mut w = Writer::default();
     w.raw(&MAGIC);
     w.u8(VERSION);
     for (kind, payload) in chunks {
-        let mut chunk = Writer::default();
-        chunk.varint(payload.len() as u64);
-        chunk.raw(payload);
-        let chunk = chunk.into_bytes();
-        w.raw(&chunk);
-        w.raw(&checksum(*kind, &chunk));
+        w.raw(&write_chunk(*kind, payload));
     }
     w.into_bytes()
 }

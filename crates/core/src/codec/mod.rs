@@ -25,7 +25,7 @@ pub(crate) use axes::{read_axes, write_axes};
 pub(crate) use bytes::{Reader, Writer};
 pub(crate) use classes::{Class, code_classes};
 pub(crate) use coefficients::{NONE, Payload, Rows, code_coefficients, code_corrections};
-pub(crate) use container::{Announced, Chunk, ChunkKind, Container, MAGIC, write_container};
+pub(crate) use container::{Announced, Chunk, ChunkKind, Container, MAGIC, write_chunk, write_container};
 pub(crate) use details::{DetailCoder, Surroundings};
 pub use error::CodecError;
 pub(crate) use exact::code_exact;

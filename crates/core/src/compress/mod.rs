@@ -45,6 +45,7 @@ mod thresholded;
 mod transform_code;
 mod unreachable_error;
 mod values;
+mod with_metadata;
 
 pub use crate::codec::CodecError as DecodeError;
 pub use compressed::{Compressed, Ranked};
@@ -65,6 +66,7 @@ pub use settings::Settings;
 pub use summary::Summary;
 pub use target::{DeltaE, Target};
 pub use unreachable_error::UnreachableError;
+pub use with_metadata::with_metadata;
 
 use crate::codec::MAGIC;
 use crate::domain::{Measurement, Progress};

@@ -2,6 +2,7 @@
 
 use crate::compress::CompressError;
 use crate::domain::WavelengthError;
+use crate::evaluate::EvaluateError;
 use crate::formats::FormatError;
 use crate::projection::ProjectionError;
 
@@ -32,4 +33,10 @@ pub enum PipelineError {
     /// The measurement was not compressed.
     #[error(transparent)]
     Compress(#[from] CompressError),
+    /// The file that was made does not open.
+    #[error(transparent)]
+    Opened(EvaluateError),
+    /// A material that adds more to the noise of scattered samples than it may, and `strict` was asked for.
+    #[error("strict: {0}")]
+    Strict(String),
 }

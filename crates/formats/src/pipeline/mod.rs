@@ -2,8 +2,10 @@
 
 mod digest;
 mod error;
+mod fit;
 mod outcome;
 mod provenance;
+mod refinement;
 mod report;
 mod request;
 mod restated;
@@ -12,6 +14,7 @@ mod sparse;
 
 pub use digest::digest;
 pub use error::PipelineError;
+pub use fit::FitReport;
 pub use outcome::{Outcome, compress, project};
 pub use provenance::runs;
 pub use report::{CellErrors, Report};

@@ -1,15 +1,17 @@
 //! A measurement that was read, put on axes and compressed.
 
 use super::error::PipelineError;
+use super::fit::{self, FitReport, noise_of, promised};
 use super::provenance::provenance;
+use super::refinement::{Refined, refined, warning};
 use super::report::{Report, report};
 use super::request::{Curve, Request};
 use super::source::Source;
-use crate::compress::{self, Settings};
+use crate::compress::{self, Settings, Target};
 use crate::domain::{Axis, Progress, Silent};
-use crate::evaluate::{state_levels, straight_lines_for_flux};
-use crate::formats::Acquisition;
-use crate::projection::{self, Projected};
+use crate::evaluate::{Material, state_levels, straight_lines_for_flux};
+use crate::formats::{Acquisition, Note, NoteKind};
+use crate::projection::Projected;
 
 /// A material and its report.
 ///
@@ -31,23 +33,59 @@ pub struct Outcome {
     pub report: Report,
 }
 
-/// Puts a measurement on the axes that `request` asks for.
+/// Puts a measurement on the axes that `request` asks for; scattered samples on triangles so fine that a material of them adds
+/// little to their noise, where no level is named.
 pub fn project(acquisition: &Acquisition, request: &Request) -> Result<Projected, PipelineError> {
-    Ok(projection::project(acquisition, &request.axes()?)?)
+    Ok(refined(acquisition, request)?.projected)
 }
 
 /// Projects and compresses a measurement that was read.
 pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> Result<Outcome, PipelineError> {
     let acquisition = &source.acquisition;
-    let Projected { measurement, coverage, filled, .. } = project(acquisition, request)?;
+    let mut next = refined(acquisition, request)?;
+    loop {
+        let Refined { projected, tried } = next;
+        let outcome = compressed(source, request, projected, progress)?;
+        let is_kept = outcome.report.fit.is_none_or(|fit| fit.is_kept());
+        let finer = if is_kept { None } else { tried.finer(acquisition, request)? };
+        match finer {
+            Some(finer) => next = finer,
+            None => return judged(outcome, request),
+        }
+    }
+}
+
+/// Refuses a material that breaks the promise at scattered samples, where that was asked for; warns of it else.
+fn judged(mut outcome: Outcome, request: &Request) -> Result<Outcome, PipelineError> {
+    let axes = compress::inspect(&outcome.bytes).map(|summary| summary.axes).unwrap_or_default();
+    let is_named = request.outgoing_level.is_some();
+    let Some(message) = outcome.report.fit.and_then(|fit| warning(&fit, &axes, is_named)) else { return Ok(outcome) };
+    if request.strict {
+        return Err(PipelineError::Strict(message));
+    }
+    outcome.report.notes.push(Note { kind: NoteKind::Warning, message });
+    Ok(outcome)
+}
+
+/// Compresses a projected measurement, and measures the file at the samples where these are scattered.
+fn compressed(
+    source: &Source,
+    request: &Request,
+    projected: Projected,
+    progress: &dyn Progress,
+) -> Result<Outcome, PipelineError> {
+    let acquisition = &source.acquisition;
+    let noise = noise_of(&projected);
+    let Projected { measurement, coverage, filled, scattered, .. } = projected;
     let on_grid = measurement.tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_)));
+    let provenance = |fit: Option<&FitReport>| provenance(source, request, &filled, (on_grid, fit));
     let settings = Settings {
         target: request.target,
         policy: request.policy,
         basis: request.basis.clone(),
         floor: request.floor,
         albedo_error: request.albedo_error,
-        metadata: request.metadata.then(|| provenance(source, request, &filled, on_grid)),
+        metadata: request.metadata.then(|| provenance(None)),
         random_access: request.random_access,
         // Where no function can be made of the measurement, there is no flux to keep.
         straight_lines: match request.interpolation {
@@ -62,7 +100,24 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
     // The measurement is not needed any more, and decoding needs the memory.
     let samples = measurement.tensor.len();
     drop(measurement);
-    let report = report(acquisition, request.target, samples, coverage, &compressed);
+    let mut fit = None;
+    if let Some(scattered) = scattered {
+        let material = Material::open(&compressed.bytes).map_err(PipelineError::Opened)?;
+        let errors = fit::errors(acquisition, &scattered, &material);
+        drop(material);
+        let promised = promised(request.target, compressed.summary.errors.er_l2);
+        let found = FitReport::new(noise.0, noise.1, &errors, promised);
+        fit = Some((found, errors));
+        if request.metadata {
+            let whole = compress::with_metadata(&compressed.bytes, &provenance(Some(&found)));
+            let whole = whole.map_err(|error| PipelineError::Opened(error.into()))?;
+            // A limit on bytes goes before what is said in them.
+            if !matches!(request.target, Target::Bytes(limit) if whole.len() as u64 > limit) {
+                compressed.bytes = whole;
+            }
+        }
+    }
+    let report = report(acquisition, request.target, samples, (coverage, fit), &compressed);
     Ok(Outcome { bytes: compressed.bytes, report })
 }
 

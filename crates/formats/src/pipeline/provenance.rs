@@ -1,5 +1,6 @@
 //! Where a material comes from, as its file tells it.
 
+use super::fit::FitReport;
 use super::request::Request;
 use super::source::Source;
 
@@ -20,8 +21,13 @@ pub fn runs(filled: &[bool]) -> Vec<usize> {
 }
 
 /// Where a material comes from: no clock, path, host, timing or thread count, so that equal inputs give equal bytes.
-/// `on_grid`: the measurement lies on the grid of its file.
-pub(super) fn provenance(source: &Source, request: &Request, filled: &[bool], on_grid: bool) -> String {
+/// `on_grid`: the measurement lies on the grid of its file; `fit`: what the material is at its scattered samples.
+pub(super) fn provenance(
+    source: &Source,
+    request: &Request,
+    filled: &[bool],
+    (on_grid, fit): (bool, Option<&FitReport>),
+) -> String {
     let acquisition = &source.acquisition;
     let mut document = serde_json::json!({
         "generator": concat!("wavelume ", env!("CARGO_PKG_VERSION")),
@@ -38,6 +44,9 @@ pub(super) fn provenance(source: &Source, request: &Request, filled: &[bool], on
     let count = filled.iter().filter(|filled| **filled).count();
     if count > 0 {
         document["filled"] = serde_json::json!({ "cells": count, "of": filled.len(), "runs": runs(filled) });
+    }
+    if let Some(fit) = fit {
+        document["scattered"] = serde_json::json!(fit.stated());
     }
     document.to_string()
 }

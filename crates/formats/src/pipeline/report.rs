@@ -1,6 +1,7 @@
 //! What a compression achieved, measured on the decoded file.
 
 use super::digest::digest;
+use super::fit::FitReport;
 use super::sparse::sparse;
 use crate::compress::{self, LevelInfo, LightReport, Noise, Policy, Ranked, Target};
 use crate::domain::colour::ColourReport;
@@ -52,7 +53,8 @@ pub struct Report {
     pub ratio_coefficients: Option<f64>,
     /// Bytes of the float32 tensor per byte of the file.
     pub ratio_bytes: f64,
-    /// Errors of the decoded file at the samples that the measurement states.
+    /// Errors of the decoded file at the samples that the measurement states; of scattered samples those of the evaluated
+    /// material at all that were not rejected.
     #[serde(flatten)]
     pub errors: ErrorReport,
     /// Errors of the decoded file against the cells that were compressed, where samples were averaged over cells.
@@ -62,7 +64,10 @@ pub struct Report {
     pub light: Option<LightReport>,
     /// Colour differences of the decoded file against the tensor, where they were promised.
     pub delta_e: Option<ColourReport>,
-    /// The noise of the tensor that was compressed; `None` where none can be told.
+    /// Noise, fit and outliers of scattered samples.
+    #[serde(rename = "scattered", skip_serializing_if = "Option::is_none")]
+    pub fit: Option<FitReport>,
+    /// The noise of the tensor that was compressed; `None` where none can be told, and of cells fitted to scattered samples.
     pub noise: Option<Noise>,
     /// What the cells stand on.
     pub coverage: Coverage,
@@ -105,23 +110,25 @@ pub(super) fn report(
     acquisition: &Acquisition,
     target: Target,
     samples: usize,
-    coverage: Coverage,
+    (coverage, fit): (Coverage, Option<(FitReport, ErrorReport)>),
     compressed: &compress::Compressed,
 ) -> Report {
     let summary = &compressed.summary;
     // Samples on their final axes are the tensor's own: there is nothing more to measure.
     let on_grid = summary.axes.iter().any(|axis| matches!(axis, Axis::Grid(_)));
-    let projected =
-        !on_grid && matches!(acquisition.samples, formats::Samples::Grid(_) | formats::Samples::Scattered(_));
+    let projected = !on_grid && matches!(acquisition.samples, formats::Samples::Grid(_));
+    // Cells fitted to scattered samples have another noise than these.
+    let noise = compressed.noise.filter(|_| fit.is_none());
     let warnings = [
         compress::shortfall(target, samples as u64, compressed),
-        compressed.noise.and_then(|noise| noise.warning(target)),
+        noise.and_then(|noise| noise.warning(target)),
         sparse(&compressed.bytes).ok().flatten(),
     ];
     let warnings = warnings.into_iter().flatten().map(|message| Note { kind: NoteKind::Warning, message });
     let samples = samples as f64;
     let decoded = projected.then(|| compress::decode(&compressed.bytes).ok()).flatten();
-    let at_samples = decoded.and_then(|decoded| projection::error_at_samples(acquisition, &decoded.measurement));
+    let at_cells = decoded.and_then(|decoded| projection::error_at_samples(acquisition, &decoded.measurement));
+    let at_samples = fit.map(|(_, errors)| errors).or(at_cells);
     Report {
         digest: digest(&compressed.bytes),
         payload_digest: compress::payload_digest(&compressed.bytes)
@@ -142,7 +149,8 @@ pub(super) fn report(
         cells: at_samples.map(|_| CellErrors::of(&summary.errors)),
         light: compressed.light,
         delta_e: compressed.colour,
-        noise: compressed.noise,
+        fit: fit.map(|(fit, _)| fit),
+        noise,
         coverage,
         notes: acquisition.report.notes_of(on_grid).cloned().chain(warnings).collect(),
         levels: compress::levels(&compressed.bytes).unwrap_or_default(),

@@ -71,6 +71,9 @@ pub struct Request {
     /// The function between stated directions, of measurements on grids of angles.
     #[serde(default, skip_serializing_if = "Curve::is_default")]
     pub interpolation: Curve,
+    /// Whether a material that adds more to the noise of scattered samples than it may is refused, not warned of.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub strict: bool,
 }
 
 fn auto() -> String {
@@ -102,6 +105,7 @@ impl Request {
             metadata: true,
             random_access: false,
             interpolation: Curve::Cubic,
+            strict: false,
         }
     }
 
@@ -112,6 +116,7 @@ impl Request {
             incoming_level: self.incoming_level,
             outgoing_level: self.outgoing_level,
             wavelengths: self.wavelengths.as_deref().map(WavelengthGrid::parse_range).transpose()?,
+            finer: 0,
             target: match self.target {
                 Target::ErL1(error) | Target::ErL2(error) => Some(error),
                 _ => None,

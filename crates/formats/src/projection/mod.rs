@@ -24,7 +24,7 @@ pub use error::{Angle, AnglesError, DomainError, LevelError, ProjectionError, Ro
 pub use projected::{Coverage, Numbers, Projected};
 pub use request::{AxesRequest, DirectionDomain};
 pub use samples::error_at_samples;
-pub use scattered::{Regions, ScatterReport, Scores};
+pub use scattered::{Rejected, ScatterReport, ScatteredSamples};
 
 use crate::formats::{Acquisition, Samples};
 

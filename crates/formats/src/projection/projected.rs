@@ -1,5 +1,6 @@
 //! A projected measurement, and what its cells stand on.
 
+use super::scattered::ScatteredSamples;
 use super::scattered::report::ScatterReport;
 use crate::domain::{Measurement, Tensor};
 use crate::formats::Contradictions;
@@ -18,6 +19,8 @@ pub struct Projected {
     /// The numbers of a file that states a factor beside them, on the axes of the measurement; `None` where the factor is
     /// 1, or the numbers were resampled: then those of the measurement are all there are.
     pub numbers: Option<Numbers>,
+    /// The samples that a material made of the measurement is compared with, where they lie at scattered directions.
+    pub scattered: Option<ScatteredSamples>,
 }
 
 /// Numbers as the file writes them: a value of the measurement is `factor` times one of them.
@@ -48,7 +51,7 @@ pub struct Coverage {
     /// How far the file contradicts itself where it states several values for one direction; measured on its own grid only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contradictions: Option<Contradictions>,
-    /// Errors at the samples, and at withheld ones, of data at scattered directions.
+    /// Noise and outliers of samples at scattered directions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scatter: Option<Box<ScatterReport>>,
 }

@@ -28,12 +28,14 @@ pub struct AxesRequest {
     pub outgoing_level: Option<u8>,
     /// Wavelengths to resample to.
     pub wavelengths: Option<WavelengthGrid>,
-    /// The relative error that is promised later: levels for scattered directions represent what was measured to half of it
-    /// (1 % if none is named).
+    /// Subdivisions of the outgoing triangles of scattered samples beyond the level that fits their spacing, where no level is
+    /// named; fewer where the tensor would be too large.
+    pub finer: u8,
+    /// The relative error that is promised later (1 % if none is named).
     pub target: Option<f64>,
 }
 
-/// The relative error of which levels take half, if none is named.
+/// Relative error that is promised if none is named.
 const TARGET: f64 = 0.01;
 
 impl AxesRequest {

@@ -18,6 +18,7 @@ pub(super) enum Directions {
 }
 
 /// What happens to the spectral axis (1 long where there is none).
+#[derive(Clone, Debug)]
 pub(super) enum Channels {
     Kept(usize),
     Banded {

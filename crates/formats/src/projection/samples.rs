@@ -29,19 +29,18 @@ struct Pairing<'a> {
 
 /// The errors of `measurement` (projected, or decoded) at the original samples of the file, looked up piecewise constant
 /// in direction and linearly in wavelength; `None` where the file's samples are the tensor's own, or the tensor is not
-/// one of this file.
+/// one of this file, and of samples at scattered directions, where a material is evaluated ([`ScatteredSamples`]).
 ///
 /// A sample on the rim of what was measured is looked up a millionth of a degree inside; one without azimuth stands for
-/// its ring and is compared at 16 azimuths; one at a direction of its own in its cell (elevations: the nearest); samples outside the tensor's directions or wavelengths are left out.
+/// its ring and is compared at 16 azimuths; samples outside the tensor's directions or wavelengths are left out.
+///
+/// [`ScatteredSamples`]: super::ScatteredSamples
 pub fn error_at_samples(acquisition: &Acquisition, measurement: &Measurement) -> Option<ErrorReport> {
     let instead = match &acquisition.samples {
         Samples::Grid(grid) => planes::instead(acquisition.quantity, grid).map(|(samples, _)| samples),
         _ => None,
     };
     let samples = instead.as_ref().unwrap_or(&acquisition.samples);
-    if let Samples::Scattered(scattered) = samples {
-        return super::scattered::errors(acquisition, scattered, measurement);
-    }
     let pairing = pair(acquisition, samples, measurement)?;
     let tensor = measurement.tensor.samples();
     let layout = measurement.layout().ok()?;

@@ -8,6 +8,7 @@ mod formats;
 mod projection;
 mod recorded;
 mod restated;
+mod scattered;
 
 use std::path::Path;
 

@@ -1,78 +1,82 @@
-//! The values of samples beside those of the cells that hold them.
+//! Scattered samples as a material is compared with them: at their own directions, on the wavelengths of the tensor.
 
-use super::check::is_sound;
-use super::cloud::directions;
-use super::plan::entry_of;
+use super::noise::Own;
 use crate::domain::vector::Vector;
-use crate::domain::{Axis, ErrorAccumulator, ErrorReport, Measurement};
-use crate::formats::{Acquisition, Scattered};
-use crate::projection::channels::channels;
-use rayon::prelude::*;
-use std::borrow::Cow;
+use crate::domain::{Direction, Domain};
+use crate::formats::Scattered;
+use crate::projection::resampling::Channels;
 
-/// Samples are compared with cells in pieces.
-const PIECE: usize = 1 << 12;
-
-/// The errors of `measurement` at the samples of `scattered`, each looked up in its cell (elevations: in the nearest).
-pub(in crate::projection) fn errors(
-    acquisition: &Acquisition,
-    scattered: &Scattered,
-    measurement: &Measurement,
-) -> Option<ErrorReport> {
-    let mut errors = ErrorAccumulator::default();
-    let (mut original, mut decoded) = (Vec::new(), Vec::new());
-    each_sample(acquisition, scattered, (measurement, None), |row, o, d| {
-        original.extend_from_slice(o);
-        decoded.extend_from_slice(d);
-        if (row + 1).is_multiple_of(PIECE) {
-            errors.add(&original, &decoded, 0.0);
-            original.clear();
-            decoded.clear();
-        }
-    })?;
-    errors.add(&original, &decoded, 0.0);
-    Some(errors.finish())
+/// Scattered samples at their own directions, without those that were rejected.
+#[derive(Clone, Debug)]
+pub struct ScatteredSamples {
+    pub(super) directions: Vec<(Vector, Vector)>,
+    /// Where the samples have only incoming directions: these stand in place of the outgoing ones.
+    pub(super) is_turned: bool,
+    pub(super) has_incoming: bool,
+    pub(super) has_outgoing: bool,
+    pub(super) domain: Domain,
+    pub(super) channels: Channels,
+    /// Positions `[row, own channel]`, in increasing order.
+    pub(super) rejected: Vec<usize>,
 }
 
-/// Calls `with` for every sample in the tensor's directions: its number, its values, and those of its cell. `None` if the
-/// tensor is not one of this file. `known` are the cells `[incoming, outgoing]` of the samples, if someone has them.
-pub(super) fn each_sample(
-    acquisition: &Acquisition,
-    scattered: &Scattered,
-    (measurement, known): (&Measurement, Option<&[Option<usize>]>),
-    mut with: impl FnMut(usize, &[f32], &[f32]),
-) -> Option<()> {
-    let layout = measurement.layout().ok()?;
-    let axes = measurement.tensor.axes();
-    let role = |axis: Option<usize>| axis.map(|i| &axes[i]);
-    let factor = acquisition.spectral_factor.as_ref();
-    let (width, channels) = channels(scattered.spectral.as_ref(), factor, role(layout.spectral))?;
-    let isotropic = matches!(role(layout.incoming), Some(Axis::Elevation(_)));
-    if layout.indices > 0 || scattered.directions() * width != scattered.values.len() {
-        return None;
+impl ScatteredSamples {
+    /// How many directions, or pairs of them, there are.
+    #[allow(clippy::len_without_is_empty, reason = "scattered samples without any are refused before")]
+    pub fn len(&self) -> usize {
+        self.directions.len()
     }
-    let length = |axis: Option<usize>| axis.map_or(1, |i| axes[i].len());
-    let (n_out, out_width) = (length(layout.outgoing), length(layout.spectral));
-    let (mut original, mut found) = (vec![0.0; channels.len()], vec![0.0; channels.len()]);
-    let cells = match known {
-        Some(known) => Cow::Borrowed(known),
-        None => Cow::Owned(is_sound(scattered).then(|| {
-            let at = |axis: Option<&Axis>, d: Vector, theta: f64| axis.map_or(Some(0), |axis| entry_of(axis, d, theta));
-            let cell = |(row, &(wi, wo)): (usize, &(Vector, Vector))| {
-                let theta = scattered.incoming.get(row).map_or(0.0, |wi| wi[0]);
-                Some(at(role(layout.incoming), wi, theta)? * n_out + at(role(layout.outgoing), wo, theta)?)
+
+    /// Values of a sample on the wavelengths of the tensor.
+    pub fn width(&self) -> usize {
+        self.channels.to()
+    }
+
+    /// Values that were rejected, on the wavelengths of the tensor.
+    pub fn rejected_values(&self) -> u64 {
+        (self.rejected.len() * (self.width() / Own(&self.channels).width())) as u64
+    }
+
+    /// Incoming directions of the samples `from..to`; those of isotropic data lie above the x axis. `None` without any.
+    pub fn incoming(&self, from: usize, to: usize) -> Option<Vec<Direction>> {
+        let of = |pair: &(Vector, Vector)| Direction::from_unit(if self.is_turned { pair.1 } else { pair.0 });
+        self.has_incoming.then(|| self.directions[from..to].iter().map(of).collect())
+    }
+
+    /// Outgoing directions of the samples `from..to`. `None` without any.
+    pub fn outgoing(&self, from: usize, to: usize) -> Option<Vec<Direction>> {
+        let of = |pair: &(Vector, Vector)| Direction::from_unit(pair.1);
+        self.has_outgoing.then(|| self.directions[from..to].iter().map(of).collect())
+    }
+
+    /// Writes the values of the samples `from..to` of `scattered` into `out`, `[sample, wavelength]`, NaN where they are
+    /// missing, rejected, or beyond the directions of the tensor.
+    pub fn write(&self, scattered: &Scattered, from: usize, to: usize, out: &mut [f32]) {
+        let own = Own(&self.channels);
+        let (width, given) = (own.width(), self.channels.from());
+        let first = self.rejected.partition_point(|&position| position < from * width);
+        let mut rejected = self.rejected[first..].iter().copied().peekable();
+        let (mut wide, mut row) = (Vec::new(), vec![0.0_f32; width]);
+        for (number, out) in (from..to).zip(out.chunks_exact_mut(self.width())) {
+            let is_beyond = match self.domain {
+                Domain::Hemisphere => self.directions[number].1[2] < 0.0,
+                Domain::Lower => self.directions[number].1[2] > 0.0,
+                Domain::Sphere => false,
             };
-            directions(scattered, isotropic).par_iter().enumerate().map(cell).collect()
-        })?),
-    };
-    for (row, &cell) in cells.iter().enumerate() {
-        let Some(cell) = cell else { continue };
-        let source = &scattered.values[row * width..][..width];
-        let target = &measurement.tensor.samples()[cell * out_width..][..out_width];
-        for ((original, found), channel) in original.iter_mut().zip(&mut found).zip(&channels) {
-            (*original, *found) = channel.pair(source, target);
+            if is_beyond {
+                row.fill(f32::NAN);
+            } else {
+                own.write(&scattered.values[number * given..][..given], &mut wide, &mut row);
+            }
+            while let Some(position) = rejected.next_if(|&position| position < (number + 1) * width) {
+                row[position - number * width] = f32::NAN;
+            }
+            match &self.channels {
+                Channels::Multiplied(factors) => {
+                    out.iter_mut().zip(factors).for_each(|(out, f)| *out = (f64::from(row[0]) * f) as f32);
+                }
+                _ => out.copy_from_slice(&row),
+            }
         }
-        with(row, &original, &found);
     }
-    Some(())
 }

@@ -35,8 +35,3 @@ pub(super) fn check(scattered: &Scattered) -> Result<usize, ProjectionError> {
         None => Ok(width),
     }
 }
-
-/// Whether [`check`] has nothing to refuse.
-pub(super) fn is_sound(scattered: &Scattered) -> bool {
-    check(scattered).is_ok()
-}

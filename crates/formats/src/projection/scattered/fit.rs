@@ -161,6 +161,12 @@ impl Fitter {
         self.fitted.as_ref().map_or([f64::NAN; PARTS], |fitted| self.parts.map(|part| fitted.light(&part)))
     }
 
+    /// Standard deviation of the logarithms of the samples' light about the fit; 0 where values are fitted, not logarithms.
+    pub(super) fn deviation(&self) -> f64 {
+        let scatter = self.fitted.as_ref().filter(|_| self.gathered.logarithms).map(|fitted| fitted.scatter);
+        scatter.map_or(0.0, f64::sqrt)
+    }
+
     /// Sets the weights of the fit.
     pub(super) fn weigh(&mut self) {
         if let Some(fitted) = self.fitted.take() {

@@ -9,22 +9,21 @@
 //!    [`tree`]); a fit ([`fit`]) takes its own from them as columns ([`gathering`]), solves for them ([`system`]) and weighs their
 //!    rows of bands ([`rows`]).
 //! 4. Holes are continued, or taken from mirror images or reciprocal directions where these hold ([`fill`]).
-//! 5. The report has errors at the original samples and at withheld ones ([`comparison`], by the region of each in
-//!    [`regions`]).
+//! 5. Differences between neighbouring samples tell their noise, and which of them are rejected ([`noise`]). A material is
+//!    compared with the others at their own directions ([`at_samples`]).
 
 mod around;
 mod at_samples;
 mod cells;
 mod check;
 mod cloud;
-mod comparison;
 mod extent;
 mod fill;
 mod fit;
 mod gathering;
 mod nearby;
+mod noise;
 mod plan;
-mod regions;
 pub(super) mod report;
 mod rows;
 mod system;
@@ -34,8 +33,8 @@ mod tree;
 mod trials;
 mod withheld;
 
-pub(super) use at_samples::errors;
-pub use report::{Regions, ScatterReport, Scores};
+pub use at_samples::ScatteredSamples;
+pub use report::{Rejected, ScatterReport};
 
 use super::error::ProjectionError;
 use super::projected::{Coverage, Projected};
@@ -44,9 +43,9 @@ use super::spectral::{self, Spectral};
 use crate::domain::{Axis, Layout, Measurement, Sampling, Tensor, check_axes};
 use crate::formats::{Acquisition, Scattered};
 use cells::{Standing, standings};
-use comparison::report_of;
+use noise::{Scatter, scatter};
 use plan::Plan;
-use rows::Rows;
+use rows::{Kind, Rows};
 use std::borrow::Cow;
 use trials::is_symmetric;
 
@@ -104,7 +103,8 @@ pub(super) fn project(
     let tensor = Tensor::new(axes, samples)?;
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Average, tensor)?;
     let number = |wanted: Standing| standing.iter().filter(|s| **s == wanted).count() as u64;
-    let report = report_of(acquisition, scattered, (&plan, &located), &rows, &measurement);
+    let found = scatter(&plan, &rows, &channels);
+    let report = report_of(scattered, &plan, &rows, &found);
     notes.extend(remarks(&report, number(Standing::Filled), number(Standing::Empty)));
     let coverage = Coverage {
         cells: standing.len() as u64,
@@ -118,7 +118,29 @@ pub(super) fn project(
     };
     let filled =
         if coverage.filled > 0 { standing.iter().map(|s| *s == Standing::Filled).collect() } else { Vec::new() };
-    Ok(Projected { measurement, coverage, filled, numbers: None })
+    let samples = ScatteredSamples {
+        is_turned: scattered.outgoing.is_empty(),
+        has_incoming: !scattered.incoming.is_empty(),
+        has_outgoing: !scattered.outgoing.is_empty(),
+        domain: plan.outgoing.mesh.domain(),
+        directions: plan.directions,
+        channels,
+        rejected: found.rejected,
+    };
+    Ok(Projected { measurement, coverage, filled, numbers: None, scattered: Some(samples) })
+}
+
+/// What the samples say of themselves.
+fn report_of(scattered: &Scattered, plan: &Plan, rows: &Rows<'_>, found: &Scatter) -> ScatterReport {
+    let values = found.rejected.len() as u64;
+    ScatterReport {
+        samples: rows.kinds.iter().filter(|kind| **kind != Kind::Missing).count() as u64,
+        missing: scattered.values.iter().filter(|v| v.is_nan()).count() as u64,
+        negative: scattered.values.iter().filter(|v| **v < 0.0).count() as u64,
+        neighbours: plan.neighbours,
+        noise: found.noise,
+        rejected: Rejected { values, samples: values as f64 / found.positive.max(1) as f64, light: found.light },
+    }
 }
 
 fn remarks(report: &ScatterReport, filled: u64, empty: u64) -> Vec<String> {

@@ -10,12 +10,14 @@ use crate::domain::{Axis, Direction, Domain, Quantity};
 use crate::formats::Scattered;
 use crate::projection::averages::OCTANT_DEGREES;
 use crate::projection::error::{LevelError, ProjectionError, Role, ScatteredError};
-use crate::projection::levels::{self, Choice, Entries, MAX_CHOSEN_SAMPLES, rounded};
+use crate::projection::levels::{self, Choice, Entries, MAX_CHOSEN_SAMPLES};
 use crate::projection::request::AxesRequest;
 use rayon::prelude::*;
 
-/// The finest level that is chosen to represent what was measured.
-const FINEST: u8 = 6;
+/// The finest level of outgoing triangles that is taken without being asked for: cells of 0.6°.
+const FINEST: u8 = 7;
+/// Cells, or pairs of them, that refinement makes at most: a million, beyond which files and times grow and errors hardly fall.
+const MAX_REFINED_CELLS: usize = 1 << 20;
 /// Bands that choices are made on, at most.
 const BANDS: usize = 8;
 /// How far apart neighbouring incoming directions lie in parts of neighbouring outgoing ones, as neighbours are counted.
@@ -63,9 +65,6 @@ pub(super) struct Plan {
     sides_apart: bool,
     /// A few bands of all rows, if there are more.
     thin: Option<Rows<'static>>,
-    pub(super) representation: Option<f64>,
-    /// Error of the triangles above which a note of its own tells it: half of the target.
-    limit: f64,
     pub(super) notes: Vec<String>,
 }
 
@@ -183,8 +182,6 @@ impl Plan {
             incoming_reach: joint.as_ref().map_or(f64::INFINITY, |joint| JOINT_REACH * joint.spacing),
             sides_apart: quantity == Quantity::Bsdf,
             thin: rows.thinned(scattered.sigma.as_deref(), BANDS),
-            representation: None,
-            limit: f64::INFINITY,
             directions,
             clouds,
             notes,
@@ -192,7 +189,7 @@ impl Plan {
         plan.own_noise = trials::own_noise(&plan.clouds, plan.fitted(plan.few(rows), 0));
         plan.neighbours = trials::neighbours(&plan.clouds, plan.fitted(plan.few(rows), 0), domain);
         plan.lower_to_fit(channels);
-        plan.represent(rows, request.target(), channels);
+        plan.refine(request.finer, channels);
         plan.entries = plan.entries();
         let reach = (plan.neighbours as f64 / std::f64::consts::PI).sqrt() * spacing;
         let parts = libm::log2(OCTANT_DEGREES / (PART * reach)).ceil().clamp(0.0, 8.0) as u32;
@@ -285,41 +282,15 @@ impl Plan {
         levels::lower_to_fit(incoming, Entries::Chosen(&mut self.outgoing), channels);
     }
 
-    /// Takes finer outgoing triangles until they represent what the samples say to half of the target, and says why not.
-    fn represent(&mut self, rows: &Rows<'_>, target: f64, channels: usize) {
-        if self.incoming.is_some() {
-            return;
+    /// Takes outgoing triangles that are `times` finer, or as fine as the limits allow.
+    fn refine(&mut self, times: u8, channels: usize) {
+        for _ in 0..times {
+            let is_small = |limit: usize, inner: usize| self.size(inner).saturating_mul(4) <= limit;
+            let fits = is_small(MAX_REFINED_CELLS, 1) && is_small(MAX_CHOSEN_SAMPLES, channels);
+            if !fits || self.outgoing.mesh.level() >= FINEST || !self.outgoing.raise() {
+                return;
+            }
         }
-        let limit = 0.5 * target;
-        let reason = loop {
-            let like = self.fitted(self.few(rows), 0);
-            self.representation = trials::representation(&self.clouds, like, self.outgoing.mesh);
-            match self.representation {
-                Some(error) if error > limit => {}
-                _ => return,
-            }
-            if self.outgoing.requested {
-                break "give a finer outgoing_level than the one requested";
-            }
-            let level = self.outgoing.mesh.level();
-            if level >= FINEST {
-                break "give a finer outgoing_level";
-            }
-            if self.size(channels).saturating_mul(4) > MAX_CHOSEN_SAMPLES {
-                break "a finer level makes the tensor too large unless outgoing_level asks for it";
-            }
-            if !self.outgoing.raise() {
-                break "there is no finer level";
-            }
-        };
-        self.limit = limit;
-        let error = self.representation.unwrap_or(0.0);
-        self.notes.push(format!(
-            "outgoing triangles of level {} represent the fit to {:.2} %, more than half of the target of {:.2} %: {reason}",
-            self.outgoing.mesh.level(),
-            100.0 * error,
-            100.0 * target
-        ));
     }
 
     fn describe(&mut self, role: Role, of: &Scattered) {
@@ -343,10 +314,6 @@ impl Plan {
              logarithms where all of these are positive",
             self.neighbours
         ));
-        // Where it exceeds the limit, a note of `represent` has said so.
-        if let Some(error) = self.representation.filter(|error| *error <= self.limit) {
-            notes.push(format!("{role} triangles represent the fit to about {} %", rounded(100.0 * error)));
-        }
         notes.append(&mut self.notes);
         self.notes = notes;
     }

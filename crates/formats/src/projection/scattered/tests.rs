@@ -1,6 +1,6 @@
 //! Tests of scattered samples: identities first, then the ways in which instruments scan.
 
-use super::super::{AxesRequest, Projected, ProjectionError, error_at_samples, project};
+use super::super::{AxesRequest, Projected, ProjectionError, Rejected, project};
 use super::cloud::slope;
 use crate::domain::vector::Vector;
 use crate::domain::{Axis, AxisError, Direction, Domain, Quantity, TensorError, TriangleMesh, WavelengthGrid};
@@ -106,10 +106,8 @@ fn constants_stay_exactly() {
     let projected = project(&acquired, &AxesRequest::default()).unwrap();
     assert!(projected.measurement.tensor.samples().iter().all(|&s| s == 0.3));
     assert_eq!(projected.measurement.tensor.axes()[0], Axis::Elevation(vec![0.0, 40.0]));
-    let errors = error_at_samples(&acquired, &projected.measurement).unwrap();
-    assert_eq!((errors.samples, errors.max_absolute_error, errors.mask_mismatches), (3000, 0.0, 0));
     let report = projected.coverage.scatter.unwrap();
-    assert_eq!((report.left_out.all.er_l2, report.constant.all.er_l2, report.outliers), (0.0, 0.0, 0.0));
+    assert_eq!((report.samples, report.noise, report.rejected), (3000, Some(0.0), Rejected::default()));
 }
 
 #[test]
@@ -133,7 +131,7 @@ fn exponentials_of_quadratics_in_slopes_are_fitted_exactly() {
         assert!((f64::from(sample) * area / truth - 1.0).abs() < 2e-5, "{cell}");
     }
     let report = projected.coverage.scatter.unwrap();
-    assert!(report.left_out.all.er_l2 < 1e-5, "{report:?}");
+    assert!(report.noise < Some(1e-5), "{report:?}");
 }
 
 #[test]
@@ -155,8 +153,6 @@ fn scans_in_a_plane_fill_nothing_beside_it() {
             assert!((f64::from(*sample) / truth - 1.0).abs() < 0.15, "{i}: {sample} at {beside}, not {truth}");
         }
     }
-    let errors = error_at_samples(&acquired, &projected.measurement).unwrap();
-    assert!(errors.mask_mismatches == 0 && errors.er_l2 < 0.05, "{errors:?}");
 }
 
 #[test]
@@ -253,8 +249,10 @@ fn outliers_do_not_count() {
     let projected = project(&acquired, &level(4)).unwrap();
     let found = error(&projected, &[25.0], gloss, |_| true);
     assert!(found < 0.012, "{found}");
-    let outliers = projected.coverage.scatter.unwrap().outliers;
-    assert!((0.005..0.04).contains(&outliers), "{outliers}");
+    let report = projected.coverage.scatter.unwrap();
+    // Every fiftieth sample, each far from the others, and no more.
+    assert!(report.rejected.values == 80 && (report.rejected.samples - 0.02).abs() < 1e-9, "{report:?}");
+    assert!(report.noise.is_some_and(|noise| (noise / 0.01 - 1.0).abs() < 0.25), "{report:?}");
 }
 
 #[test]

@@ -1,14 +1,13 @@
-//! What withheld samples say: how many neighbours are best, whether the data are symmetric, how fine cells must be.
+//! What withheld samples say: how many neighbours are best, and whether the data are symmetric.
 
 use super::cells::{Fitted, Scratch};
 use super::cloud::Cloud;
 use super::fit::{Place, Support};
-use super::rows::{PARTS, Rows};
+use super::rows::PARTS;
 use super::withheld::{Trial, trials};
 use crate::domain::vector::Vector;
-use crate::domain::{Domain, Quantity, TriangleMesh};
+use crate::domain::{Domain, TriangleMesh};
 use rayon::prelude::*;
-use std::borrow::Cow;
 
 /// Numbers of neighbours that compete.
 const NEIGHBOURS: [usize; 6] = [12, 18, 28, 42, 64, 96];
@@ -32,9 +31,6 @@ const MOST: f64 = 0.9;
 const WORSE: f64 = 1.5;
 /// One of so many trials, the worst, is not counted.
 const TRIMMED: usize = 20;
-/// Places at which cells are tried, and cells that make a value at each.
-const PLACES: usize = 96;
-const CELLS: usize = 12;
 
 /// The value that samples make at a direction; `withheld` leaves out their tenth. `None` if it is far from any.
 pub(super) fn predict(
@@ -146,47 +142,4 @@ pub(super) fn is_symmetric(clouds: &[Cloud], like: Fitted<'_>) -> bool {
     let mirrored = predictions(clouds, like, &trials, |[x, y, z]| [x, -y, z]);
     let both = own.iter().zip(&mirrored).filter(|(a, b)| !a.is_empty() && !b.is_empty()).count();
     2 * both > trials.len() && score(&mirrored, &own) <= AS_WELL * score(&own, &mirrored) + NEARLY
-}
-
-/// The root mean square of relative errors of quadratics through the values in the middle of triangles of `mesh`, against the
-/// fit itself, at some places: what the smooth form of a material cannot say at this level, about.
-pub(super) fn representation(clouds: &[Cloud], like: Fitted<'_>, mesh: TriangleMesh) -> Option<f64> {
-    let centroids: Vec<(Vector, Vector)> =
-        (0..mesh.len()).map(|cell| ([0.0, 0.0, 1.0], mesh.centroid(cell).xyz())).collect();
-    // The smooth form knows no slopes.
-    let all = Cloud::new(0..centroids.len() as u32, &centroids, Quantity::Edf, 0.0);
-    let trials = trials(clouds, PLACES);
-    let squares: Vec<Vec<f64>> = trials
-        .par_iter()
-        .map_init(Scratch::default, |scratch, trial| {
-            let cloud = &clouds[trial.cloud];
-            let fitted = Fitted { cloud, ..like };
-            let (_, wi, wo) = trial.of(cloud);
-            let mut around = Vec::new();
-            all.nearest(&all.key(wi, wo), CELLS, |_| true, &mut around);
-            let mut values = Vec::new();
-            let near: Vec<(Vector, Vector)> =
-                around.iter().map(|&(_, cell)| centroids[all.rows[cell as usize] as usize]).collect();
-            for &(_, centroid) in &near {
-                if predict(&fitted, wi, centroid, false, scratch).is_none() {
-                    return Vec::new();
-                }
-                values.extend_from_slice(&scratch.row);
-            }
-            if predict(&fitted, wi, wo, false, scratch).is_none() {
-                return Vec::new();
-            }
-            let expected = scratch.row.clone();
-            let rows = Rows::new(Cow::Borrowed(&values), None, like.rows.width);
-            let near = Cloud::new(0..near.len() as u32, &near, Quantity::Edf, 0.0);
-            let cells = Fitted { rows: &rows, cloud: &near, neighbours: CELLS, incoming_reach: f64::INFINITY, ..like };
-            if predict(&cells, [0.0, 0.0, 1.0], wo, false, scratch).is_none() {
-                return Vec::new();
-            }
-            let pairs = scratch.row.iter().zip(&expected).filter(|(_, e)| **e > 0.0);
-            pairs.map(|(f, e)| f64::from(f / e - 1.0).powi(2)).filter(|square| square.is_finite()).collect()
-        })
-        .collect();
-    let squares: Vec<f64> = squares.into_iter().flatten().collect();
-    (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
 }

@@ -1,0 +1,330 @@
+//! Noise of samples about their neighbours, and samples so far from them that they are rejected; both know nothing of cells.
+//!
+//! Every sample is predicted by a robust fit to its nearest neighbours without itself. In logarithms the difference is its own
+//! noise and that of the prediction, which the weights of the fit tell; the median over samples of about one brightness is not
+//! moved by lobes and outliers. A sample is rejected if it differs by a third, and by many times the usual difference at its
+//! brightness and the scatter of its neighbours, from their fit or their median, unless several of its neighbours lie off
+//! on the same side: then they are a lobe. Fits are repeated without what lies off, since outliers come in pairs.
+
+use super::cells::{Fitted, Scratch};
+use super::cloud::Cloud;
+use super::fit::{Place, Support};
+use super::plan::Plan;
+use super::rows::{PARTS, Rows};
+use super::tree::Found;
+use crate::projection::resampling::Channels;
+use rayon::prelude::*;
+
+/// Numbers of neighbours whose fits tell the noise: it is the same about all, and what more neighbours bend away is signal.
+const NEIGHBOURS: [usize; 2] = [27, 16];
+/// Samples that tell the noise, about; each of them in all bands, and their values at most.
+const JUDGES: usize = 1 << 13;
+const JUDGED_VALUES: usize = 1 << 20;
+/// Classes of brightness at most, and values in each at least.
+const CLASSES: usize = 16;
+const CLASS: usize = 200;
+/// Values below which nothing is said.
+const FEWEST: usize = 48;
+/// Ratio of the standard deviation of normal deviates to the median of their magnitudes.
+const OF_MEDIAN: f64 = 1.4826;
+/// Noise below this is the rounding of float32.
+const ROUNDING: f64 = 2e-7;
+/// Standard deviations, of the class and of the neighbours, beyond which a sample lies off. Raising it rejects fewer.
+const FAR_OFF: f64 = 8.0;
+/// Difference of logarithms below which no sample is off: a third.
+const LEAST_OFF: f64 = 0.3;
+/// Neighbours whose median is compared.
+const NEAREST: usize = 12;
+/// Rounds of fits: with all samples, then without what lies off.
+const ROUNDS: usize = 2;
+/// Neighbours that are looked at where a sample lies off, and how many of them on the same side make a lobe.
+const BESIDE: usize = 6;
+const LOBE: usize = 2;
+
+/// What the samples say of themselves.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Scatter {
+    /// Root mean square of the relative noise of positive samples; `None` where there are too few to tell.
+    pub(super) noise: Option<f64>,
+    /// Positions `[row, own channel]` of rejected values, in increasing order.
+    pub(super) rejected: Vec<usize>,
+    /// Share of the sum of all values in the rejected ones.
+    pub(super) light: f64,
+    /// All positive values.
+    pub(super) positive: u64,
+}
+
+/// Noise of the samples of one class of brightness.
+struct Class {
+    /// Logarithm of the brightest prediction in it.
+    up_to: f64,
+    deviation: f64,
+}
+
+/// The values of rows as they are compared: on the wavelengths of the tensor, or alone, before a spectrum multiplies them.
+pub(super) struct Own<'a>(pub(super) &'a Channels);
+
+impl Own<'_> {
+    /// Values of a row.
+    pub(super) fn width(&self) -> usize {
+        if let Channels::Multiplied(_) = self.0 { 1 } else { self.0.to() }
+    }
+
+    pub(super) fn write(&self, row: &[f32], wide: &mut Vec<f64>, out: &mut [f32]) {
+        if let Channels::Banded { .. } = self.0 {
+            wide.clear();
+            wide.extend(row.iter().map(|&v| f64::from(v)));
+            self.0.write(wide, out);
+        } else {
+            out.copy_from_slice(row);
+        }
+    }
+}
+
+/// Scratch of one task: a prediction and a row, both on the channels that are compared.
+#[derive(Default)]
+struct Compared {
+    scratch: Scratch,
+    wide: Vec<f64>,
+    found: Vec<f32>,
+    row: Vec<f32>,
+    near: Vec<Found>,
+}
+
+impl Compared {
+    /// Differences of logarithms of the values at `point` from those that its neighbours predict, with the logarithm of the
+    /// prediction, NaN where one is not positive. `None` where there is no prediction.
+    fn differences(
+        &mut self,
+        fitted: &Fitted<'_>,
+        point: u32,
+        own: &Own<'_>,
+        is_left_out: impl Fn(u32) -> bool,
+    ) -> Option<Support> {
+        let row = fitted.rows.row(fitted.cloud.rows[point as usize]);
+        self.row.resize(own.width(), 0.0);
+        self.found.resize(own.width(), 0.0);
+        own.write(row, &mut self.wide, &mut self.row);
+        let support = without_itself(fitted, point, is_left_out, &mut self.scratch)?;
+        own.write(&self.scratch.row, &mut self.wide, &mut self.found);
+        for (value, found) in self.row.iter_mut().zip(&mut self.found) {
+            let log = |v: f32| if v > 0.0 { libm::logf(v) } else { f32::NAN };
+            (*value, *found) = (log(*value) - log(*found), log(*found));
+        }
+        Some(support)
+    }
+}
+
+/// The value that the neighbours of `point` make there, without it, its mirror image, and those that `is_left_out`, in
+/// `scratch.row`.
+fn without_itself(
+    fitted: &Fitted<'_>,
+    point: u32,
+    is_left_out: impl Fn(u32) -> bool,
+    scratch: &mut Scratch,
+) -> Option<Support> {
+    let cloud = fitted.cloud;
+    let (wi, wo) = (cloud.wi[point as usize], cloud.wo[point as usize]);
+    let row = cloud.rows[point as usize];
+    let taken = |item: u32| {
+        let is_other = cloud.rows[item as usize] != row && !is_left_out(item);
+        let item = item as usize;
+        is_other && (!fitted.sides_apart || cloud.wo[item][2] * wo[2] >= 0.0)
+    };
+    cloud.nearest(&cloud.place(point), fitted.neighbours, taken, &mut scratch.found);
+    scratch.row.resize(fitted.rows.width, 0.0);
+    let support = fitted.value(&Place { wi, wo, parts: [wo; PARTS] }, [1.0; PARTS], scratch)?;
+    (support.nearest < support.reach).then_some(support)
+}
+
+/// Finds the noise of `rows` and what of them is rejected.
+pub(super) fn scatter(plan: &Plan, rows: &Rows<'_>, channels: &Channels) -> Scatter {
+    let own = Own(channels);
+    let classes = classes(plan, rows, &own);
+    let mut scatter = Scatter::default();
+    let count: usize = classes.iter().map(|class| class.1).sum();
+    if count >= FEWEST {
+        let squares: f64 = classes.iter().map(|(class, n)| *n as f64 * class.deviation.powi(2)).sum();
+        let noise = (squares / count as f64).sqrt();
+        scatter.noise = Some(if noise < ROUNDING { 0.0 } else { noise });
+    }
+    let classes: Vec<Class> = classes.into_iter().map(|(class, _)| class).collect();
+    let (mut rejected_light, mut light) = (0.0, 0.0);
+    for cloud in 0..plan.clouds.len() {
+        let fitted = Fitted { neighbours: NEIGHBOURS[0], ..plan.fitted(rows, cloud) };
+        for (position, value) in off(&fitted, &own, &classes) {
+            scatter.rejected.push(position);
+            rejected_light += f64::from(value);
+        }
+        let (mut wide, mut row) = (Vec::new(), vec![0.0; own.width()]);
+        for &number in &fitted.cloud.rows[..fitted.cloud.own()] {
+            own.write(rows.row(number), &mut wide, &mut row);
+            for value in row.iter().filter(|value| **value > 0.0) {
+                light += f64::from(*value);
+                scatter.positive += 1;
+            }
+        }
+    }
+    scatter.rejected.sort_unstable();
+    scatter.light = if light > 0.0 { rejected_light / light } else { 0.0 };
+    scatter
+}
+
+/// The noise by brightness of the prediction, and how many values told that of each class.
+fn classes(plan: &Plan, rows: &Rows<'_>, own: &Own<'_>) -> Vec<(Class, usize)> {
+    let points: usize = plan.clouds.iter().map(Cloud::own).sum();
+    let judges = JUDGES.min(JUDGED_VALUES / own.width()).max(100);
+    let step = points.div_ceil(judges).max(1);
+    let chosen: Vec<(usize, u32)> = plan
+        .clouds
+        .iter()
+        .enumerate()
+        .flat_map(|(i, cloud)| (0..cloud.own() as u32).map(move |point| (i, point)))
+        .step_by(step)
+        .collect();
+    let judged = |neighbours: usize| -> Vec<(f32, f32)> {
+        let of = |compared: &mut Compared, &(cloud, point): &(usize, u32)| {
+            let fitted = Fitted { neighbours, ..plan.fitted(rows, cloud) };
+            let support = compared.differences(&fitted, point, own, |_| false).filter(|support| support.surrounded);
+            if support.is_none() {
+                return Vec::new();
+            }
+            let fitter = &mut compared.scratch.fitter;
+            fitter.weigh();
+            let variance: f64 = fitter.weights.iter().map(|weights| f64::from(weights[0]).powi(2)).sum();
+            let scale = (1.0 + variance).sqrt();
+            let pairs = compared.found.iter().zip(&compared.row).filter(|(_, difference)| !difference.is_nan());
+            pairs.map(|(&found, &difference)| (found, (f64::from(difference).abs() / scale) as f32)).collect()
+        };
+        let found: Vec<Vec<(f32, f32)>> = chosen.par_iter().map_init(Compared::default, of).collect();
+        let mut found: Vec<(f32, f32)> = found.into_iter().flatten().collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        found
+    };
+    let mut all = NEIGHBOURS.map(|neighbours| divided(judged(neighbours))).into_iter();
+    let Some(mut classes) = all.next() else { return Vec::new() };
+    for others in all {
+        for ((class, _), (other, _)) in classes.iter_mut().zip(others) {
+            class.deviation = class.deviation.min(other.deviation);
+        }
+    }
+    classes
+}
+
+/// Classes of equal numbers of values, sorted by the prediction.
+fn divided(mut pairs: Vec<(f32, f32)>) -> Vec<(Class, usize)> {
+    let count = pairs.len();
+    let number = (count / CLASS).clamp(1, CLASSES);
+    let mut classes = Vec::new();
+    let mut rest = &mut pairs[..];
+    for i in 0..number {
+        let (part, after) = rest.split_at_mut((i + 1) * count / number - i * count / number);
+        rest = after;
+        let Some(&(up_to, _)) = part.last() else { continue };
+        let n = part.len();
+        let (_, median, _) = part.select_nth_unstable_by(n / 2, |a, b| a.1.total_cmp(&b.1));
+        classes.push((Class { up_to: f64::from(up_to), deviation: OF_MEDIAN * f64::from(median.1) }, n));
+    }
+    classes
+}
+
+/// The channels of a sample that lie off, and on which side: 1 above, −1 below.
+type Sides = Vec<(usize, i8)>;
+
+/// Values of a cloud that lie off: their positions `[row, own channel]`, and the values.
+fn off(fitted: &Fitted<'_>, own: &Own<'_>, classes: &[Class]) -> Vec<(usize, f32)> {
+    if classes.is_empty() {
+        return Vec::new();
+    }
+    let cloud = fitted.cloud;
+    let mut found: Vec<Sides> = vec![Vec::new(); cloud.own()];
+    let mut suspects: Vec<u32> = (0..cloud.own() as u32).collect();
+    for _ in 0..ROUNDS {
+        let is_left_out = |item: u32| !found[own_point(cloud, item)].is_empty();
+        let sides = |compared: &mut Compared, &point: &u32| compared.sides(fitted, point, (own, classes), is_left_out);
+        let looked: Vec<Option<Sides>> = suspects.par_iter().map_init(Compared::default, sides).collect();
+        let still = suspects.iter().zip(looked).filter_map(|(&point, sides)| Some((point, sides?)));
+        let still: Vec<(u32, Sides)> = still.collect();
+        suspects = still.iter().map(|(point, _)| *point).collect();
+        found.iter_mut().for_each(Vec::clear);
+        for (point, sides) in still {
+            found[point as usize] = sides;
+        }
+    }
+    let mut rejected = Vec::new();
+    let (mut around, mut wide, mut values) = (Vec::new(), Vec::new(), vec![0.0; own.width()]);
+    for (point, sides) in found.iter().enumerate().filter(|(_, sides)| !sides.is_empty()) {
+        let number = cloud.rows[point];
+        cloud.nearest(&cloud.place(point as u32), BESIDE, |item| cloud.rows[item as usize] != number, &mut around);
+        own.write(fitted.rows.row(number), &mut wide, &mut values);
+        for side in sides {
+            let alike = around.iter().filter(|near| found[own_point(cloud, near.1)].contains(side)).count();
+            if alike < LOBE {
+                rejected.push((number as usize * own.width() + side.0, values[side.0]));
+            }
+        }
+    }
+    rejected
+}
+
+/// The sample that a point is, or is the mirror image of.
+fn own_point(cloud: &Cloud, item: u32) -> usize {
+    let item = item as usize;
+    if item < cloud.own() { item } else { item - cloud.own() }
+}
+
+impl Compared {
+    /// The channels of a sample that lie off; `None` if none differs by much from the prediction without what `is_left_out`.
+    fn sides(
+        &mut self,
+        fitted: &Fitted<'_>,
+        point: u32,
+        (own, classes): (&Own<'_>, &[Class]),
+        is_left_out: impl Fn(u32) -> bool,
+    ) -> Option<Sides> {
+        let support = self.differences(fitted, point, own, is_left_out)?;
+        if !self.row.iter().any(|difference| f64::from(difference.abs()) > LEAST_OFF) {
+            return None;
+        }
+        let scale = (1.0 + support.variance).sqrt();
+        let around = self.scratch.fitter.deviation();
+        let cloud = fitted.cloud;
+        let number = cloud.rows[point as usize];
+        cloud.nearest(&cloud.place(point), NEAREST, |item| cloud.rows[item as usize] != number, &mut self.near);
+        let rows: Vec<u32> = self.near.iter().map(|near| cloud.rows[near.1 as usize]).collect();
+        let mut neighbours = vec![0.0_f32; rows.len() * own.width()];
+        for (&row, out) in rows.iter().zip(neighbours.chunks_exact_mut(own.width())) {
+            own.write(fitted.rows.row(row), &mut self.wide, out);
+        }
+        let side = |(channel, (&difference, &found)): (usize, (&f32, &f32))| {
+            let class = classes.partition_point(|class| class.up_to < f64::from(found)).min(classes.len() - 1);
+            let usual = classes[class].deviation;
+            let by_fit = f64::from(difference);
+            let by_median = beside_median(
+                neighbours.iter().skip(channel).step_by(own.width()).copied(),
+                f64::from(difference) + f64::from(found),
+            );
+            let is_off = |difference: f64, limit: f64| difference.abs() > (FAR_OFF * limit).max(LEAST_OFF);
+            if is_off(by_fit, usual.max(around) * scale) {
+                Some((channel, by_fit.signum() as i8))
+            } else {
+                by_median.filter(|found| is_off(found.0, usual.max(found.1))).map(|f| (channel, f.0.signum() as i8))
+            }
+        };
+        Some(self.row.iter().zip(&self.found).enumerate().filter_map(side).collect())
+    }
+}
+
+/// The difference of `log` from the median logarithm of `values`, and the standard deviation of these by their median.
+/// `None` where one is not positive.
+fn beside_median(values: impl Iterator<Item = f32>, log: f64) -> Option<(f64, f64)> {
+    let logs: Option<Vec<f64>> = values.map(|v| (v > 0.0).then(|| f64::from(libm::logf(v)))).collect();
+    let mut logs = logs.filter(|logs| !logs.is_empty() && !log.is_nan())?;
+    let middle = logs.len() / 2;
+    let median = *logs.select_nth_unstable_by(middle, f64::total_cmp).1;
+    for value in &mut logs {
+        *value = (*value - median).abs();
+    }
+    let deviation = OF_MEDIAN * *logs.select_nth_unstable_by(middle, f64::total_cmp).1;
+    Some((log - median, deviation))
+}
