@@ -110,6 +110,10 @@ struct Manifest {
     er_l2: Option<f64>,
     max_relative_error: Option<f64>,
     relative_rmse: Option<f64>,
+    /// What stands for the samples in these errors, where it is not the numbers of the file: values after resampling to other
+    /// wavelengths, or all pairs of a direction and a wavelength of a joined spectrum.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    errors_at: Option<String>,
     /// Cells times wavelengths, where samples were averaged over cells; `er_l1_cells`, `er_l2_cells`,
     /// `max_relative_error_cells` and `relative_rmse_cells` are the errors of the decoded file against those averages.
     #[serde(default)]

@@ -30,6 +30,9 @@ pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
     );
     coefficient_line(&mut sheet, report.kept_coefficients, report.ratio_coefficients);
     error_lines(&mut sheet, "error", &report.errors);
+    if let Some(what) = &report.errors_at {
+        sheet.line("error", format!("at {what}"));
+    }
     if let Some(cells) = &report.cells {
         let [l1, l2, largest, rmse] =
             [cells.er_l1, cells.er_l2, cells.max_relative_error, cells.relative_rmse].map(per_cent);

@@ -5,7 +5,7 @@ use super::fit::FitReport;
 use super::sparse::sparse;
 use crate::compress::{self, LevelInfo, LightReport, Noise, Policy, Ranked, Target};
 use crate::domain::colour::ColourReport;
-use crate::domain::{Axis, ErrorReport, Quantity, Unit};
+use crate::domain::{Axis, ErrorReport, Quantity, Unit, WavelengthGrid};
 use crate::formats::{self, Acquisition, Note, NoteKind};
 use crate::projection::{self, Coverage};
 use serde::Serialize;
@@ -57,6 +57,10 @@ pub struct Report {
     /// material at all that were not rejected.
     #[serde(flatten)]
     pub errors: ErrorReport,
+    /// What stands for the samples in these errors, where it is not the numbers of the file: values after resampling to other
+    /// wavelengths, or all pairs of a direction and a wavelength of a joined spectrum.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub errors_at: Option<String>,
     /// Errors of the decoded file against the cells that were compressed, where samples were averaged over cells.
     #[serde(flatten)]
     pub cells: Option<CellErrors>,
@@ -146,6 +150,7 @@ pub(super) fn report(
         ratio_coefficients: summary.kept_coefficients.map(|kept| samples / kept.max(1) as f64),
         ratio_bytes: 4.0 * samples / compressed.bytes.len() as f64,
         errors: at_samples.unwrap_or(summary.errors),
+        errors_at: errors_at(acquisition, &summary.axes),
         cells: at_samples.map(|_| CellErrors::of(&summary.errors)),
         light: compressed.light,
         delta_e: compressed.colour,
@@ -154,5 +159,28 @@ pub(super) fn report(
         coverage,
         notes: acquisition.report.notes_of(on_grid).cloned().chain(warnings).collect(),
         levels: compress::levels(&compressed.bytes).unwrap_or_default(),
+    }
+}
+
+/// What stands for the samples of `acquisition` in errors of a material on `axes`; `None` where it is the file's own numbers.
+fn errors_at(acquisition: &Acquisition, axes: &[Axis]) -> Option<String> {
+    let Some(Axis::Wavelength(grid)) = axes.last() else { return None };
+    let is_same = |own: &WavelengthGrid| own.len() == grid.len() && (0..grid.len()).all(|i| own.at(i) == grid.at(i));
+    let resampled = || Axis::Wavelength(grid.clone()).describe();
+    if let Some(factor) = &acquisition.spectral_factor {
+        let spectrum = if is_same(&factor.grid) { String::new() } else { format!(", resampled to {}", resampled()) };
+        return Some(format!("all pairs of a stated direction and a wavelength of the spectrum{spectrum}"));
+    }
+    let own = match &acquisition.samples {
+        formats::Samples::Grid(grid) => grid.spectral.as_ref(),
+        formats::Samples::Scattered(scattered) => scattered.spectral.as_ref(),
+        formats::Samples::OnAxes { tensor, .. } => tensor.axes().last(),
+        formats::Samples::Function(modelled) => modelled.spectral.as_ref(),
+    };
+    match own {
+        Some(Axis::Wavelength(own)) if !is_same(own) => {
+            Some(format!("the samples after resampling to {}", resampled()))
+        }
+        _ => None,
     }
 }

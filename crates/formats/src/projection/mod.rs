@@ -3,7 +3,6 @@
 mod angles;
 mod averages;
 mod bands;
-mod channels;
 mod error;
 mod grid;
 mod levels;

@@ -1,13 +1,13 @@
 //! The errors of a tensor at the samples that the file held.
 
 use super::angles::{check, sample_directions};
-use super::channels::{Channel, channels};
 use super::error::Role;
 use super::planes;
 use super::request::AxesRequest;
-use super::spectral::same;
+use super::resampling::Channels;
+use super::spectral;
 use crate::domain::{Axis, Direction, ErrorAccumulator, ErrorReport, Layout, Measurement};
-use crate::formats::{Acquisition, Angles, Samples};
+use crate::formats::{Acquisition, Angles, Samples, SpectralFactor};
 use rayon::prelude::*;
 
 /// Samples compared at a time: two arrays of this length are all the memory it takes.
@@ -24,15 +24,15 @@ struct Pairing<'a> {
     outer: usize,
     incoming: Vec<Pair>,
     outgoing: Vec<Pair>,
-    channels: Vec<Channel>,
+    channels: Channels,
 }
 
 /// The errors of `measurement` (projected, or decoded) at the original samples of the file, looked up piecewise constant
-/// in direction and linearly in wavelength; `None` where the file's samples are the tensor's own, or the tensor is not
-/// one of this file, and of samples at scattered directions, where a material is evaluated ([`ScatteredSamples`]).
+/// in direction and resampled to the wavelengths of the tensor; `None` where the samples are the tensor's own but for
+/// wavelengths, or the tensor is not one of this file, and of samples at scattered directions, where a material is evaluated ([`ScatteredSamples`]).
 ///
 /// A sample on the rim of what was measured is looked up a millionth of a degree inside; one without azimuth stands for
-/// its ring and is compared at 16 azimuths; samples outside the tensor's directions or wavelengths are left out.
+/// its ring and is compared at 16 azimuths; samples outside the tensor's directions are left out.
 ///
 /// [`ScatteredSamples`]: super::ScatteredSamples
 pub fn error_at_samples(acquisition: &Acquisition, measurement: &Measurement) -> Option<ErrorReport> {
@@ -46,7 +46,7 @@ pub fn error_at_samples(acquisition: &Acquisition, measurement: &Measurement) ->
     let layout = measurement.layout().ok()?;
     let length = |axis: Option<usize>| axis.map_or(1, |i| measurement.tensor.axes()[i].len());
     let shape = (length(layout.incoming), length(layout.outgoing), length(layout.spectral));
-    let (n_in, n_out, width) = (pairing.incoming.len(), pairing.outgoing.len(), pairing.channels.len());
+    let (n_in, n_out, width) = (pairing.incoming.len(), pairing.outgoing.len(), pairing.channels.to());
     let directions = pairing.outer * n_in * n_out;
     if directions == 0 || width == 0 {
         return Some(ErrorReport::default());
@@ -58,16 +58,18 @@ pub fn error_at_samples(acquisition: &Acquisition, measurement: &Measurement) ->
     for first in (0..directions).step_by(rows) {
         let length = rows.min(directions - first) * width;
         let (original, found) = (&mut original[..length], &mut found[..length]);
-        original.par_chunks_mut(width).zip(found.par_chunks_mut(width)).enumerate().for_each(|(row, (s, d))| {
+        let rows = original.par_chunks_mut(width).zip(found.par_chunks_mut(width)).enumerate();
+        rows.for_each_init(Vec::new, |wide, (row, (s, d))| {
             let direction = first + row;
             let (outer, i, o) = (direction / (n_in * n_out), direction / n_out % n_in, direction % n_out);
             let ((sample_in, cell_in), (sample_out, cell_out)) = (pairing.incoming[i], pairing.outgoing[o]);
             let from = pairing.shape;
             let source = &pairing.values[((outer * from.0 + sample_in) * from.1 + sample_out) * from.2..][..from.2];
             let target = &tensor[((outer * shape.0 + cell_in) * shape.1 + cell_out) * shape.2..][..shape.2];
-            for ((s, d), channel) in s.iter_mut().zip(d).zip(&pairing.channels) {
-                (*s, *d) = channel.pair(source, target);
-            }
+            wide.clear();
+            wide.extend(source.iter().map(|&value| f64::from(value)));
+            pairing.channels.write(wide, s);
+            d.copy_from_slice(target);
         });
         errors.add(original, found, 0.0);
     }
@@ -105,9 +107,9 @@ fn pair<'a>(acquisition: &Acquisition, samples: &'a Samples, measurement: &Measu
             let same_indices = grid.index.iter().map(Axis::len).eq(axes[..layout.indices].iter().map(Axis::len));
             let incoming = angle_pairs(grid.incoming.as_ref(), role(layout.incoming))?;
             let outgoing = angle_pairs(grid.outgoing.as_ref(), role(layout.outgoing))?;
-            let (width, channels) = channels(grid.spectral.as_ref(), factor, role(layout.spectral))?;
+            let channels = channels(grid.spectral.as_ref(), factor, role(layout.spectral))?;
             let count = |angles: Option<&Angles>| angles.map_or(1, super::angles::count);
-            let shape = (count(grid.incoming.as_ref()), count(grid.outgoing.as_ref()), width);
+            let shape = (count(grid.incoming.as_ref()), count(grid.outgoing.as_ref()), channels.from());
             let whole = outer * shape.0 * shape.1 * shape.2 == grid.values.len();
             (same_indices && whole).then_some(Pairing {
                 values: &grid.values,
@@ -126,23 +128,28 @@ fn pair<'a>(acquisition: &Acquisition, samples: &'a Samples, measurement: &Measu
             let same_indices = tensor.axes()[..own.indices] == axes[..layout.indices];
             let directions_kept =
                 own_role(own.incoming) == role(layout.incoming) && own_role(own.outgoing) == role(layout.outgoing);
-            let channels_kept = match (own_role(own.spectral), factor, role(layout.spectral)) {
-                (None, Some(factor), Some(Axis::Wavelength(grid))) => same(&factor.grid, grid),
-                (Some(Axis::Wavelength(a)), None, Some(Axis::Wavelength(b))) => same(a, b),
-                (a, None, b) => a == b,
-                _ => false,
-            };
-            if !same_indices || directions_kept && channels_kept {
+            if !same_indices || directions_kept {
                 return None;
             }
             let incoming = axis_pairs(own_role(own.incoming), role(layout.incoming))?;
             let outgoing = axis_pairs(own_role(own.outgoing), role(layout.outgoing))?;
-            let (width, channels) = channels(own_role(own.spectral), factor, role(layout.spectral))?;
+            let channels = channels(own_role(own.spectral), factor, role(layout.spectral))?;
             let length = |axis: Option<usize>| axis.map_or(1, |i| tensor.axes()[i].len());
-            let shape = (length(own.incoming), length(own.outgoing), width);
+            let shape = (length(own.incoming), length(own.outgoing), channels.from());
             Some(Pairing { values: tensor.samples(), shape, outer, incoming, outgoing, channels })
         }
     }
+}
+
+/// The way from a file's channels to those on the `axis` of the tensor; `None` where that is not one of this file.
+fn channels(own: Option<&Axis>, factor: Option<&SpectralFactor>, axis: Option<&Axis>) -> Option<Channels> {
+    let wanted = if let Some(Axis::Wavelength(grid)) = axis { Some(grid) } else { None };
+    let spectral = spectral::plan(own, factor, wanted).ok()?;
+    let is_same = match (&spectral.axis, axis) {
+        (Some(Axis::Wavelength(a)), Some(Axis::Wavelength(b))) => spectral::same(a, b),
+        (a, b) => a.as_ref() == b,
+    };
+    is_same.then_some(spectral.channels)
 }
 
 fn angle_pairs(angles: Option<&Angles>, axis: Option<&Axis>) -> Option<Vec<Pair>> {
