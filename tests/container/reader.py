@@ -554,8 +554,15 @@ def decode_classes(data, count, lanes):
 def decode_grid_classes(data, shape):
     coder, model = Decoder(data), Model()
     classes = np.zeros((shape.incoming, shape.polar, shape.around, shape.length), np.uint8)
-    nothing, other_lane = [POSITIVE] * shape.around, None
+    nothing, other_lane, sames = [POSITIVE] * shape.around, None, 0
     for lane in lanes_of(shape.length):
+        if other_lane is not None:
+            same = model.one(coder, ("lane", sames))
+            sames = (sames << 1 | same) & 3
+            if same:
+                classes[:, :, :, lane] = classes[:, :, :, other_lane]
+                other_lane = lane
+                continue
         repeats = 0
         for i in range(shape.incoming):
             for p in range(shape.polar):

@@ -11,7 +11,8 @@ const REPEATS: usize = 0;
 const NEAR: usize = REPEATS + 4;
 const AHEAD: usize = NEAR + 3 * CUBE;
 const ALONG: usize = AHEAD + 3 * CUBE;
-const SLOTS: usize = ALONG + 3 * CUBE;
+const LANES: usize = ALONG + 3 * CUBE;
+const SLOTS: usize = LANES + 4;
 
 /// Lengths of a tensor of classes, and the order of its lanes.
 #[derive(Clone, Debug)]
@@ -38,9 +39,19 @@ pub(crate) fn code_grid_classes<C: BitCoder>(coder: &mut C, grid: &ClassGrid, cl
     let none = vec![Class::Positive; azimuths];
     // Classes of the lane that is coded and of the one before.
     let [mut own, mut before] = [vec![Class::Positive; incoming * slice], vec![Class::Positive; incoming * slice]];
-    for &lane in lanes {
+    let mut lane_repeats = 0;
+    for (number, &lane) in lanes.iter().enumerate() {
         for (at, own) in own.iter_mut().enumerate() {
             *own = if C::DECODES { Class::Positive } else { classes[at * lanes.len() + lane] };
+        }
+        // Joined with a spectrum, all lanes are zero at the same directions.
+        let is_same = number > 0 && model.code_one(coder, !C::DECODES && own == before, LANES + lane_repeats);
+        lane_repeats = (lane_repeats << 1 | usize::from(is_same)) & 3;
+        if is_same {
+            for (at, before) in before.iter().enumerate() {
+                classes[at * lanes.len() + lane] = *before;
+            }
+            continue;
         }
         let mut repeats = 0;
         for row in 0..incoming * polar {
@@ -119,6 +130,16 @@ mod tests {
                 round_trip(&ClassGrid { incoming, polar, azimuths, lanes }, &classes);
             }
         }
+    }
+
+    #[test]
+    fn lanes_that_repeat_cost_next_to_nothing() {
+        let grid = ClassGrid { incoming: 1, polar: 30, azimuths: 40, lanes: (0..300).collect() };
+        let class = |i: usize| if i / 300 % 7 == 3 { Class::Zero } else { Class::Positive };
+        let classes: Vec<_> = (0..360_000).map(class).collect();
+        let one: Vec<_> = classes.iter().step_by(300).copied().collect();
+        let alone = round_trip(&ClassGrid { lanes: vec![0], ..grid.clone() }, &one);
+        assert!(round_trip(&grid, &classes) <= alone + 4);
     }
 
     #[test]
