@@ -1,9 +1,12 @@
 //! The promise at scattered samples: noise, fit and outliers of synthetic scans whose truth is known.
 
-use wavelume_core::domain::{Axis, Direction, Quantity, Unit};
+use wavelume_core::domain::{Axis, Direction, Quantity, Tensor, Unit, WavelengthGrid};
 use wavelume_core::evaluate::{Interpolation, Material, Place};
-use wavelume_formats::formats::{Acquisition, NoteKind, ParseReport, Samples, Scattered};
-use wavelume_formats::pipeline::{FitReport, Outcome, PipelineError};
+use wavelume_formats::formats::{
+    Acquisition, Interpretation, NoteKind, ParseReport, Samples, Scattered, SpectralFactor,
+};
+use wavelume_formats::pipeline::{FitReport, Input, Outcome, PipelineError, read};
+use wavelume_formats::projection::{AxesRequest, DirectionDomain, project};
 use wavelume_formats::{Request, Source};
 
 /// Independent numbers, even between 0 and 1 (`SplitMix64`, Steele and others 2014).
@@ -252,4 +255,87 @@ fn levels_are_refined_until_the_material_fits() {
     assert!(
         chosen.report.coverage.notes.iter().any(|note| note.contains("would fit their spacing, but not represent"))
     );
+}
+
+/// Wavelengths from 400 to 700 nm every 10 nm.
+fn wavelengths() -> WavelengthGrid {
+    WavelengthGrid::parse_range("400:700:10").unwrap()
+}
+
+#[test]
+fn samples_are_those_after_resampling() {
+    let outgoing = directions(Way::Random, 1500, 180.0);
+    let mut random = Random(11);
+    let bands = wavelengths().len();
+    let values = outgoing.iter().flat_map(|&[theta, _]| vec![3.0 + theta.to_radians().cos(); bands]);
+    let values = values.map(|truth| (truth * (1.0 + 0.03 * random.normal())) as f32).collect();
+    let spectral = Some(Axis::Wavelength(wavelengths()));
+    let samples = Scattered { incoming: vec![], outgoing, isotropic: false, spectral, values, sigma: None };
+    let source = source(Quantity::Edf, Unit::WattPerSteradianNanometre, samples);
+    let plain = source.compress(&Request::er_l2(0.01)).unwrap().report;
+    assert!(plain.errors_at.is_none() && (plain.fit.unwrap().noise.unwrap() / 0.03 - 1.0).abs() < 0.25);
+    let request = Request { wavelengths: Some("420:680:20".to_owned()), ..Request::er_l2(0.01) };
+    let report = source.compress(&request).unwrap().report;
+    assert!(report.errors_at.as_ref().is_some_and(|text| text.starts_with("the samples after resampling to 420")));
+    assert_eq!(report.errors.samples, 1500 * 14);
+    // A band averages its samples by 1/4, 1/2, 1/4; the first and the last by halves.
+    let (fit, expected) = (report.fit.unwrap(), 0.03 * ((12.0 * 0.375 + 2.0 * 0.5) / 14.0_f64).sqrt());
+    assert!((fit.noise.unwrap() / expected - 1.0).abs() < 0.25 && fit.is_kept(), "{fit:?}");
+}
+
+#[test]
+fn all_pairs_of_a_direction_and_a_wavelength_are_the_samples_of_a_joined_spectrum() {
+    let factors: Vec<f64> = (0..31).map(|i| 0.01 + 0.02 * (-f64::from(i - 12).powi(2) / 20.0).exp()).collect();
+    let (mut source, _) = lamp(Way::Spiral, 2000, NOISY[1]);
+    source.acquisition.unit = Unit::WattPerSteradianNanometre;
+    source.acquisition.spectral_factor = Some(SpectralFactor { grid: wavelengths(), factors: factors.clone() });
+    let outcome = source.compress(&Request::er_l2(0.01)).unwrap();
+    let report = &outcome.report;
+    let expected = "all pairs of a stated direction and a wavelength of the spectrum";
+    assert_eq!(report.errors_at.as_deref(), Some(expected));
+    assert_eq!(report.errors.samples, 2000 * 31);
+    assert!(fit(&outcome).is_kept() && (fit(&outcome).noise.unwrap() / 0.01 - 1.0).abs() < 0.25);
+    let Samples::Scattered(samples) = &source.acquisition.samples else { panic!("scattered samples") };
+    let material = Material::open(&outcome.bytes).unwrap();
+    let (mut squares, mut light, mut wanted) = (0.0, 0.0, 0.0);
+    for (&[theta, phi], &sample) in samples.outgoing.iter().zip(&samples.values) {
+        let mut found = vec![0.0; 31];
+        let place = Place { index: &[], wi: None, wo: Some(Direction::from_degrees(theta, phi)) };
+        material.evaluate(place, Interpolation::Smooth, &mut found).unwrap();
+        for (&found, factor) in found.iter().zip(&factors) {
+            let truth = f64::from(sample) * factor;
+            squares += (f64::from(found) / truth - 1.0).powi(2);
+            (light, wanted) = (light + f64::from(found), wanted + truth);
+        }
+    }
+    let found = (squares / (2000.0 * 31.0)).sqrt();
+    assert!((found / fit(&outcome).fit - 1.0).abs() < 1e-5, "{found}, stated {}", fit(&outcome).fit);
+    assert!((light / wanted - 1.0).abs() < 0.003, "{light} {wanted}");
+}
+
+#[test]
+fn a_luminaire_on_its_grid_shares_the_error_with_its_spectrum() {
+    let bytes = |name: &str| std::fs::read(crate::root().join("data").join(name)).unwrap();
+    let (lamp, spectrum) = (bytes("aerolamp.ies"), bytes("aerolamp.csv"));
+    let made = |bytes: &[u8], spectrum: Option<&[u8]>| {
+        let input = Input { bytes, spectrum, interpretation: &Interpretation::default() };
+        let request = Request { domain: Some(DirectionDomain::Grid), metadata: false, ..Request::er_l2(0.01) };
+        let request = if bytes == lamp { request } else { Request { domain: None, ..request } };
+        let source = read(&input).unwrap();
+        let outcome = source.compress(&request).unwrap();
+        (source, outcome)
+    };
+    let (source, joined) = made(&lamp, Some(&spectrum));
+    let (directions, lambdas) = (37 * 33, source.acquisition.spectral_factor.as_ref().unwrap().grid.len());
+    assert_eq!(joined.report.errors.samples, (directions * lambdas) as u64);
+    assert!(joined.report.errors.er_l2 <= 0.01 && joined.report.errors_at.is_some());
+    let apart = made(&lamp, None).1.bytes.len() + made(&spectrum, None).1.bytes.len();
+    // Each of the two has a part of the error only, so that they take more together.
+    assert!(5 * joined.bytes.len() < 7 * apart, "{} B joined, {apart} B apart", joined.bytes.len());
+    let decoded = wavelume_core::compress::decode(&joined.bytes).unwrap().measurement.tensor;
+    let request = AxesRequest { domain: Some(DirectionDomain::Grid), ..AxesRequest::default() };
+    let stated = project(&source.acquisition, &request).unwrap().measurement.tensor;
+    let sum = |tensor: &Tensor| tensor.samples().iter().map(|&s| f64::from(s)).sum::<f64>();
+    let light = sum(&decoded) / sum(&stated) - 1.0;
+    assert!(light.abs() < 0.001, "{light}");
 }
