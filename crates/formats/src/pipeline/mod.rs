@@ -3,6 +3,7 @@
 mod digest;
 mod error;
 mod fit;
+mod light;
 mod outcome;
 mod provenance;
 mod refinement;

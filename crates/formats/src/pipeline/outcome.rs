@@ -2,6 +2,7 @@
 
 use super::error::PipelineError;
 use super::fit::{self, FitReport, noise_of, promised};
+use super::light;
 use super::provenance::provenance;
 use super::refinement::{Refined, refined, warning};
 use super::report::{Report, report};
@@ -93,7 +94,7 @@ fn compressed(
             Curve::Linear => u8::MAX,
         },
     };
-    let mut compressed = compress::compress(&measurement, &settings, progress)?;
+let mut compressed = light::compress(&measurement, &settings, progress)?;
     if on_grid && let Ok(bytes) = state_levels(compressed.bytes.clone(), &measurement) {
         compressed.bytes = bytes;
     }

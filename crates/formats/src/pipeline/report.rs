@@ -2,6 +2,7 @@
 
 use super::digest::digest;
 use super::fit::FitReport;
+use super::light;
 use super::sparse::sparse;
 use crate::compress::{self, LevelInfo, LightReport, Noise, Policy, Ranked, Target};
 use crate::domain::colour::ColourReport;
@@ -127,6 +128,7 @@ pub(super) fn report(
         compress::shortfall(target, samples as u64, compressed),
         noise.and_then(|noise| noise.warning(target)),
         sparse(&compressed.bytes).ok().flatten(),
+        light::warning(&summary.axes, compressed.light.as_ref()),
     ];
     let warnings = warnings.into_iter().flatten().map(|message| Note { kind: NoteKind::Warning, message });
     let samples = samples as f64;

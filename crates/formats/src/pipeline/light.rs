@@ -1,0 +1,64 @@
+//! Light of directions on grids: kept where that costs next to nothing, else warned of.
+
+use crate::compress::{self, CompressError, Compressed, LightReport, Policy, Settings, Target};
+use crate::domain::{Axis, Measurement, Progress};
+
+/// Relative error of the light of an incoming direction that is neither corrected nor warned of.
+const LIGHT: f64 = 0.03;
+/// Growth of the file up to which the light is corrected without being asked for.
+const COST: f64 = 0.02;
+
+/// Compresses a measurement; on a grid whose light comes out worse than [`LIGHT`] with corrections of the light, if they cost
+/// less than [`COST`] of the file.
+pub(super) fn compress(
+    measurement: &Measurement,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Compressed, CompressError> {
+    let compressed = compress::compress(measurement, settings, progress)?;
+    let is_off = is_on_grid(measurement.tensor.axes()) && compressed.light.is_some_and(|light| light.largest > LIGHT);
+    let is_free =
+        settings.albedo_error.is_none() && settings.policy == Policy::Rd && settings.target != Target::Lossless;
+    if !(is_off && is_free) {
+        return Ok(compressed);
+    }
+    let bounded = Settings { albedo_error: Some(LIGHT), ..settings.clone() };
+    match compress::compress(measurement, &bounded, progress) {
+        Ok(kept) if kept.bytes.len() as f64 <= (1.0 + COST) * compressed.bytes.len() as f64 => Ok(kept),
+        Err(CompressError::Cancelled(cancelled)) => Err(CompressError::Cancelled(cancelled)),
+        // A target that leaves no room for corrections stays without.
+        _ => Ok(compressed),
+    }
+}
+
+/// A warning of light on a grid that is worse than [`LIGHT`].
+pub(super) fn warning(axes: &[Axis], light: Option<&LightReport>) -> Option<String> {
+    let largest = light.filter(|light| is_on_grid(axes) && light.largest > LIGHT)?.largest;
+    Some(format!(
+        "the light of some direction (directional albedo, flux) is {:.1} % off, though the samples keep their error: give \
+         albedo_error {LIGHT}, or a smaller error",
+        100.0 * largest
+    ))
+}
+
+fn is_on_grid(axes: &[Axis]) -> bool {
+    axes.iter().any(|axis| matches!(axis, Axis::Grid(_)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::{Azimuths, DirectionGrid, Frame};
+
+    #[test]
+    fn only_light_that_is_far_off_on_a_grid_is_warned_of() {
+        let light = |largest| LightReport { largest, rms: 0.5 * largest, brightest: 0.7 };
+        let azimuths: Option<Azimuths> = None;
+        let grid = Axis::Grid(DirectionGrid::new(Frame::Surface, vec![0.0, 30.0, 60.0], azimuths).unwrap());
+        assert_eq!(warning(&[], Some(&light(0.05))), None);
+        let axes = [grid];
+        assert_eq!((warning(&axes, None), warning(&axes, Some(&light(0.029)))), (None, None));
+        let message = warning(&axes, Some(&light(0.05))).unwrap();
+        assert!(message.contains("is 5.0 % off") && message.contains("albedo_error 0.03"), "{message}");
+    }
+}
