@@ -32,6 +32,7 @@ fn letter(chunk: &str) -> u8 {
         "corrections chunk" => b'R',
         "exact chunk" => b'X',
         "metadata chunk" => b'M',
+        "provenance chunk" => b'N',
         other => panic!("the {other} is unknown here"),
     }
 }

@@ -116,9 +116,17 @@ pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
         let classes = classes_of(&header, payload);
         let chunks = (payload(ChunkKind::Basis), chunk.payload);
         let (step, at) = ((header.step, header.linear), (chunk.length, usize::from(level)));
-        let (axes, samples) =
+        let (mut axes, samples) =
             gridded::decode_level(&header.axes, classes.as_deref(), step, chunks, at, header.values())?;
-        let metadata = if is_whole(ChunkKind::Metadata) { metadata_of(&header, &container)?.0 } else { None };
+        let mut metadata = None;
+        if is_whole(metadata_kind(&header.axes)) {
+            let (text, labelled) = metadata_of(&header, &container)?;
+            metadata = text;
+            for (axis, labelled) in axes.iter_mut().zip(labelled).filter(|(axis, _)| matches!(axis, Axis::Index { .. }))
+            {
+                *axis = labelled;
+            }
+        }
         let measurement = measurement_of(&header, axes, samples, bytes.len())?;
         return Ok(Decoded { measurement, summary: header.summary(metadata) });
     }

@@ -94,7 +94,7 @@ fn compressed(
             Curve::Linear => u8::MAX,
         },
     };
-let mut compressed = light::compress(&measurement, &settings, progress)?;
+    let mut compressed = light::compress(&measurement, &settings, progress)?;
     if on_grid && let Ok(bytes) = state_levels(compressed.bytes.clone(), &measurement) {
         compressed.bytes = bytes;
     }
