@@ -427,7 +427,7 @@ def check_layout(quantity, axes):
 
 RD, CONVENTIONAL, LOSSLESS, GENERIC, ADAPTIVE = range(5)
 POLICIES = ["rate-distortion", "conventional", "lossless", "generic", "adaptive"]
-KLT, PREDICTED, CLASSES, FLOOR, CORRECTIONS, UNSCORED, COUNTS, LINEAR, LIGHT, GRIDDED, STRAIGHT, LEVELS = (1 << k for k in range(12))
+KLT, PREDICTED, CLASSES, FLOOR, CORRECTIONS, UNSCORED, COUNTS, LINEAR, LIGHT, GRIDDED, STRAIGHT, LEVELS, FACTOR = (1 << k for k in range(13))
 FIXED = ["identity", "bio-haar", "orthonormal-area", "orthonormal-count"]
 
 
@@ -447,7 +447,7 @@ def read_header(r):
     r.note(r.at - 1, f"unit {UNITS[h.unit]}, policy {POLICIES[h.policy]}")
     start, h.flags = r.at, r.varint()
     others = CLASSES | FLOOR | COUNTS | STRAIGHT
-    allowed = {RD: 4095, LOSSLESS: others}.get(h.policy, others | UNSCORED)
+    allowed = {RD: 4095, LOSSLESS: others | FACTOR}.get(h.policy, others | UNSCORED)
     require(h.flags & ~allowed == 0, "unknown flags, or flags that do not fit the policy")
     r.note(start, f"flags {h.flags:#05x}")
     h.axes = [read_axis(r) for _ in range(axes)]
@@ -493,6 +493,11 @@ def read_header(r):
             setattr(h, name, F(r.number("f")))
             require(getattr(h, name) > 0, f"a {name} that is no positive number")
             r.note(r.at - 4, f"{name.replace('_', ' ')} {getattr(h, name):.9g}")
+    h.factor = 1.0
+    if h.flags & FACTOR:
+        h.factor = r.number("d")
+        require(h.factor > 0, "a factor that is no positive number")
+        r.note(r.at - 8, f"factor of the samples {h.factor!r}")
     h.errors = []
     if h.policy != LOSSLESS:
         start, h.kept = r.at, r.varint()
@@ -2463,7 +2468,10 @@ class Material:
         transforms, classes = h.transforms, self.classes
         if h.policy == LOSSLESS:
             chunk = self.chunks["X"]
-            return apply_classes(decode_exact(chunk.take(chunk.left(), "range-coded: samples"), h.count, lanes), classes)
+            samples = decode_exact(chunk.take(chunk.left(), "range-coded: samples"), h.count, lanes)
+            if h.flags & FACTOR:
+                samples = (samples.astype(np.float64) * h.factor).astype(F)
+            return apply_classes(samples, classes)
         if h.flags & PREDICTED:
             r = self.chunks["P"]
             self.index = LevelIndex(r, Shape(h.axes).mesh.level, self.lengths["P"])

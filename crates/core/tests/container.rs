@@ -8,7 +8,9 @@
 
 use std::fs;
 use std::path::PathBuf;
-use wavelume_core::compress::{Policy, Settings, Target, compress, decode, decode_block, decode_level, levels};
+use wavelume_core::compress::{
+    Numbers, Policy, Settings, Target, compress_numbers, decode, decode_block, decode_level, decode_numbers, levels,
+};
 use wavelume_core::domain::{
     Axis, AzimuthExtent, Azimuths, DirectionGrid, Domain, Frame, Measurement, Outside, Quantity, Sampling, Silent,
     Tensor, TriangleMesh, Unit, WavelengthGrid,
@@ -22,6 +24,8 @@ struct Golden {
     name: &'static str,
     measurement: Measurement,
     settings: Settings,
+    /// What samples are times the numbers of the file.
+    factor: f64,
 }
 
 fn mesh(domain: Domain, level: u8) -> Axis {
@@ -96,7 +100,7 @@ fn golden(name: &'static str, quantity: Quantity, tensor: Tensor, target: Target
         metadata: None,
         random_access: false,
     };
-    Golden { name, measurement, settings }
+    Golden { name, measurement, settings, factor: 1.0 }
 }
 
 fn brdf_axes(count: usize) -> Vec<Axis> {
@@ -122,6 +126,7 @@ fn all() -> Vec<Golden> {
         signed(),
         lossless(),
         stated(),
+        multiplied(),
         lamp(),
         paint(),
         leaf(),
@@ -424,6 +429,21 @@ fn stated() -> Golden {
     golden
 }
 
+/// Numbers beside a factor, on C planes: what samples are made of, not the samples, is exact.
+fn multiplied() -> Golden {
+    let azimuths = Azimuths { angles: vec![0.0, 90.0, 180.0, 270.0, 360.0], extent: AzimuthExtent::Closed };
+    let grid = DirectionGrid::new(Frame::TypeC, vec![0.0, 30.0, 60.0, 90.0], Some(azimuths)).unwrap();
+    let data = tensor(vec![Axis::Grid(grid)], |i, at| match i {
+        3 => f64::NAN,
+        19 => 0.0,
+        _ => f64::from(((9.7 - 0.4 * at[0] as f64) * (1.0 + 0.1 * noise(i))) as f32),
+    });
+    Golden { factor: MULTIPLIER, ..golden("multiplied", Quantity::Edf, data, Target::Lossless) }
+}
+
+/// A candela multiplier times a ballast factor.
+const MULTIPLIER: f64 = 1.1 * 0.93;
+
 /// The paper's policy.
 fn conventional() -> Golden {
     let axes = brdf_axes(9);
@@ -460,13 +480,23 @@ fn bytes_of(samples: &[f32]) -> Vec<u8> {
 
 #[test]
 fn golden_files_are_made_and_decoded_to_the_last_bit() {
-    for Golden { name, measurement, settings } in all() {
-        let compressed = compress(&measurement, &settings, &Silent).unwrap();
+    for Golden { name, mut measurement, settings, factor } in all() {
+        let numbers = measurement.tensor.clone();
+        if factor != 1.0 {
+            let samples = numbers.samples().iter().map(|&number| (f64::from(number) * factor) as f32).collect();
+            measurement.tensor = Tensor::new(numbers.axes().to_vec(), samples).unwrap();
+        }
+        let stated = Numbers { values: numbers.samples(), factor };
+        let compressed = compress_numbers(&measurement, Some(stated), &settings, &Silent).unwrap();
+        assert_eq!(compressed.summary.factor, factor);
         let bytes = state_levels(compressed.bytes, &measurement).unwrap();
         same(&format!("{name}.wlm"), &bytes);
         let stored = fs::read(path(&format!("{name}.wlm"))).unwrap();
         let decoded = decode(&stored).unwrap();
         same(&format!("{name}.f32"), &bytes_of(decoded.measurement.tensor.samples()));
+        let kept = decode_numbers(&stored).unwrap();
+        assert_eq!(kept.is_some(), factor != 1.0, "{name}");
+        kept.iter().for_each(|kept| assert_eq!(bytes_of(kept), bytes_of(numbers.samples()), "{name}"));
         if settings.random_access {
             let samples = decoded.measurement.tensor.samples();
             let count = measurement.tensor.axes()[0].len();

@@ -248,6 +248,16 @@ pub(crate) fn with_level_errors(bytes: &[u8], errors: &[f64]) -> Result<Vec<u8>,
     Ok(container.replaced(ChunkKind::Grid, &payload))
 }
 
+/// The numbers of a lossless material that keeps those of its file beside one factor ([`Summary::factor`]), NaN = masked;
+/// `None` of any other material.
+pub fn decode_numbers(bytes: &[u8]) -> Result<Option<Vec<f32>>, CodecError> {
+    let (header, container) = open(bytes)?;
+    if header.factor == 1.0 {
+        return Ok(None);
+    }
+    samples_of(&Header { factor: 1.0, ..header }, |kind| container.get(kind).map(|chunk| chunk.payload)).map(Some)
+}
+
 /// The BLAKE3 digest of the file without its metadata chunk.
 pub fn payload_digest(bytes: &[u8]) -> Result<blake3::Hash, CodecError> {
     Ok(open(bytes)?.1.payload_digest())
@@ -338,11 +348,26 @@ pub(crate) fn samples_behind<'a>(
         Policy::Lossless => {
             let mut samples = vec![0.0; count];
             code_exact(&mut Decoder::new(payload(ChunkKind::Exact)), lanes(&header.axes), &mut samples);
+            scale(header.factor, &mut samples);
             samples
         }
     };
     finish_samples(classes.as_deref(), &mut samples)?;
     Ok(samples)
+}
+
+/// Numbers become samples; a factor of 1 changes no bit.
+pub(super) fn scale(factor: f64, numbers: &mut [f32]) {
+    if factor != 1.0 {
+        for number in numbers.iter_mut() {
+            *number = scaled(*number, factor);
+        }
+    }
+}
+
+/// The sample of a number as its file states it.
+pub(super) fn scaled(number: f32, factor: f64) -> f32 {
+    (f64::from(number) * factor) as f32
 }
 
 /// Puts the classes on magnitudes; without any, every sample is a number.

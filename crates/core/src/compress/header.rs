@@ -11,7 +11,8 @@
 //!         256 there is a light chunk (policy 0, not flag 128);
 //!         512 the last directions are the grid of the grid chunk (policy 0, not flag 2; there is no coefficients chunk then);
 //!         1024 functions between stated directions have a share of straight lines (the last directions are a grid);
-//!         2048 the grid chunk states coarser levels (flag 512)
+//!         2048 the grid chunk states coarser levels (flag 512);
+//!         4096 samples are a factor times the numbers of the exact chunk (policy 2)
 //! axes    as in `codec`'s axes
 //! flag 1024: u8 the share of straight lines in 255ths, 1 … 255
 //! not policy 2, not flags 2, 512: varint a transform for each axis (flag 1: but the last):
@@ -22,6 +23,7 @@
 //! policy 0:     u16 step: the high 16 bits of an f32;  flag 256: f32 step of the light;
 //!               flag 16: f32 correction step
 //! flag 8: f32   absolute floor
+//! flag 4096: f64  factor of the exact samples (policy 2)
 //! not policy 2: varint  coefficients that are not zero
 //! not policy 2: u24 er(L1), er(L2), largest relative error, relative RMSE, largest absolute error, flag 32: the same of
 //!               unscored samples; each the high 24 bits of an f32, rounded up
@@ -71,6 +73,8 @@ pub(crate) struct Header {
     pub(crate) correction_step: f32,
     pub(crate) has_classes: bool,
     pub(crate) floor: f32,
+    /// Samples are this times the numbers of the exact chunk, 1 without one.
+    pub(crate) factor: f64,
     pub(crate) kept: u64,
     pub(crate) errors: ErrorReport,
 }
@@ -91,7 +95,8 @@ impl Flags {
     const GRIDDED: u16 = 512;
     const STRAIGHT: u16 = 1024;
     const LEVELS: u16 = 2048;
-    const ALL: u16 = 4095;
+    const FACTOR: u16 = 4096;
+    const ALL: u16 = 8191;
 
     fn of(header: &Header) -> Self {
         let e = &header.errors;
@@ -109,6 +114,7 @@ impl Flags {
             (Self::GRIDDED, header.gridded),
             (Self::STRAIGHT, header.straight_lines > 0),
             (Self::LEVELS, header.grid_levels),
+            (Self::FACTOR, header.factor != 1.0),
         ];
         Self(flags.into_iter().filter(|(_, set)| *set).map(|(flag, _)| flag).sum())
     }
@@ -122,9 +128,9 @@ impl Flags {
         let of_rd =
             Self::KLT | Self::PREDICTED | Self::CORRECTIONS | Self::LINEAR | Self::LIGHT | Self::GRIDDED | Self::LEVELS;
         let allowed = match policy {
-            Policy::Rd => Self::ALL,
+            Policy::Rd => Self::ALL & !Self::FACTOR,
             Policy::Lossless => Self::ALL & !(of_rd | Self::UNSCORED_ERROR),
-            _ => Self::ALL & !of_rd,
+            _ => Self::ALL & !(of_rd | Self::FACTOR),
         };
         if self.0 & !allowed != 0 {
             return Err(r.malformed(format!("flags {:#04x} do not fit policy {policy}", self.0)));
@@ -186,6 +192,7 @@ impl Header {
             correction_step: 0.0,
             has_classes: false,
             floor: 0.0,
+            factor: 1.0,
             kept: 0,
             errors: ErrorReport::default(),
         }
@@ -219,6 +226,9 @@ impl Header {
         }
         if flags.has(Flags::FLOOR) {
             w.f32(self.floor);
+        }
+        if flags.has(Flags::FACTOR) {
+            w.f64(self.factor);
         }
         let e = &self.errors;
         if self.policy != Policy::Lossless {
@@ -271,6 +281,10 @@ impl Header {
         let light_step = if flags.has(Flags::LIGHT) { r.f32("step of the light")? } else { 0.0 };
         let correction_step = if flags.has(Flags::CORRECTIONS) { r.f32("correction step")? } else { 0.0 };
         let floor = if flags.has(Flags::FLOOR) { r.f32("floor")? } else { 0.0 };
+        let factor = if flags.has(Flags::FACTOR) { r.f64("factor")? } else { 1.0 };
+        if !(factor > 0.0 && factor.is_finite()) {
+            return Err(r.malformed(format!("factor is {factor}, expected a positive number")));
+        }
         if !(step > 0.0 && step.is_finite()) {
             return Err(r.malformed(format!("step is {step}, expected a positive number")));
         }
@@ -302,6 +316,7 @@ impl Header {
             correction_step,
             has_classes: flags.has(Flags::CLASSES),
             floor,
+            factor,
             kept: 0,
             errors: ErrorReport { samples, ..ErrorReport::default() },
         };
@@ -365,6 +380,7 @@ impl Header {
             kept_coefficients: (self.policy != Policy::Lossless).then_some(self.kept),
             floor: f64::from(self.floor),
             straight_lines: ends_on_grid(&self.axes).then(|| f64::from(self.straight_lines) / 255.0),
+            factor: self.factor,
             errors: self.errors,
             metadata,
         }
@@ -428,6 +444,7 @@ mod tests {
             correction_step: 0.0,
             has_classes: false,
             floor: 0.0,
+            factor: 1.0,
             kept: 437,
             errors: ErrorReport {
                 samples: 1_228_800,
@@ -477,7 +494,9 @@ mod tests {
             ..plain.clone()
         };
         assert!(exact.write().len() <= 11);
-        for header in [plain, full, exact] {
+        let multiplied = Header { factor: 0.93, ..exact.clone() };
+        assert_eq!(multiplied.write().len(), exact.write().len() + 9);
+        for header in [plain, full, exact, multiplied] {
             let bytes = header.write();
             let back = read(&bytes).unwrap();
             for (stated, error) in [

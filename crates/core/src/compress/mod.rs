@@ -4,7 +4,7 @@
 //!   step for all normalised coefficients, adaptive range coding; optionally a second layer that bounds every sample.
 //! * `conventional`, `generic`, `adaptive`: the paper's policies (\[CPB06\] section 4.2): linear domain, bio-Haar, thresholds on L2-normalised
 //!   coefficients, the kept ones exact.
-//! * `lossless`: every bit of every sample.
+//! * `lossless`: every bit of every sample, and of the numbers that a file states beside one factor.
 
 mod classes;
 mod compressed;
@@ -51,12 +51,14 @@ pub use crate::codec::CodecError as DecodeError;
 pub use compressed::{Compressed, Ranked};
 pub(crate) use decode::with_level_errors;
 pub use decode::{
-    Decoded, DecodedBlock, LevelInfo, decode, decode_block, decode_level, inspect, levels, payload_digest,
+    Decoded, DecodedBlock, LevelInfo, decode, decode_block, decode_level, decode_numbers, inspect, levels,
+    payload_digest,
 };
 pub use effort::Effort;
 pub use error::CompressError;
 pub(crate) use kept::Kept;
 pub use light::LightReport;
+pub use lossless::Numbers;
 pub use noise::{Noise, estimate as estimate_noise};
 pub use policy::Policy;
 #[doc(hidden)]
@@ -84,6 +86,17 @@ pub fn compress(
     settings: &Settings,
     progress: &dyn Progress,
 ) -> Result<Compressed, CompressError> {
+    compress_numbers(measurement, None, settings, progress)
+}
+
+/// Like [`compress`], of a measurement whose file states `numbers` and one factor for all of them: lossless keeps the
+/// numbers, where the factor makes just these samples of them.
+pub fn compress_numbers(
+    measurement: &Measurement,
+    numbers: Option<Numbers<'_>>,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Compressed, CompressError> {
     settings::check(settings)?;
     promise::check(measurement, settings)?;
     if settings.random_access {
@@ -107,7 +120,7 @@ pub fn compress(
         Policy::Conventional | Policy::Generic | Policy::Adaptive => {
             thresholded::compress(measurement, settings, &bases, floor, (progress, &tally))?
         }
-        Policy::Lossless => lossless::compress(measurement, settings, floor, progress)?,
+        Policy::Lossless => lossless::compress(measurement, numbers, settings, floor, progress)?,
     };
     progress.report(1.0);
     compressed.colour = promise::colour(measurement, settings.target, &compressed.bytes)?;

@@ -25,6 +25,8 @@ pub struct Summary {
     /// Share of straight lines between stated directions, 0 (cubics of logarithms) to 1, where the last directions are a grid of
     /// angles.
     pub straight_lines: Option<f64>,
+    /// A sample is this times a number of the file that was measured, where both were kept (lossless only); else 1.
+    pub factor: f64,
     /// The errors of the decoded file against its input tensor (each rounded up by at most 0.007 % when read from a file).
     pub errors: ErrorReport,
     /// The metadata chunk's text, if there is one.

@@ -1,6 +1,6 @@
 //! Light of directions on grids: kept where that costs next to nothing, else warned of.
 
-use crate::compress::{self, CompressError, Compressed, LightReport, Policy, Settings, Target};
+use crate::compress::{self, CompressError, Compressed, LightReport, Numbers, Policy, Settings, Target};
 use crate::domain::{Axis, Measurement, Progress};
 
 /// Relative error of the light of an incoming direction that is neither corrected nor warned of.
@@ -8,14 +8,15 @@ const LIGHT: f64 = 0.03;
 /// Growth of the file up to which the light is corrected without being asked for.
 const COST: f64 = 0.02;
 
-/// Compresses a measurement; on a grid whose light comes out worse than [`LIGHT`] with corrections of the light, if they cost
+/// Compresses a measurement, of which a file states the numbers `stated`; on a grid whose light comes out worse than [`LIGHT`] with corrections of the light, if they cost
 /// less than [`COST`] of the file.
 pub(super) fn compress(
     measurement: &Measurement,
+    stated: Option<Numbers<'_>>,
     settings: &Settings,
     progress: &dyn Progress,
 ) -> Result<Compressed, CompressError> {
-    let compressed = compress::compress(measurement, settings, progress)?;
+    let compressed = compress::compress_numbers(measurement, stated, settings, progress)?;
     let is_off = is_on_grid(measurement.tensor.axes()) && compressed.light.is_some_and(|light| light.largest > LIGHT);
     let is_free =
         settings.albedo_error.is_none() && settings.policy == Policy::Rd && settings.target != Target::Lossless;

@@ -8,7 +8,7 @@ use super::refinement::{Refined, refined, warning};
 use super::report::{Report, report};
 use super::request::{Curve, Request};
 use super::source::Source;
-use crate::compress::{self, Settings, Target};
+use crate::compress::{self, Numbers, Settings, Target};
 use crate::domain::{Axis, Progress, Silent};
 use crate::evaluate::{Material, state_levels, straight_lines_for_flux};
 use crate::formats::{Acquisition, Note, NoteKind};
@@ -77,7 +77,7 @@ fn compressed(
 ) -> Result<Outcome, PipelineError> {
     let acquisition = &source.acquisition;
     let noise = noise_of(&projected);
-    let Projected { measurement, coverage, filled, scattered, .. } = projected;
+    let Projected { measurement, coverage, filled, scattered, numbers } = projected;
     let on_grid = measurement.tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_)));
     let provenance = |fit: Option<&FitReport>| provenance(source, request, &filled, (on_grid, fit));
     let settings = Settings {
@@ -94,13 +94,14 @@ fn compressed(
             Curve::Linear => u8::MAX,
         },
     };
-    let mut compressed = light::compress(&measurement, &settings, progress)?;
+    let stated = numbers.as_ref().map(|found| Numbers { values: found.tensor.samples(), factor: found.factor });
+    let mut compressed = light::compress(&measurement, stated, &settings, progress)?;
     if on_grid && let Ok(bytes) = state_levels(compressed.bytes.clone(), &measurement) {
         compressed.bytes = bytes;
     }
     // The measurement is not needed any more, and decoding needs the memory.
     let samples = measurement.tensor.len();
-    drop(measurement);
+    drop((measurement, numbers));
     let mut fit = None;
     if let Some(scattered) = scattered {
         let material = Material::open(&compressed.bytes).map_err(PipelineError::Opened)?;
