@@ -8,8 +8,9 @@ use super::problem::{Kind, Problem};
 use super::query::{indices, open};
 use super::schemas::{Binary, DigestText, ExportName, IndexText};
 use super::state::App;
-use crate::export::{self, AddedError, ExportFormat, ExportOptions, Exported};
+use crate::export::{self, ExportFormat, ExportOptions, Exported, Summary};
 use crate::formats::manifest_of;
+use crate::pipeline::{OnGrid, export_on_grid};
 use crate::store::Digest;
 use axum::body::Body;
 use axum::extract::State;
@@ -45,11 +46,12 @@ struct ExportQuery {
     /// One entry, from 0, for each leading index axis: `I,J`; `npy` and `manifest` hold every entry and take none.
     #[param(value_type = Option<IndexText>)]
     index: Option<String>,
-    /// Nodes along a side (rgl), polar angles (mbsdf) or cosines (tabphase); by the material's own axes if nothing is said.
+    /// Nodes along a side (rgl), polar angles (mbsdf) or cosines (tabphase); by the material's own axes if nothing is said,
+    /// of mbsdf the angles of the source.
     #[param(value_type = Option<u32>)]
     side: Option<usize>,
     /// Degrees between incident directions (rgl) or between angles (lm63, eulumdat); by the material's own axes if nothing is
-    /// said.
+    /// said, of luminaires the angles of the source.
     step: Option<f64>,
     /// Linear sRGB instead of spectra (rgl).
     #[serde(default)]
@@ -72,7 +74,8 @@ struct ExportQuery {
             ),
             headers(("Wavelume-Export-Error" = String, description =
                 "What the file adds to the error of the material, measured on its bytes: er_l2, er_l1, max (relative errors), \
-                 relative_rmse, pairs (of directions), of (what was compared), and flux (of luminaires, relative)")),
+                 relative_rmse, pairs (of directions), of (what was compared), and of luminaires peak, flux (both relative), \
+                 rms_of_peak and er_l2_bright (of intensities above 1 % of the peak)")),
         ),
         (status = 304, description = "The file of If-None-Match is this one"),
     )
@@ -146,8 +149,16 @@ async fn file(
         let measurement = app.engine.decoded(id).await.map_err(|error| Problem::from(&error))?.measurement;
         app.engine.exports.run(move || (export::array(&measurement, &options), place)).await?
     } else {
-        let material = open(app, id).await?;
-        app.engine.exports.run(move || (export::export(&material, format, &options), place)).await?
+        known(app, id).await?;
+        let bytes = app.engine.bytes(id).await.map_err(|error| Problem::from(&error))?;
+        let how = options.clone();
+        let (on_grid, place) = app.engine.exports.run(move || (export_on_grid(&bytes, format, &how), place)).await?;
+        if let OnGrid::File(file) = on_grid? {
+            (Ok(*file), place)
+        } else {
+            let material = open(app, id).await?;
+            app.engine.exports.run(move || (export::export(&material, format, &options), place)).await?
+        }
     };
     let Exported { bytes, about } = exported?;
     let length = bytes.len();
@@ -155,17 +166,25 @@ async fn file(
     let headers = response.headers_mut();
     headers.insert(header::CONTENT_LENGTH, HeaderValue::from(length));
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()));
-    let stated = stated(&about.error, about.flux_error);
+    let stated = stated(&about);
     headers.extend(HeaderValue::from_str(&stated).ok().map(|value| (EXPORT_ERROR, value)));
     name(&mut response, id, format.extension());
     Ok(response)
 }
 
 /// The value of the header.
-fn stated(error: &AddedError, flux: Option<f64>) -> String {
-    let flux = flux.map_or_else(String::new, |flux| format!(", flux={flux:.6}"));
+fn stated(about: &Summary) -> String {
+    let error = &about.error;
+    let luminaire = match (&about.lamp, about.flux_error) {
+        (Some(lamp), _) => format!(
+            ", peak={:.6}, flux={:.6}, rms_of_peak={:.6}, er_l2_bright={:.6}",
+            lamp.peak, lamp.flux, lamp.rms_of_peak, lamp.er_l2_bright
+        ),
+        (None, Some(flux)) => format!(", flux={flux:.6}"),
+        (None, None) => String::new(),
+    };
     format!(
-        "er_l2={:.6}, er_l1={:.6}, max={:.6}, relative_rmse={:.6}, pairs={}, of=\"{}\"{flux}",
+        "er_l2={:.6}, er_l1={:.6}, max={:.6}, relative_rmse={:.6}, pairs={}, of=\"{}\"{luminaire}",
         error.er_l2, error.er_l1, error.max_relative_error, error.relative_rmse, error.pairs, error.compared
     )
 }

@@ -10,6 +10,7 @@ use crate::domain::Axis;
 use crate::evaluate::Material;
 use crate::export::{self, ExportFormat, ExportOptions, Exported, Summary};
 use crate::formats::manifest_of;
+use crate::pipeline::{OnGrid, export_on_grid};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -27,10 +28,12 @@ pub(crate) struct Args {
     /// One entry, from 0, for each leading index axis
     #[arg(long, value_name = "I,...", value_parser = query::index)]
     index: Option<List<usize>>,
-    /// Nodes along a side (rgl), polar angles (mbsdf) or cosines (tabphase) [default: by the material's own axes]
+    /// Nodes along a side (rgl), polar angles (mbsdf) or cosines (tabphase) [default: by the material's own axes; mbsdf: the
+    /// angles of the source]
     #[arg(long, value_name = "N")]
     side: Option<usize>,
-    /// Degrees between incident directions (rgl) or between angles (lm63, eulumdat) [default: by the material's own axes]
+    /// Degrees between incident directions (rgl) or between angles (lm63, eulumdat) [default: by the material's own axes;
+    /// lm63, eulumdat: the angles of the source]
     #[arg(long, value_name = "DEGREES")]
     step: Option<f64>,
     /// Linear sRGB instead of spectra (rgl)
@@ -76,8 +79,14 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     } else {
         let bytes = read_file(&args.material)?;
         let work = || {
+            let reason = match export_on_grid(&bytes, args.format, &options).map_err(Failure::from)? {
+                OnGrid::File(file) => return Ok(*file),
+                OnGrid::Resample(reason) => reason,
+            };
             let material = Material::open(&bytes).map_err(Failure::from)?;
-            export::export(&material, args.format, &options).map_err(Failure::from)
+            let mut file = export::export(&material, args.format, &options).map_err(Failure::from)?;
+            file.about.lost.extend(reason);
+            Ok(file)
         };
         args.threads.run(work)?.map_err(about)?
     };
@@ -131,8 +140,19 @@ fn sheet(summary: &Summary, bytes: usize) -> Sheet {
     }
     let places = if error.pairs == export::PAIRS { "pairs of directions" } else { "places" };
     sheet.line("compared", format!("{} at {} {places}", error.compared, count(error.pairs as u64)));
-    if let Some(flux) = summary.flux_error {
-        sheet.line("flux", format!("{:+.3} % of the material's", 100.0 * flux));
+    match (&summary.lamp, summary.flux_error) {
+        (Some(lamp), _) => {
+            let [peak, flux, rms] = [lamp.peak, lamp.flux, lamp.rms_of_peak].map(|part| 100.0 * part);
+            let bright = per_cent(lamp.er_l2_bright);
+            let text = format!(
+                "peak {peak:+.3} %, flux {flux:+.3} %, rms {rms:.3} % of the peak, er(L2) {bright} above 1 % of the peak"
+            );
+            sheet.line("luminaire", text);
+        }
+        (None, Some(flux)) => {
+            sheet.line("flux", format!("{:+.3} % of the material's", 100.0 * flux));
+        }
+        (None, None) => {}
     }
     sheet
 }

@@ -166,6 +166,11 @@ impl Engine {
         Ok(self.queries.run(move || decode(&bytes)).await?.map_err(EvaluateError::from)?)
     }
 
+    /// The bytes of a material.
+    pub(crate) async fn bytes(&self, id: Digest) -> Result<bytes::Bytes, OpenError> {
+        Ok(self.archive.store.get(id).await?)
+    }
+
     /// Forgets the opened form of a deleted material.
     pub(crate) async fn close_material(&self, id: Digest) {
         self.opened.invalidate(&id).await;

@@ -99,6 +99,26 @@ fn projected_and_exported_arrays_can_be_read_again() {
 }
 
 #[test]
+fn a_luminaire_comes_back_on_the_angles_of_its_file() {
+    let dir = workshop();
+    let (lamp, out) = (at(&dir, "lamp.wlm"), at(&dir, "lamp.ies"));
+    for (target, digits) in [(&["--lossless"][..], "0 %"), (&["--er-l2", "0.01"], "0.04")] {
+        done(&[&["compress", &data("ushio_b1.ies"), "-o", &lamp, "--domain", "grid"], target].concat());
+        let shown = done(&["export", &lamp, "--format", "ies", "-o", &out]);
+        assert!(shown.contains("grid of 37 × 17") && shown.contains("as in the source"), "{shown}");
+        assert!(shown.contains(&format!("error added  er(L2) {digits}")), "{shown}");
+        assert!(shown.contains("luminaire    peak +0.0") && shown.contains("% of the peak, er(L2) "), "{shown}");
+        let text = fs::read_to_string(&out).unwrap();
+        let source = fs::read_to_string(data("ushio_b1.ies")).unwrap();
+        let keyword = |text: &str, key: &str| text.lines().find(|line| line.starts_with(key)).unwrap().to_owned();
+        assert_eq!(keyword(&text, "[MANUFAC]"), keyword(&source, "[MANUFAC]"));
+        assert!(text.len() < source.len(), "{} {}", text.len(), source.len());
+    }
+    let answer = json(&["export", &lamp, "--format", "ies", "-o", &out, "--step", "5", "--json"]);
+    assert!(answer["resolution"].as_str().unwrap().ends_with("gamma angles"), "{answer}");
+}
+
+#[test]
 fn exports_state_their_error_and_refusals_name_what_fits() {
     let dir = workshop();
     let (made, out) = (material(&dir), at(&dir, "m.bsdf"));
@@ -125,6 +145,7 @@ fn exports_state_their_error_and_refusals_name_what_fits() {
     let answer = json(&["export", &lamp, "--format", "ies", "-o", &at(&dir, "lamp.ies"), "--json"]);
     assert_eq!((&answer["format"], &answer["unit"]), (&"lm63".into(), &"mW/sr".into()));
     assert!(answer["flux_error"].as_f64().unwrap().abs() < 0.005, "{answer}");
+    assert!(answer["lamp"]["peak"].as_f64().unwrap().abs() < 0.05, "{answer}");
     let light = at(&dir, "light.wlm");
     done(&["compress", &data("illuminant_D65.csv"), "-o", &light]);
     done(&["export", &light, "--format", "spd", "-o", &at(&dir, "light.spd")]);

@@ -45,10 +45,23 @@ async fn files_state_what_they_add() {
     }
 
     let lamp = service.upload("?filename=lamp.ies", LAMP).await;
+    let grid = json!({ "measurement": lamp["id"], "domain": "grid", "target": "lossless" });
+    let exact = service.compress(&grid).await["material"].as_str().unwrap().to_owned();
+    let response = service.get(&format!("/v1/materials/{exact}/export?format=lm63")).send().await.unwrap();
+    let stated = header(&response, "wavelume-export-error").to_owned();
+    assert!(stated.starts_with("er_l2=0.000000") && stated.contains("of=\"every sample\""), "{stated}");
+    assert!(stated.contains("peak=0.000000, flux=0.000000, rms_of_peak=0.000000, er_l2_bright=0.000000"), "{stated}");
+    // What comes back is the same measurement.
+    let again = service.upload("?filename=again.ies", response.bytes().await.unwrap().to_vec()).await;
+    let grid = json!({ "measurement": again["id"], "domain": "grid", "target": "lossless" });
+    let again = service.compress(&grid).await["material"].as_str().unwrap().to_owned();
+    let array = |id: &str| format!("/v1/materials/{id}/export?format=npy");
+    let [a, b] = [service.get(&array(&exact)).send().await.unwrap(), service.get(&array(&again)).send().await.unwrap()];
+    assert_eq!(a.bytes().await.unwrap(), b.bytes().await.unwrap());
     let axes = json!({ "measurement": lamp["id"], "outgoing_level": 3, "target": { "er_l2": 0.01 } });
     let lamp = service.compress(&axes).await["material"].as_str().unwrap().to_owned();
     let response = service.get(&format!("/v1/materials/{lamp}/export?format=lm63")).send().await.unwrap();
-    assert!(header(&response, "wavelume-export-error").contains("flux="));
+    assert!(header(&response, "wavelume-export-error").contains(", rms_of_peak=0."));
     assert_eq!(header(&response, "content-type"), "text/plain");
     assert!(response.text().await.unwrap().starts_with("IESNA:LM-63-2002\r\n"));
     let checker = service.upload("?quantity=reflectance", CHECKER).await;

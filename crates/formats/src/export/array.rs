@@ -48,6 +48,7 @@ pub fn array(measurement: &Measurement, options: &ExportOptions) -> Result<Expor
         filled: 0,
         clipped: 0,
         flux_error: None,
+        lamp: None,
         error: AddedError::of("every sample", tensor.len(), &report),
     };
     Ok(Exported { bytes, about })

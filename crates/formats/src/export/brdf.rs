@@ -171,5 +171,8 @@ fn exported(
 ) -> Exported {
     let Written { bytes, filled, clipped } = written;
     let unit = Unit::PerSteradian.to_string();
-    Exported { bytes, about: Summary { format, resolution, unit, lost, filled, clipped, flux_error: None, error } }
+    Exported {
+        bytes,
+        about: Summary { format, resolution, unit, lost, filled, clipped, flux_error: None, lamp: None, error },
+    }
 }

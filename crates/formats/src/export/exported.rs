@@ -1,6 +1,7 @@
 //! An exported file, and a summary of what it holds of the material.
 
 use super::format::ExportFormat;
+use super::lamp_errors::LampErrors;
 use super::measure::AddedError;
 use serde::Serialize;
 
@@ -30,6 +31,9 @@ pub struct Summary {
     pub clipped: usize,
     /// The flux of the file relative to that of the material, less 1, of luminaires.
     pub flux_error: Option<f64>,
+    /// What the file adds to the errors of a luminaire, in the terms of those who make it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lamp: Option<LampErrors>,
     /// The error that the file adds to that of the material.
     pub error: AddedError,
 }

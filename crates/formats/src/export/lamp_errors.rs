@@ -24,7 +24,7 @@ impl LampErrors {
     /// samples are left out, and count as dark in the flux.
     pub fn of(directions: &DirectionGrid, stated: &[f32], found: &[f32]) -> Option<Self> {
         let largest = |values: &[f32]| f64::from(values.iter().copied().fold(0.0, f32::max));
-        let (peak, flux) = (largest(stated), flux(directions, stated));
+        let (peak, flux) = (largest(stated), zonal_flux(directions, stated));
         if !(peak > 0.0 && flux > 0.0) || stated.len() != directions.len() || found.len() != stated.len() {
             return None;
         }
@@ -41,7 +41,7 @@ impl LampErrors {
         let rms = |sum: f64, count: u64| (sum / count.max(1) as f64).sqrt();
         Some(Self {
             peak: largest(found) / peak - 1.0,
-            flux: self::flux(directions, found) / flux - 1.0,
+            flux: zonal_flux(directions, found) / flux - 1.0,
             rms_of_peak: rms(squares, count) / peak,
             er_l2_bright: rms(relative, bright),
         })
@@ -50,7 +50,7 @@ impl LampErrors {
 
 /// `∫ I dω` of intensities on a grid, symmetries unfolded: linear in the polar angle and in the azimuth, over the polar
 /// angles that are listed.
-fn flux(directions: &DirectionGrid, values: &[f32]) -> f64 {
+pub(crate) fn zonal_flux(directions: &DirectionGrid, values: &[f32]) -> f64 {
     let weights = directions.azimuths().map_or_else(|| vec![360.0], azimuth_weights);
     let ring = |row: usize| -> f64 {
         let row = values[row * weights.len()..][..weights.len()].iter().zip(&weights);
@@ -112,15 +112,15 @@ mod tests {
             (&[0.0, 30.0, 90.0], E::Quadrant),
         ] {
             let lamp = grid(Frame::TypeC, steps(0.0, 5.0, 37), angles, extent);
-            assert!((flux(&lamp, &vec![1.0; lamp.len()]) / (4.0 * PI) - 1.0).abs() < 1e-12, "{extent}");
+            assert!((zonal_flux(&lamp, &vec![1.0; lamp.len()]) / (4.0 * PI) - 1.0).abs() < 1e-12, "{extent}");
         }
         let a = grid(Frame::TypeA, steps(-90.0, 5.0, 37), &[0.0, 180.0], E::Mirrored);
         let b = grid(Frame::TypeB, steps(0.0, 5.0, 19), &[-180.0, 180.0], E::Closed).mirrored().unwrap();
         for lamp in [a, b] {
-            assert!((flux(&lamp, &vec![1.0; lamp.len()]) / (4.0 * PI) - 1.0).abs() < 1e-12);
+            assert!((zonal_flux(&lamp, &vec![1.0; lamp.len()]) / (4.0 * PI) - 1.0).abs() < 1e-12);
         }
         let half = grid(Frame::TypeB, steps(-90.0, 5.0, 37), &[-90.0, 90.0], E::Sector);
-        assert!((flux(&half, &vec![1.0; half.len()]) / (2.0 * PI) - 1.0).abs() < 1e-12);
+        assert!((zonal_flux(&half, &vec![1.0; half.len()]) / (2.0 * PI) - 1.0).abs() < 1e-12);
     }
 
     #[test]

@@ -3,13 +3,14 @@
 use super::error::{ExportError, UnfitError};
 use super::exported::{Exported, Summary};
 use super::format::ExportFormat;
+use super::lamp_errors::LampErrors;
 use super::measure::{Draws, measure};
 use super::options::{ExportOptions, check_size};
 use super::subject::{Subject, entry, wavelengths};
 use super::{read_back, resolution};
 use crate::appearance::JOULES_PER_MICROMOLE;
 use crate::domain::colour::Tristimulus;
-use crate::domain::{Axis, Direction, Domain, Quantity, Unit};
+use crate::domain::{Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Domain, Frame, Quantity, Unit};
 use crate::evaluate::{Interpolation, Material};
 use crate::formats::{
     self, AngleGrid, CPlanes, FormatError, FormatErrorKind, Interpretation, Samples, flux_of_planes, write_eulumdat,
@@ -172,11 +173,40 @@ impl Lamp {
             &|_, wo, values: &mut [f64]| read_back::evaluate(&grid, None, wo, values),
         );
         let flux_error = (self.flux > 0.0).then(|| flux_of_planes(&grid) / self.flux - 1.0);
+        let lamp = lamp_errors(&subject, &grid, (low, high));
         let resolution = format!("{} C planes of {} gamma angles", self.planes.c.len(), self.planes.gamma.len());
         let (unit, lost) = (photometry.unit.to_string(), photometry.lost.into_iter().collect());
         let (filled, clipped) = (self.filled, self.clipped);
-        Ok(Exported { bytes, about: Summary { format, resolution, unit, lost, filled, clipped, flux_error, error } })
+        Ok(Exported {
+            bytes,
+            about: Summary { format, resolution, unit, lost, filled, clipped, flux_error, lamp, error },
+        })
     }
+}
+
+/// Steps between the gamma angles and between the C planes at which a file is compared, in degrees.
+const COMPARED: (f64, f64) = (1.0, 5.0);
+
+/// Errors of a file in the terms of those who make luminaires: on a grid finer than most that are measured.
+fn lamp_errors(subject: &Subject<'_>, file: &AngleGrid, (low, high): (f64, f64)) -> Option<LampErrors> {
+    let list = |from: f64, to: f64, step: f64| -> Vec<f64> {
+        (0..=((to - from) / step) as usize).map(|i| from + step * i as f64).collect()
+    };
+    let azimuths = Azimuths { angles: list(0.0, 360.0 - COMPARED.1, COMPARED.1), extent: AzimuthExtent::Circle };
+    let directions = DirectionGrid::new(Frame::TypeC, list(low, high, COMPARED.0), Some(azimuths)).ok()?;
+    let values: Vec<[f64; 2]> = (0..directions.len())
+        .into_par_iter()
+        .map(|i| {
+            let (gamma, c) = (low + COMPARED.0 * (i / directions.shape()[1]) as f64, i % directions.shape()[1]);
+            let direction = Direction::from_luminaire_degrees(COMPARED.1 * c as f64, gamma);
+            let (mut stated, mut found) = ([0.0], [0.0]);
+            subject.at(None, direction, &mut stated);
+            read_back::evaluate(file, None, direction, &mut found);
+            [stated[0], found[0]]
+        })
+        .collect();
+    let side = |which: usize| values.iter().map(|pair| pair[which] as f32).collect::<Vec<f32>>();
+    LampErrors::of(&directions, &side(0), &side(1))
 }
 
 fn grid(bytes: &[u8]) -> Result<AngleGrid, FormatError> {

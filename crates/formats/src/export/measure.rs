@@ -77,7 +77,7 @@ pub(super) fn measure(
 }
 
 impl AddedError {
-    pub(super) fn of(compared: &'static str, pairs: usize, report: &ErrorReport) -> Self {
+    pub(crate) fn of(compared: &'static str, pairs: usize, report: &ErrorReport) -> Self {
         Self {
             compared,
             pairs,

@@ -14,6 +14,9 @@
 //! * `tabphase`: `8 · 4^level + 1` cosines, 257 to 16,385: half an outgoing cell around the forward direction has one.
 //! * `spd`, `csv`, `npy`: the samples themselves.
 //!
+//! Materials on the grid of a luminaire or a measured BSDF are written at the angles of their source instead, where nobody
+//! names a resolution: see [`crate::pipeline::export_on_grid`].
+//!
 //! # Colours
 //! RGB formats hold linear sRGB of the spectra as [`crate::preview`] has it: under D65, seen by the CIE 1931 observer, the
 //! perfect diffuser white, so that f = 1/π is (1/π, 1/π, 1/π). RGB data are taken as linear sRGB, data without a spectral
@@ -48,6 +51,7 @@ pub use exported::{Exported, Summary};
 pub use fits::fitting;
 pub use format::ExportFormat;
 pub use lamp_errors::LampErrors;
+pub(crate) use lamp_errors::zonal_flux;
 pub use measure::{AddedError, PAIRS};
 pub use options::ExportOptions;
 

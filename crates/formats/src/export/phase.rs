@@ -57,6 +57,7 @@ pub(super) fn tabphase(material: &Material, options: &ExportOptions) -> Result<E
         filled,
         clipped,
         flux_error: None,
+        lamp: None,
         error,
     };
     Ok(Exported { bytes, about })

@@ -100,6 +100,7 @@ fn finish(
         filled: 0,
         clipped: 0,
         flux_error: None,
+        lamp: None,
         error,
     };
     Ok(Exported { bytes, about })

@@ -19,6 +19,8 @@ pub struct Restatement<'a> {
     pub directions: &'a DirectionGrid,
     /// Values in `unit`, `[polar, azimuth]`; NaN = masked, written as 0.
     pub values: &'a [f32],
+    /// Numbers of which the values are a multiple, and that factor, where they are known.
+    pub numbers: Option<(&'a [f32], f64)>,
     /// Unit of the values.
     pub unit: Unit,
     /// Revision and flavour of the file, as its reader named them.
@@ -47,6 +49,13 @@ impl Restatement<'_> {
 
     /// The text of the number of which an entry is `factor` times.
     pub(super) fn spelled(&self, entry: usize, factor: f64) -> String {
+        if let Some((numbers, own)) = self.numbers
+            && own == factor
+            && self.digits == Digits::Shortest
+        {
+            let number = numbers[entry];
+            return if number.is_nan() { "0".to_owned() } else { plain_f32(number) };
+        }
         let value = self.values[entry];
         if value.is_nan() { "0".to_owned() } else { self.digits.spelled(value, factor) }
     }

@@ -1,30 +1,15 @@
 //! Measurements on the grid of their file, written as the file that they came from: angles, keywords, header and
 //! multipliers are its own.
 
+use super::origin::Origin;
+use super::relabelled::relabelled;
+use crate::compress::Numbers;
 use crate::domain::{Axis, ErrorAccumulator, ErrorReport, Measurement, Quantity, Unit};
 use crate::export::{ExportError, ExportFormat, LampErrors, UnfitError};
 use crate::formats::{
     self, Acquisition, Digits, FormatError, Interpretation, Restatement, restate_eulumdat, restate_lm63, restate_mbsdf,
 };
 use crate::projection::{self, AxesRequest, DirectionDomain};
-
-/// The file that a measurement came from, as its provenance tells.
-#[derive(Clone, Copy, Debug)]
-pub struct Origin<'a> {
-    /// Name of the format in the table of formats.
-    pub format: &'a str,
-    /// Revision and flavour, as its reader named them.
-    pub dialect: &'a str,
-    /// Keywords and header fields in the order in which its reader kept them.
-    pub metadata: &'a [(String, String)],
-}
-
-impl<'a> Origin<'a> {
-    /// The origin of what was just read.
-    pub fn of(acquisition: &'a Acquisition) -> Self {
-        Self { format: acquisition.format, dialect: &acquisition.dialect, metadata: &acquisition.report.metadata }
-    }
-}
 
 /// A file on the grid of its source.
 #[derive(Clone, Debug)]
@@ -39,6 +24,8 @@ pub struct Restated {
     pub errors: ErrorReport,
     /// The same in the terms of those who make luminaires, for a luminaire.
     pub lamp: Option<LampErrors>,
+    /// Contents of the measurement that the file does not hold.
+    pub lost: Vec<String>,
 }
 
 /// Writes `measurement` as a file of the format that it came from, reads it again, and compares angles and samples.
@@ -50,6 +37,39 @@ pub fn restate(measurement: &Measurement, origin: &Origin<'_>, digits: Digits) -
     let Some(format) = format.filter(|format| FORMATS.contains(format)) else {
         return Err(UnfitError::NoGridWriter { format: origin.format.to_owned() }.into());
     };
+    restate_as(measurement, None, origin, format, digits)
+}
+
+/// Like [`restate`], in a named format; `numbers` are those of the source, beside their factor.
+pub(super) fn restate_as(
+    measurement: &Measurement,
+    numbers: Option<Numbers<'_>>,
+    origin: &Origin<'_>,
+    format: ExportFormat,
+    digits: Digits,
+) -> Result<Restated, ExportError> {
+    if ExportFormat::of_name(origin.format) == Ok(format) || origin.metadata.is_empty() {
+        return restate_own(measurement, numbers, origin, format, digits);
+    }
+    let nothing = Origin { format: format.name(), dialect: "", metadata: &[] };
+    match relabelled(measurement, origin, format) {
+        Some(made) => {
+            let origin = Origin { metadata: &made.metadata, ..nothing };
+            let restated = restate_own(&made.measurement, None, &origin, format, digits)?;
+            Ok(Restated { lost: made.lost, ..restated })
+        }
+        None => restate_own(measurement, None, &nothing, format, digits),
+    }
+}
+
+/// Writes a measurement whose header is in the words of `format`.
+fn restate_own(
+    measurement: &Measurement,
+    numbers: Option<Numbers<'_>>,
+    origin: &Origin<'_>,
+    format: ExportFormat,
+    digits: Digits,
+) -> Result<Restated, ExportError> {
     let off_grid = || ExportError::from(UnfitError::OffGrid { format });
     let is_luminaire = measurement.quantity == Quantity::Edf;
     let bytes = match (format, measurement.tensor.axes()) {
@@ -59,7 +79,9 @@ pub fn restate(measurement: &Measurement, origin: &Origin<'_>, digits: Digits) -
         (ExportFormat::Lm63 | ExportFormat::Eulumdat, [Axis::Grid(directions)]) if is_luminaire => {
             let values = measurement.tensor.samples();
             let (dialect, metadata, unit) = (origin.dialect, origin.metadata, measurement.unit);
-            let grid = Restatement { directions, values, unit, dialect, metadata, digits };
+            let numbers = numbers.map(|found| (found.values, found.factor));
+            let numbers = numbers.filter(|(found, _)| found.len() == values.len());
+            let grid = Restatement { directions, values, numbers, unit, dialect, metadata, digits };
             if format == ExportFormat::Eulumdat {
                 restate_eulumdat(&grid)?
             } else {
@@ -84,11 +106,11 @@ pub fn restate(measurement: &Measurement, origin: &Origin<'_>, digits: Digits) -
         [Axis::Grid(directions)] => LampErrors::of(directions, stated, again),
         _ => None,
     };
-    Ok(Restated { bytes, format, filled, errors: errors.finish(), lamp })
+    Ok(Restated { bytes, format, filled, errors: errors.finish(), lamp, lost: Vec::new() })
 }
 
 /// The formats that are written on the grid of their source.
-const FORMATS: [ExportFormat; 3] = [ExportFormat::Lm63, ExportFormat::Eulumdat, ExportFormat::Mbsdf];
+pub(super) const FORMATS: [ExportFormat; 3] = [ExportFormat::Lm63, ExportFormat::Eulumdat, ExportFormat::Mbsdf];
 
 /// The file as its reader takes it, in the unit of the measurement where the reader can be told.
 fn read_again(bytes: &[u8], measurement: &Measurement, format: ExportFormat) -> Result<Acquisition, FormatError> {

@@ -3,9 +3,11 @@
 use crate::root;
 use std::fs;
 use std::path::PathBuf;
-use wavelume_core::domain::{Axis, DirectionGrid, Measurement, Unit};
+use wavelume_core::compress::Target;
+use wavelume_core::domain::{Axis, AzimuthExtent, DirectionGrid, ErrorReport, Measurement, Unit};
+use wavelume_formats::export::{ExportFormat, ExportOptions, Exported};
 use wavelume_formats::formats::{Acquisition, Digits, Interpretation, read};
-use wavelume_formats::pipeline::{Origin, restate};
+use wavelume_formats::pipeline::{Input, OnGrid, Origin, Request, export_on_grid, read as read_source, restate};
 use wavelume_formats::projection::{AxesRequest, DirectionDomain, project};
 
 const FOLDERS: [&str; 5] = [
@@ -191,4 +193,115 @@ fn every_form_of_planes_comes_back() {
         lines.extend((0..2 * stored).map(|i| format!("{:.1}", 0.3 + 1.7 * f64::from(i))));
         assert!(comes_back(&(lines.join("\n") + "\n")), "{symmetry}");
     }
+}
+
+/// The bytes of a file after they were compressed on their own grid.
+fn compressed(bytes: &[u8], target: Target, metadata: bool) -> Vec<u8> {
+    let request = Request { domain: Some(DirectionDomain::Grid), metadata, ..Request::to(target) };
+    let input = Input { bytes, spectrum: None, interpretation: &Interpretation::default() };
+    read_source(&input).unwrap().compress(&request).unwrap().bytes
+}
+
+fn exported(material: &[u8], format: ExportFormat) -> Exported {
+    match export_on_grid(material, format, &ExportOptions::default()).unwrap() {
+        OnGrid::File(file) => *file,
+        OnGrid::Resample(reason) => panic!("{reason:?}"),
+    }
+}
+
+#[test]
+fn compressed_luminaires_come_back_within_their_promise_on_the_angles_of_their_file() {
+    for (extension, format) in [("ies", ExportFormat::Lm63), ("ldt", ExportFormat::Eulumdat)] {
+        for (path, bytes, acquisition) in files(extension) {
+            let name = path.display();
+            let stated = on_grid(&acquisition);
+            let exact = exported(&compressed(&bytes, Target::Lossless, true), format);
+            assert!(10 * exact.bytes.len() <= 13 * bytes.len(), "{name}: {} {}", exact.bytes.len(), bytes.len());
+            let back = on_grid(&read(&exact.bytes, &Interpretation::default()).unwrap());
+            assert_eq!(back, stated, "{name}");
+            let lossy = exported(&compressed(&bytes, Target::ErL2(0.01), true), format);
+            assert!(10 * lossy.bytes.len() <= 13 * bytes.len(), "{name}: {} {}", lossy.bytes.len(), bytes.len());
+            let again = read(&lossy.bytes, &Interpretation::default()).unwrap();
+            assert_eq!(again.report.metadata.len(), acquisition.report.metadata.len(), "{name}");
+            let back = on_grid(&again);
+            assert_eq!(back.tensor.axes(), stated.tensor.axes(), "{name}");
+            let found = ErrorReport::measure(stated.tensor.samples(), back.tensor.samples(), 0.0);
+            assert!(
+                found.er_l2 <= 0.01
+                    && found.zero_samples == back.tensor.samples().iter().filter(|s| **s == 0.0).count() as u64,
+                "{name}: {found:?}"
+            );
+            assert!(lossy.about.error.max_relative_error <= 0.001_001, "{name}");
+            assert!(lossy.about.lamp.unwrap().flux.abs() < 0.001, "{name}");
+        }
+    }
+}
+
+#[test]
+fn compressed_bsdfs_come_back_byte_for_byte_when_lossless() {
+    let mut equal = 0;
+    for (path, bytes, _) in files("mbsdf") {
+        let material = compressed(&bytes, Target::Lossless, true);
+        match export_on_grid(&material, ExportFormat::Mbsdf, &ExportOptions::default()).unwrap() {
+            OnGrid::File(file) => equal += usize::from(file.bytes == bytes),
+            OnGrid::Resample(reason) => {
+                assert!(reason.unwrap().contains("angles of the source"), "{}", path.display());
+            }
+        }
+    }
+    assert_eq!(equal, 4);
+}
+
+#[test]
+fn luminaires_of_one_format_are_written_as_the_other() {
+    let of = |name: &str| fs::read(root().join(name)).unwrap();
+    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
+    let lamp = compressed(&of("tests/fixtures/ies/examp1.ies"), Target::Lossless, true);
+    let stated = on_grid(&read(&of("tests/fixtures/ies/examp1.ies"), &Interpretation::default()).unwrap());
+    let file = exported(&lamp, ExportFormat::Eulumdat);
+    let lines: Vec<String> = text(&file.bytes).lines().map(str::to_owned).collect();
+    assert_eq!((&lines[2][..], &lines[3][..], &lines[4][..]), ("4", "16", "22.5"));
+    let lumens = 2.0 * 2900.0;
+    assert_eq!((&lines[26][..], lines[28].parse(), &lines[31][..]), ("2", Ok(lumens), "63.7"));
+    let back = on_grid(&read(&file.bytes, &Interpretation::default()).unwrap());
+    assert_eq!(back.tensor.axes(), stated.tensor.axes());
+    assert!(file.about.error.max_relative_error < 2e-7, "{:?}", file.about.error);
+
+    // A circle of planes becomes a closed one.
+    let ldt = of("tests/fixtures/ldt/example.ldt");
+    let stated = on_grid(&read(&ldt, &Interpretation::default()).unwrap());
+    let file = exported(&compressed(&ldt, Target::Lossless, true), ExportFormat::Lm63);
+    let ies = text(&file.bytes);
+    assert!(ies.contains("[MANUFAC] Ingemann") && ies.contains("\r\n1 5134 1 37 21 1 2 "), "{}", &ies[..400]);
+    let closed = on_grid(&read(&file.bytes, &Interpretation::default()).unwrap());
+    let azimuths = directions(&closed).azimuths().unwrap();
+    assert_eq!((azimuths.extent, azimuths.angles.len()), (AzimuthExtent::Closed, 21));
+    let rows = closed.tensor.samples().chunks(21).flat_map(|row| &row[..20]);
+    assert!(rows.eq(stated.tensor.samples()));
+    // And the other way: C360 goes, and what it said beside C0 is named.
+    let file = exported(&compressed(&of("data/ushio_b1.ies"), Target::Lossless, true), ExportFormat::Lm63);
+    assert!(file.about.lost.is_empty());
+}
+
+#[test]
+fn files_that_the_angles_or_the_options_do_not_fit_are_sampled_anew() {
+    let lamp = compressed(&fs::read(root().join("data/aerolamp.ies")).unwrap(), Target::ErL2(0.01), false);
+    // Without provenance the format of the file is that asked for, with the least of keywords.
+    let file = exported(&lamp, ExportFormat::Lm63);
+    assert!(file.bytes.starts_with(b"IESNA:LM-63-2002\r\n[TEST] not stated"));
+    let step = ExportOptions { step: Some(5.0), ..ExportOptions::default() };
+    assert_eq!(export_on_grid(&lamp, ExportFormat::Lm63, &step).unwrap(), OnGrid::Resample(None));
+    assert_eq!(export_on_grid(&lamp, ExportFormat::Rgl, &ExportOptions::default()).unwrap(), OnGrid::Resample(None));
+    let small = ExportOptions { most_bytes: 900, ..ExportOptions::default() };
+    assert!(
+        export_on_grid(&lamp, ExportFormat::Lm63, &small).unwrap_err().to_string().contains("expected at most 900")
+    );
+    let beam = compressed(&fs::read(root().join("tests/fixtures/ies/test.ies")).unwrap(), Target::ErL2(0.01), true);
+    let OnGrid::Resample(Some(reason)) =
+        export_on_grid(&beam, ExportFormat::Eulumdat, &ExportOptions::default()).unwrap()
+    else {
+        panic!("type B has no C planes")
+    };
+    assert!(reason.contains("expected type C"), "{reason}");
+    assert!(export_on_grid(b"no material", ExportFormat::Lm63, &ExportOptions::default()).is_err());
 }

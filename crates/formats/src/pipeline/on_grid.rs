@@ -1,0 +1,116 @@
+//! Compressed materials on the grid of their source as files of the same angles, with the fewest digits that keep the promise.
+
+use super::origin::Origin;
+use super::restated::{FORMATS, Restated, restate_as};
+use crate::compress::{self, Decoded, Numbers};
+use crate::domain::{Axis, Quantity};
+use crate::evaluate::EvaluateError;
+use crate::export::{AddedError, ExportError, ExportFormat, ExportOptions, Exported, Summary};
+use crate::formats::{Digits, FormatErrorKind};
+use serde_json::Value;
+
+/// What a material is on the grid of its source.
+#[derive(Clone, Debug, PartialEq)]
+pub enum OnGrid {
+    /// The file, at the angles of the source.
+    File(Box<Exported>),
+    /// The format cannot hold that grid, or the options name a resolution: the material is to be sampled anew. The reason,
+    /// where the user did not ask for it.
+    Resample(Option<String>),
+}
+
+/// Parts of the promised error that rounding may take of each value, the largest first.
+const ROUNDINGS: [f64; 6] = [0.1, 0.05, 0.025, 0.0125, 0.006, 0.003];
+/// Standard deviations of the chance that rounding adds to an error instead of averaging out.
+const CHANCE: f64 = 2.0;
+/// Bytes of a number of a text file, at least.
+const LEAST_BYTES: usize = 2;
+
+/// Writes the material in `bytes` as `format`, at the angles and with the keywords of the file that it came from.
+///
+/// Lossless materials give back the numbers of that file. Numbers of others are rounded to the fewest digits that change no
+/// value by more than a tenth of the promised error, or fewer where the material leaves that much of its promise unused.
+pub fn export_on_grid(bytes: &[u8], format: ExportFormat, options: &ExportOptions) -> Result<OnGrid, ExportError> {
+    let ExportOptions { index, side, step, rgb, wavelength, most_bytes } = options;
+    let names_resolution = side.is_some() || step.is_some() || *rgb || wavelength.is_some() || index.is_some();
+    if names_resolution || !FORMATS.contains(&format) {
+        return Ok(OnGrid::Resample(None));
+    }
+    let evaluated = |error| ExportError::from(EvaluateError::from(error));
+    let summary = compress::inspect(bytes).map_err(evaluated)?;
+    let on_grid = summary.axes.iter().any(|axis| matches!(axis, Axis::Grid(_)));
+    if !on_grid || summary.quantity == Quantity::Phase {
+        return Ok(OnGrid::Resample(None));
+    }
+    let samples = summary.axes.iter().map(Axis::len).product::<usize>();
+    let least = samples.saturating_mul(if format == ExportFormat::Mbsdf { 4 } else { LEAST_BYTES });
+    let over_limit = |found: usize| ExportError::OverLimit {
+        found: Some(found),
+        most: *most_bytes,
+        instead: "ask for a larger step or a smaller side",
+    };
+    if least > *most_bytes {
+        return Err(over_limit(least));
+    }
+    let decoded = compress::decode(bytes).map_err(evaluated)?;
+    let numbers = compress::decode_numbers(bytes).map_err(evaluated)?;
+    let numbers = numbers.as_ref().map(|values| Numbers { values, factor: summary.factor });
+    match written(&decoded, numbers, format) {
+        Ok(file) if file.bytes.len() > *most_bytes => Err(over_limit(file.bytes.len())),
+        Ok(file) => Ok(OnGrid::File(Box::new(exported(file, &decoded)))),
+        Err(ExportError::Format(error)) if error.kind != FormatErrorKind::NeedsOption => Err(error.into()),
+        Err(reason) => Ok(OnGrid::Resample(Some(format!("the angles of the source: {reason}")))),
+    }
+}
+
+/// The file with the fewest digits that keep the promise.
+fn written(decoded: &Decoded, numbers: Option<Numbers<'_>>, format: ExportFormat) -> Result<Restated, ExportError> {
+    let (measurement, summary) = (&decoded.measurement, &decoded.summary);
+    let document = summary.metadata.as_deref().and_then(|text| serde_json::from_str::<Value>(text).ok());
+    let document = document.unwrap_or_default();
+    let source = &document["source"];
+    let metadata = fields(&source["metadata"]);
+    let text = |key: &str| source[key].as_str().unwrap_or_default();
+    let from = Some(text("format")).filter(|name| !name.is_empty()).unwrap_or(format.name());
+    let origin = Origin { format: from, dialect: text("dialect"), metadata: &metadata };
+    let stated = summary.errors.er_l2;
+    if stated == 0.0 {
+        return restate_as(measurement, numbers, &origin, format, Digits::Shortest);
+    }
+    let promised = document["request"]["target"]["er_l2"].as_f64().unwrap_or(stated).max(stated);
+    let scored = summary.errors.scored_samples.max(1) as f64;
+    let is_kept = |added: f64| stated + CHANCE * added / scored.sqrt() + 0.5 * added * added / stated <= promised;
+    let mut file = restate_as(measurement, numbers, &origin, format, Digits::Within(ROUNDINGS[0] * promised))?;
+    for part in &ROUNDINGS[1..] {
+        if is_kept(file.errors.er_l2) {
+            break;
+        }
+        file = restate_as(measurement, numbers, &origin, format, Digits::Within(part * promised))?;
+    }
+    Ok(file)
+}
+
+/// Pairs of names and texts in the order of the source.
+fn fields(metadata: &Value) -> Vec<(String, String)> {
+    let pair = |pair: &Value| Some((pair[0].as_str()?.to_owned(), pair[1].as_str()?.to_owned()));
+    metadata.as_array().map(|pairs| pairs.iter().filter_map(pair).collect()).unwrap_or_default()
+}
+
+/// The file with what is to be known of it.
+fn exported(file: Restated, decoded: &Decoded) -> Exported {
+    let Restated { bytes, format, filled, errors, lamp, lost } = file;
+    let tensor = &decoded.measurement.tensor;
+    let axes: Vec<String> = tensor.axes().iter().filter(|axis| !axis.is_spectral()).map(Axis::describe).collect();
+    let about = Summary {
+        format,
+        resolution: format!("{}, as in the source", axes.join(", ")),
+        unit: decoded.measurement.unit.to_string(),
+        lost,
+        filled,
+        clipped: 0,
+        flux_error: lamp.map(|lamp| lamp.flux),
+        lamp,
+        error: AddedError::of("every sample", tensor.len(), &errors),
+    };
+    Exported { bytes, about }
+}
