@@ -382,11 +382,13 @@ def call(url, body=None, headers=None):
 
 
 def compress(base, path, target, **options):
-    """Uploads a file, compresses it to er(L2) `target` with other fields of a job in `options`, and returns the job's answer."""
+    """Uploads a file, compresses it to er(L2) `target`, or to "lossless", with other fields of a job in `options`, and returns
+    the job's answer."""
     with open(path, "rb") as file:
         name = urllib.parse.quote(os.path.basename(path))
         measurement = json.loads(call(f"{base}/v1/measurements?filename={name}", file.read()))["id"]
-    body = json.dumps({"measurement": measurement, "target": {"er_l2": target}, **options}).encode()
+    target = target if isinstance(target, str) else {"er_l2": target}
+    body = json.dumps({"measurement": measurement, "target": target, **options}).encode()
     job = json.loads(call(f"{base}/v1/jobs", body, {"Content-Type": "application/json"}))
     while job["state"] in ("queued", "running"):
         time.sleep(0.1)
