@@ -1,11 +1,13 @@
-//! `wavelume evaluate`: one spectrum of a material.
+//! `wavelume evaluate`: one spectrum of a material, or one for each row of a table of directions.
 
+use super::batch::{BatchArgs, Queries};
 use super::failure::Failure;
 use super::output::print_json;
 use super::query::{self, List};
-use crate::domain::{Direction, Unit};
-use crate::evaluate::{Beyond, Interpolation, Place};
-use std::path::PathBuf;
+use super::request::ThreadsArgs;
+use crate::domain::{Axis, Direction, Unit};
+use crate::evaluate::{Beyond, Interpolation, Material, Pairs, Place};
+use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
@@ -14,10 +16,18 @@ pub(crate) struct Args {
     material: PathBuf,
     /// The incoming direction in degrees, for quantities that have one
     #[arg(long, value_name = "THETA,PHI", value_parser = query::direction, allow_hyphen_values = true)]
+    #[arg(conflicts_with = "directions")]
     wi: Option<Direction>,
     /// The outgoing direction in degrees, for quantities that have one
     #[arg(long, value_name = "THETA,PHI", value_parser = query::direction, allow_hyphen_values = true)]
+    #[arg(conflicts_with = "directions")]
     wo: Option<Direction>,
+    /// A table of directions instead of --wi and --wo, one query a row: columns `theta_i, phi_i, theta_o, phi_o` in degrees as
+    /// far as the quantity has them, named in the first line of a CSV, in this order in a NumPy array [rows, columns]; - is stdin
+    #[arg(long, value_name = "FILE.csv|npy|-")]
+    directions: Option<PathBuf>,
+    #[command(flatten)]
+    batch: BatchArgs,
     /// One entry, from 0, for each leading index axis
     #[arg(long, value_name = "I,...", value_parser = query::index)]
     index: Option<List<usize>>,
@@ -30,6 +40,8 @@ pub(crate) struct Args {
     /// What there is outside the measured range of wavelengths
     #[arg(long, value_enum, default_value_t)]
     beyond: Outside,
+    #[command(flatten)]
+    threads: ThreadsArgs,
     /// Taken for symmetry with the other commands: the answer is always JSON
     #[arg(long, hide = true)]
     json: bool,
@@ -77,6 +89,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         Outside::Zero => Beyond::Zero,
         Outside::Nearest => Beyond::Nearest,
     };
+    if let Some(table) = &args.directions {
+        return args.threads.run(|| rows(args, table, &material, how, beyond))?;
+    }
+    args.batch.check_unused()?;
     let unit = material.unit();
     let Some(List(wavelengths)) = &args.wavelengths else {
         let mut values = vec![0.0; material.lambdas()];
@@ -86,4 +102,24 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut values = vec![0.0; wavelengths.len()];
     material.at_wavelengths(place, how, beyond, wavelengths, &mut values).map_err(about)?;
     print_json(&Answer { wavelengths: Some(wavelengths.clone()), values, unit })
+}
+
+/// Spectra for the rows of a table.
+fn rows(args: &Args, table: &Path, material: &Material, how: Interpolation, beyond: Beyond) -> Result<(), Failure> {
+    let wavelengths = args.wavelengths.as_ref().map(|list| &list.0[..]);
+    let names = match (wavelengths, material.axes().last()) {
+        (Some(list), _) => list.iter().map(|nm| format!("v{nm}")).collect(),
+        (None, Some(Axis::Wavelength(grid))) => grid.values().iter().map(|nm| format!("v{nm}")).collect(),
+        (None, Some(Axis::Rgb)) => ["r", "g", "b"].map(str::to_owned).to_vec(),
+        _ => vec!["value".to_owned()],
+    };
+    let index = args.index.as_ref().map_or(&[][..], |index| &index.0);
+    let queries = Queries::evaluated(table, material)?;
+    args.batch.answer(queries, &names, |rows, out| {
+        let pairs = Pairs { index, wi: rows.wi(), wo: rows.wo() };
+        match wavelengths {
+            Some(wavelengths) => material.spectra_at(pairs, how, beyond, wavelengths, out),
+            None => material.par_spectra(pairs, how, out),
+        }
+    })
 }

@@ -1,6 +1,7 @@
 //! The command line: one file a command; translation between words and the library, no science of its own.
 
 mod bases;
+mod batch;
 mod color;
 mod combine;
 mod compress;
@@ -29,10 +30,12 @@ mod query;
 mod reflectance;
 mod report;
 mod request;
+mod rows;
 mod runtime;
 mod sample;
 mod serve;
 mod settings;
+mod table;
 mod viewing;
 
 pub use failure::{Failure, one_line};

@@ -27,15 +27,80 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
 }
 
 fn replace(target: &Path, bytes: &[u8], permissions: Permissions) -> std::io::Result<()> {
-    let directory = match target.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
-        _ => PathBuf::from("."),
-    };
-    let mut stage = tempfile::Builder::new().prefix(".wavelume-").permissions(permissions).tempfile_in(&directory)?;
+    let mut stage = stage_for(target, permissions)?;
     stage.write_all(bytes)?;
+    put(stage, target)
+}
+
+/// An empty file beside `target`.
+fn stage_for(target: &Path, permissions: Permissions) -> std::io::Result<tempfile::NamedTempFile> {
+    tempfile::Builder::new().prefix(".wavelume-").permissions(permissions).tempfile_in(directory_of(target))
+}
+
+/// Puts a whole file in the place of `target`, on the disk when this returns.
+fn put(stage: tempfile::NamedTempFile, target: &Path) -> std::io::Result<()> {
     stage.as_file().sync_all()?;
     stage.persist(target).map_err(|error| error.error)?;
-    File::open(&directory)?.sync_all()
+    File::open(directory_of(target))?.sync_all()
+}
+
+fn directory_of(target: &Path) -> PathBuf {
+    match target.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
+        _ => PathBuf::from("."),
+    }
+}
+
+/// A file that is written part by part: it replaces the one of its name when it is whole, and nothing where it never is.
+pub(crate) enum Staged {
+    /// A file beside the one that it will replace.
+    Beside { stage: tempfile::NamedTempFile, target: PathBuf },
+    /// A device or a pipe, written to as it is.
+    Through(File),
+}
+
+impl Staged {
+    /// A file that will be `path`.
+    pub(crate) fn new(path: &Path) -> Result<Self, Failure> {
+        let refuse = |error: std::io::Error| Failure::Failed(format!("cannot write: {}", describe(&error))).about(path);
+        let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        let permissions = match target.metadata() {
+            Ok(metadata) if metadata.is_dir() => {
+                return Err(Failure::failed("cannot write: is a directory, expected a file").about(path));
+            }
+            Ok(metadata) if !metadata.is_file() => {
+                return File::options().write(true).open(&target).map(Self::Through).map_err(refuse);
+            }
+            Ok(metadata) => metadata.permissions(),
+            Err(_) => Permissions::from_mode(0o666),
+        };
+        let stage = stage_for(&target, permissions).map_err(refuse)?;
+        Ok(Self::Beside { stage, target })
+    }
+
+    /// Puts the file in its place.
+    pub(crate) fn finish(self) -> std::io::Result<()> {
+        match self {
+            Self::Beside { stage, target } => put(stage, &target),
+            Self::Through(_) => Ok(()),
+        }
+    }
+}
+
+impl Write for Staged {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        match self {
+            Self::Beside { stage, .. } => stage.write(bytes),
+            Self::Through(file) => file.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        match self {
+            Self::Beside { stage, .. } => stage.flush(),
+            Self::Through(file) => file.flush(),
+        }
+    }
 }
 
 /// Prints `text` on stdout.

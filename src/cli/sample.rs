@@ -1,5 +1,6 @@
-//! `wavelume sample`: directions drawn from a material, with their densities and weights.
+//! `wavelume sample`: directions drawn from a material, with their densities and weights, from a seed or from a table.
 
+use super::batch::{BatchArgs, Queries};
 use super::failure::Failure;
 use super::output::print_json;
 use super::query::{self, List};
@@ -20,12 +21,21 @@ pub(crate) struct Args {
     material: PathBuf,
     /// The incoming direction in degrees, for quantities that have one
     #[arg(long, value_name = "THETA,PHI", value_parser = query::direction, allow_hyphen_values = true)]
+    #[arg(conflicts_with = "directions")]
     wi: Option<Direction>,
     /// How many directions
     #[arg(short = 'n', long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_DIRECTIONS))]
-    count: u64,
+    #[arg(required_unless_present = "directions", conflicts_with = "directions")]
+    count: Option<u64>,
+    /// A table instead of --wi, -n and --seed, one direction drawn a row: columns `theta_i, phi_i` in degrees, where the
+    /// quantity has them, and u1, u2 of the unit square, named in the first line of a CSV, in this order in a NumPy array
+    /// [rows, columns]; - is stdin. Answers are `theta_o, phi_o, pdf, weight`; nan, nan, 0, 0 where nothing is drawn
+    #[arg(long, value_name = "FILE.csv|npy|-")]
+    directions: Option<PathBuf>,
+    #[command(flatten)]
+    batch: BatchArgs,
     /// The seed of the random numbers; the same seed gives the same directions anywhere
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, conflicts_with = "directions")]
     seed: u64,
     /// Stop the descent at this subdivision level [default: the material's own]
     #[arg(long, value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_LEVEL)))]
@@ -49,9 +59,25 @@ struct Answer {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let material = query::open(&args.material)?;
     let index = args.index.as_ref().map_or(&[][..], |index| &index.0);
+    if let Some(table) = &args.directions {
+        let names = ["theta_o", "phi_o", "pdf", "weight"].map(str::to_owned).to_vec();
+        let queries = Queries::drawn(table, &material)?;
+        return args.batch.answer(queries, &names, |rows, out| {
+            let mut drawn = vec![None; rows.len()];
+            material.samples(index, rows.wi(), rows.points(), args.level, &mut drawn)?;
+            for (out, drawn) in out.as_chunks_mut::<4>().0.iter_mut().zip(drawn) {
+                *out = drawn.map_or([f32::NAN, f32::NAN, 0.0, 0.0], |s| {
+                    let direction = s.direction;
+                    [direction.theta_degrees(), direction.phi_degrees(), s.pdf, s.weight].map(|number| number as f32)
+                });
+            }
+            Ok(())
+        });
+    }
+    args.batch.check_unused()?;
     let mut random = Pcg64Mcg::seed_from_u64(args.seed);
     let mut answer = Answer::default();
-    for _ in 0..args.count {
+    for _ in 0..args.count.unwrap_or(0) {
         let u = [half_open(&mut random), half_open(&mut random)];
         let drawn = material.sample(index, args.wi, u, args.level);
         let drawn = drawn.map_err(|error| Failure::from(error).about(&args.material))?;

@@ -1,6 +1,6 @@
 //! Spectra and samples of materials on the command line, and lists of what is known.
 
-use super::{LAMBDAS, at, data, done, json, material, refused, workshop};
+use super::{LAMBDAS, at, data, done, json, material, npy, read_npy, refused, workshop};
 use std::process::{Command, Stdio};
 
 #[test]
@@ -83,4 +83,101 @@ fn a_closed_stdout_is_no_failure() {
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(0));
     assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Stdout of a run with something on stdin.
+fn piped(args: &[&str], input: &[u8]) -> Vec<u8> {
+    use std::io::Write as _;
+    let mut child = Command::new(env!("CARGO_BIN_EXE_wavelume"))
+        .args(args)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    child.stdin.take().unwrap().write_all(input).unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{args:?}");
+    output.stdout
+}
+
+#[test]
+fn a_table_of_directions_gets_a_row_each() {
+    let dir = workshop();
+    let made = material(&dir);
+    let table = at(&dir, "table.csv");
+    let text =
+        "# two places, columns in any order\nphi_o, theta_o, theta_i, phi_i, note\n-170,20,30,40,a\n\n0,10.5,0,0,b\n";
+    std::fs::write(&table, text).unwrap();
+    let single = json(&["evaluate", &made, "--wi", "30,40", "--wo", "20,-170"]);
+    let shown = done(&["evaluate", &made, "--directions", &table]);
+    let lines: Vec<&str> = shown.lines().collect();
+    assert_eq!((lines.len(), lines[0]), (3, "v400,v450,v500,v550,v600"));
+    let first: Vec<f64> = lines[1].split(',').map(|number| number.parse().unwrap()).collect();
+    for (found, wanted) in first.iter().zip(single["values"].as_array().unwrap()) {
+        assert!((found / wanted.as_f64().unwrap() - 1.0).abs() < 1e-5, "{shown}");
+    }
+
+    // The same from an array, as an array and as bare numbers, and through pipes.
+    let places = [30.0, 40.0, 20.0, -170.0, 0.0, 0.0, 10.5, 0.0];
+    let (array, out) = (at(&dir, "table.npy"), at(&dir, "out.npy"));
+    std::fs::write(&array, npy(&[2, 4], &places)).unwrap();
+    assert!(done(&["evaluate", &made, "--directions", &array, "-o", &out]).is_empty());
+    let (shape, values) = read_npy(std::path::Path::new(&out));
+    assert_eq!((&shape[..], values.len()), ("2, 5", 2 * LAMBDAS));
+    let bare = piped(&["evaluate", &made, "--directions", "-", "--format", "f32"], &npy(&[2, 4], &places));
+    let packed: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+    assert_eq!(bare, packed);
+    let chosen = piped(&["evaluate", &made, "--directions", "-", "--wavelengths", "425,600"], text.as_bytes());
+    assert!(chosen.starts_with(b"v425,v600\n"));
+
+    // More rows than a block has.
+    let many: Vec<f32> = (0..40_000).flat_map(|i| [30.0, 40.0, (i % 90) as f32, 5.0]).collect();
+    std::fs::write(&array, npy(&[40_000, 4], &many)).unwrap();
+    done(&["evaluate", &made, "--directions", &array, "-o", &out, "--threads", "2"]);
+    let (shape, values) = read_npy(std::path::Path::new(&out));
+    assert_eq!((&shape[..], &values[..LAMBDAS]), ("40000, 5", &values[90 * LAMBDAS..91 * LAMBDAS]));
+
+    for (text, word) in [
+        ("theta_i,phi_i,theta_o\n", "has no column phi_o"),
+        ("theta_i,phi_i,theta_o,phi_o,phi_o\n", "names phi_o twice"),
+        ("theta_i,phi_i,theta_o,phi_o\n1,2,3,4\n1,2,3\n", "row 2, column phi_o: found ``, expected a number"),
+        ("theta_i,phi_i,theta_o,phi_o\n1,2,200,4\n", "row 1, column theta_o: found 200, expected 0 to 180 degrees"),
+        ("theta_i,phi_i,theta_o,phi_o\n1,x,2,4\n", "row 1, column phi_i: found `x`"),
+    ] {
+        std::fs::write(&table, text).unwrap();
+        let refusal = refused(1, &["evaluate", &made, "--directions", &table, "-o", &at(&dir, "none.csv")]);
+        assert!(refusal.contains(word), "{refusal}");
+        assert!(!dir.path().join("none.csv").exists());
+    }
+    std::fs::write(&array, &npy(&[2, 4], &places)[..140]).unwrap();
+    assert!(refused(1, &["evaluate", &made, "--directions", &array, "-o", &out]).contains("ends after 0 of 2 rows"));
+    std::fs::write(&array, npy(&[4, 2], &places)).unwrap();
+    assert!(refused(1, &["evaluate", &made, "--directions", &array]).contains("2 columns, expected 4: theta_i, phi_i"));
+    refused(2, &["evaluate", &made, "--directions", &array, "--wi", "0,0"]);
+    refused(2, &["evaluate", &made, "--wi", "0,0", "--wo", "0,0", "-o", &out]);
+    std::fs::write(&array, npy(&[2, 4], &places)).unwrap();
+    assert!(refused(2, &["evaluate", &made, "--directions", &array, "--format", "npy"]).contains("needs --output"));
+}
+
+#[test]
+fn a_table_of_points_draws_a_direction_each() {
+    let dir = workshop();
+    let made = material(&dir);
+    let table = at(&dir, "points.csv");
+    std::fs::write(&table, "theta_i,phi_i,u1,u2\n30,40,0.25,0.75\n30,40,0.5,0.125\n").unwrap();
+    let shown = done(&["sample", &made, "--directions", &table]);
+    let lines: Vec<&str> = shown.lines().collect();
+    assert_eq!((lines.len(), lines[0]), (3, "theta_o,phi_o,pdf,weight"));
+    let numbers: Vec<f64> = lines[1].split(',').map(|number| number.parse().unwrap()).collect();
+    assert!((0.0..=90.0).contains(&numbers[0]) && numbers[2] > 0.0 && numbers[3] > 0.0, "{shown}");
+    std::fs::write(&table, "theta_i,phi_i,u1,u2\n30,40,0.25,1\n").unwrap();
+    let refusal = refused(1, &["sample", &made, "--directions", &table]);
+    assert!(refusal.contains("row 1, column u2: found 1, expected 0 to less than 1"), "{refusal}");
+    // A luminaire needs no incoming direction.
+    let lamp = at(&dir, "lamp.wlm");
+    done(&["compress", &data("aerolamp.ies"), "-o", &lamp, "--domain", "grid"]);
+    let drawn = piped(&["sample", &lamp, "--directions", "-"], b"u1,u2\n0.1,0.9\n");
+    assert_eq!(String::from_utf8(drawn).unwrap().lines().count(), 2);
+    let found = piped(&["evaluate", &lamp, "--directions", "-"], b"theta_o,phi_o\n180,0\n91,45\n");
+    assert!(found.starts_with(b"value\n"));
 }

@@ -48,7 +48,7 @@ pub use manifest::manifest_of;
 pub use mbsdf::{MbsdfGrid, restate_mbsdf, write_mbsdf};
 pub use merl::write_merl;
 pub use normalization::Normalization;
-pub use npy::write_npy;
+pub use npy::{ArrayRows, npy_header, write_npy};
 pub use photometry::attach_spectrum;
 pub use planes::CPlanes;
 pub use probing::formats;

@@ -5,10 +5,12 @@ mod array;
 mod element;
 mod header;
 mod refusal;
+mod rows;
 mod write;
 
 pub(super) use about::NAME;
-pub use write::write_npy;
+pub use rows::ArrayRows;
+pub use write::{npy_header, write_npy};
 
 use super::acquisition::{Acquisition, ParseReport};
 use super::error::{FormatError, FormatErrorKind};

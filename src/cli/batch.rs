@@ -1,0 +1,174 @@
+//! Many queries in one call: a table of directions in, a table of answers out, block by block in flat memory.
+
+use super::failure::Failure;
+use super::rows::Rows;
+use super::table::{Table, TableFormat};
+use crate::domain::{Direction, Quantity};
+use crate::evaluate::{Directions, EvaluateError, Material};
+use std::path::{Path, PathBuf};
+
+/// Values of a block of answers, at most.
+const VALUES: usize = 1 << 20;
+/// Rows of a block, at most.
+const ROWS: usize = 1 << 14;
+
+/// Where the answers to a table go.
+#[derive(Debug, clap::Args)]
+pub(crate) struct BatchArgs {
+    /// The file that gets the answers to --directions, one row each [default: stdout]
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// The form of the answers to --directions [default: by the name of --output, else csv]
+    #[arg(long, value_enum)]
+    format: Option<TableFormat>,
+}
+
+/// The queries of a table.
+pub(crate) struct Queries {
+    rows: Rows,
+    path: PathBuf,
+    columns: &'static [&'static str],
+}
+
+/// The queries of one block.
+#[derive(Default)]
+pub(crate) struct Block {
+    wi: Option<Vec<Direction>>,
+    wo: Option<Vec<Direction>>,
+    points: Vec<[f64; 2]>,
+    range: std::ops::Range<usize>,
+}
+
+impl Block {
+    /// How many queries there are.
+    pub(crate) fn len(&self) -> usize {
+        self.range.len()
+    }
+
+    /// Incoming directions.
+    pub(crate) fn wi(&self) -> Option<Directions<'_>> {
+        self.wi.as_deref().map(|all| Directions::of(&all[self.range.clone()]))
+    }
+
+    /// Outgoing directions.
+    pub(crate) fn wo(&self) -> Option<Directions<'_>> {
+        self.wo.as_deref().map(|all| Directions::of(&all[self.range.clone()]))
+    }
+
+    /// Points of the unit square.
+    pub(crate) fn points(&self) -> &[[f64; 2]] {
+        &self.points[self.range.clone()]
+    }
+}
+
+impl Queries {
+    /// Directions at which a material is evaluated.
+    pub(crate) fn evaluated(path: &Path, material: &Material) -> Result<Self, Failure> {
+        let columns: &[&str] = match sides(material) {
+            (true, true) => &["theta_i", "phi_i", "theta_o", "phi_o"],
+            (true, false) => &["theta_i", "phi_i"],
+            (false, true) => &["theta_o", "phi_o"],
+            (false, false) => {
+                return Err(Failure::usage("--directions: this material has no directions, leave it out"));
+            }
+        };
+        Self::open(path, columns)
+    }
+
+    /// Incoming directions and points of the unit square for which one direction each is drawn.
+    pub(crate) fn drawn(path: &Path, material: &Material) -> Result<Self, Failure> {
+        Self::open(path, if sides(material).0 { &["theta_i", "phi_i", "u1", "u2"] } else { &["u1", "u2"] })
+    }
+
+    fn open(path: &Path, columns: &'static [&'static str]) -> Result<Self, Failure> {
+        Ok(Self { rows: Rows::open(path, columns)?, path: path.to_owned(), columns })
+    }
+
+    /// The queries of `numbers`, the rows behind the first `before`.
+    fn block(&self, numbers: &[f64], before: u64) -> Result<Block, Failure> {
+        let width = self.columns.len();
+        let count = numbers.len() / width;
+        let column = |name: &str| self.columns.iter().position(|found| *found == name);
+        let check = |row: usize, at: usize| {
+            let (found, name) = (numbers[row * width + at], self.columns[at]);
+            let (is_right, expected) = match name.split('_').next() {
+                Some("theta") => ((0.0..=180.0).contains(&found), "0 to 180 degrees"),
+                Some("phi") => (found.is_finite(), "degrees"),
+                _ => ((0.0..1.0).contains(&found), "0 to less than 1"),
+            };
+            if is_right {
+                return Ok(found);
+            }
+            let message = format!("row {}, column {name}: found {found}, expected {expected}", before + row as u64 + 1);
+            Err(Failure::failed(message).about(&self.path))
+        };
+        let pairs = |first: &str| -> Result<Option<Vec<[f64; 2]>>, Failure> {
+            let Some(at) = column(first) else { return Ok(None) };
+            (0..count).map(|row| Ok([check(row, at)?, check(row, at + 1)?])).collect::<Result<_, _>>().map(Some)
+        };
+        let directions = |angles: Option<Vec<[f64; 2]>>| {
+            angles.map(|all| all.into_iter().map(|[theta, phi]| Direction::from_degrees(theta, phi)).collect())
+        };
+        let (wi, wo) = (directions(pairs("theta_i")?), directions(pairs("theta_o")?));
+        Ok(Block { wi, wo, points: pairs("u1")?.unwrap_or_default(), range: 0..count })
+    }
+}
+
+/// Which directions the quantity of a material has: incoming and outgoing ones.
+fn sides(material: &Material) -> (bool, bool) {
+    let layout = material.layout();
+    let has_incoming = layout.incoming.is_some() || material.quantity().directions() == 2;
+    (has_incoming, layout.outgoing.is_some() && material.quantity() != Quantity::Reflectance)
+}
+
+impl BatchArgs {
+    /// Refuses what does nothing without a table.
+    pub(crate) fn check_unused(&self) -> Result<(), Failure> {
+        let named = [("--output", self.output.is_some()), ("--format", self.format.is_some())];
+        match named.iter().find(|(_, is_named)| *is_named) {
+            Some((option, _)) => Err(Failure::usage(format!("{option} does nothing without --directions"))),
+            None => Ok(()),
+        }
+    }
+
+    /// Answers all queries of a table: `ask` writes a row of as many values as there are `names` for each of a block.
+    pub(crate) fn answer(
+        &self,
+        mut queries: Queries,
+        names: &[String],
+        ask: impl Fn(&Block, &mut [f32]) -> Result<(), EvaluateError>,
+    ) -> Result<(), Failure> {
+        let width = names.len();
+        let most = (VALUES / width.max(1)).clamp(1, ROWS);
+        let mut table = Table::new(self.output.as_deref(), self.format, names)?;
+        let (mut numbers, mut values, mut before) = (Vec::new(), Vec::new(), 0_u64);
+        loop {
+            numbers.clear();
+            let count = queries.rows.read(most, &mut numbers)?;
+            if count == 0 {
+                return table.finish();
+            }
+            let mut block = queries.block(&numbers, before)?;
+            values.clear();
+            values.resize(count * width, 0.0);
+            if let Err(error) = ask(&block, &mut values) {
+                // A block is refused whole: one of its rows tells why.
+                let at_fault = (0..count).find_map(|row| {
+                    block.range = row..row + 1;
+                    let refused = ask(&block, &mut values[row * width..][..width]).err()?;
+                    Some((row, refused))
+                });
+                let failure = match at_fault {
+                    Some((row, refused)) => {
+                        let message = format!("row {}: {refused}", before + row as u64 + 1);
+                        Failure::failed(message)
+                    }
+                    None => error.into(),
+                };
+                return Err(failure.about(&queries.path));
+            }
+            table.write(&values)?;
+            before += count as u64;
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! Answers row by row as CSV, a `NumPy` array or bare float32, into a file or on stdout.
+
+use super::failure::Failure;
+use super::input::describe;
+use super::output::Staged;
+use crate::formats::npy_header;
+use std::fmt::Write as _;
+use std::io::{BufWriter, ErrorKind, Seek, SeekFrom, Stdout, Write};
+use std::path::{Path, PathBuf};
+
+/// Forms of a table of answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum TableFormat {
+    /// A line of names, then a line of numbers for each row; masked values are nan.
+    Csv,
+    /// A `NumPy` array of float32, [rows, values]; masked values are NaN.
+    Npy,
+    /// Little-endian float32 without a header; masked values are NaN.
+    F32,
+}
+
+/// A table that is written.
+pub(crate) struct Table {
+    sink: Sink,
+    path: PathBuf,
+    format: TableFormat,
+    width: usize,
+    rows: usize,
+    /// The bytes in front of the first row, until they are written.
+    head: Option<Vec<u8>>,
+    text: String,
+}
+
+enum Sink {
+    Stdout(BufWriter<Stdout>),
+    File(BufWriter<Staged>),
+}
+
+impl Table {
+    /// A table of these columns in `output`, or on stdout; the form is that of the name where none is given.
+    pub(crate) fn new(output: Option<&Path>, format: Option<TableFormat>, names: &[String]) -> Result<Self, Failure> {
+        let extension = output.and_then(Path::extension).and_then(|extension| extension.to_str());
+        let format = format.unwrap_or(match extension {
+            Some("npy") => TableFormat::Npy,
+            Some("f32") => TableFormat::F32,
+            _ => TableFormat::Csv,
+        });
+        let sink = match output {
+            None if format == TableFormat::Npy => {
+                return Err(Failure::usage(
+                    "an array needs --output: its header, which is written last, says how many rows it has",
+                ));
+            }
+            None => Sink::Stdout(BufWriter::new(std::io::stdout())),
+            Some(path) => {
+                let staged = Staged::new(path)?;
+                if format == TableFormat::Npy && matches!(staged, Staged::Through(_)) {
+                    return Err(Failure::usage("an array needs a file, this is a device or a pipe").about(path));
+                }
+                Sink::File(BufWriter::new(staged))
+            }
+        };
+        let path = output.unwrap_or(Path::new("stdout")).to_owned();
+        let head = match format {
+            TableFormat::Csv => (names.join(",") + "\n").into_bytes(),
+            TableFormat::Npy => npy_header(&[0, names.len()]),
+            TableFormat::F32 => Vec::new(),
+        };
+        Ok(Self { sink, path, format, width: names.len(), rows: 0, head: Some(head), text: String::new() })
+    }
+
+    /// Appends rows, all values of one after those of the other.
+    pub(crate) fn write(&mut self, values: &[f32]) -> Result<(), Failure> {
+        // A refusal of the first row leaves stdout empty.
+        if let Some(head) = self.head.take() {
+            self.put(&head)?;
+        }
+        self.rows += values.len() / self.width.max(1);
+        if self.format != TableFormat::Csv {
+            let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+            return self.put(&bytes);
+        }
+        let mut text = std::mem::take(&mut self.text);
+        text.clear();
+        for row in values.chunks_exact(self.width.max(1)) {
+            for (i, value) in row.iter().enumerate() {
+                let comma = if i == 0 { "" } else { "," };
+                let _ = if value.is_nan() { write!(text, "{comma}nan") } else { write!(text, "{comma}{value}") };
+            }
+            text.push('\n');
+        }
+        let done = self.put(text.as_bytes());
+        self.text = text;
+        done
+    }
+
+    fn put(&mut self, bytes: &[u8]) -> Result<(), Failure> {
+        let done = match &mut self.sink {
+            Sink::Stdout(out) => out.write_all(bytes),
+            Sink::File(file) => file.write_all(bytes),
+        };
+        done.map_err(|error| failed(&self.path, &error))
+    }
+
+    /// Ends the table: a file takes its place now.
+    pub(crate) fn finish(mut self) -> Result<(), Failure> {
+        self.write(&[])?;
+        let Self { sink, path, format, width, rows, .. } = self;
+        let ended = match sink {
+            Sink::Stdout(mut out) => out.flush(),
+            Sink::File(file) => {
+                file.into_inner().map_err(std::io::IntoInnerError::into_error).and_then(|mut staged| {
+                    if let (TableFormat::Npy, Staged::Beside { stage, .. }) = (format, &mut staged) {
+                        stage.as_file_mut().seek(SeekFrom::Start(0))?;
+                        stage.write_all(&npy_header(&[rows, width]))?;
+                    }
+                    staged.finish()
+                })
+            }
+        };
+        ended.map_err(|error| failed(&path, &error))
+    }
+}
+
+fn failed(path: &Path, error: &std::io::Error) -> Failure {
+    match error.kind() {
+        ErrorKind::BrokenPipe => Failure::Closed,
+        _ => Failure::failed(format!("cannot write: {}", describe(error))).about(path),
+    }
+}
