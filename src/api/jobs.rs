@@ -90,6 +90,10 @@ struct CompressSchema {
     /// straight lines as keeps a luminaire's flux within 0.3 % of the zonal flux of its samples, or `linear`. Default `cubic`.
     #[schema(nullable = false)]
     interpolation: Option<InterpolationName>,
+    /// Whether each value of a BRDF on its own grid becomes the mean with that of the exchanged pair of directions; errors are
+    /// then those against these means.
+    #[schema(nullable = false)]
+    reciprocal: Option<bool>,
     /// Subdivision level of the incoming triangles.
     incoming_level: Option<u8>,
     /// Subdivision level of the outgoing triangles.

@@ -18,6 +18,10 @@ pub(crate) struct AxesArgs {
     /// a level asks for triangles]
     #[arg(long, value_name = "grid|triangles")]
     domain: Option<DirectionDomain>,
+    /// Each value of a BRDF on its own grid becomes the mean with that of the exchanged pair of directions; the promise holds
+    /// against these means
+    #[arg(long)]
+    reciprocal: bool,
     /// Subdivision level of the incoming triangles
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_LEVEL)))]
     incoming_level: Option<u8>,
@@ -127,6 +131,7 @@ impl AxesArgs {
     pub(crate) fn request(&self) -> Request {
         Request {
             domain: self.domain,
+            reciprocal: self.reciprocal,
             incoming_level: self.incoming_level,
             outgoing_level: self.outgoing_level,
             wavelengths: self.wavelengths.clone(),

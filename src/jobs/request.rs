@@ -66,6 +66,9 @@ pub(crate) struct CompressRequest {
     /// The function between stated directions.
     #[serde(default, skip_serializing_if = "Curve::is_default")]
     pub interpolation: Curve,
+    /// Whether each value of a BRDF on its own grid becomes the mean with that of the exchanged pair of directions.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub reciprocal: bool,
     /// Subdivision level of the incoming triangles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub incoming_level: Option<u8>,
@@ -186,6 +189,7 @@ impl CompressRequest {
             floor: self.floor,
             albedo_error: self.albedo_error,
             domain: self.domain,
+            reciprocal: self.reciprocal,
             incoming_level: self.incoming_level,
             outgoing_level: self.outgoing_level,
             wavelengths: self.wavelengths.clone(),

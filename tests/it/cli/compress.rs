@@ -280,3 +280,28 @@ fn without_metadata_only_the_provenance_is_gone() {
     let provenance = json(&["inspect", &whole, "--json"])["provenance"].to_string();
     assert!(!provenance.contains(dir.path().to_str().unwrap()), "{provenance}");
 }
+
+#[test]
+fn a_brdf_is_made_reciprocal_by_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let (source, made) = (at(&dir, "brdf.npy"), at(&dir, "brdf.wlm"));
+    let values: Vec<f32> = (0..12).map(|i| 0.1 + 0.01 * ((7 * i) % 12) as f32).collect();
+    fs::write(&source, npy(&[2, 2, 3], &values)).unwrap();
+    let manifest = r#"{"quantity":"brdf","axes":[{"name":"theta_i","values":[0,45]},{"name":"theta_o","values":[0,45]},
+        {"name":"phi_o","values":[0,90,180]}]}"#;
+    fs::write(dir.path().join("brdf.axes.json"), manifest).unwrap();
+    let compress = ["compress", &source, "-o", &made, "--domain", "grid", "--reciprocal", "--lossless"];
+    let shown = done(&compress);
+    assert!(shown.contains("reciprocal: each value is the mean with that of the exchanged pair"), "{shown}");
+    let array = at(&dir, "back.npy");
+    done(&["decode", &made, "-o", &array]);
+    let (_, back) = read_npy(Path::new(&array));
+    for (i, o, azimuth) in [(0, 1, 0), (0, 1, 2), (1, 0, 1), (1, 1, 1)] {
+        let at = |i: usize, o: usize| (i * 2 + o) * 3 + azimuth;
+        let mean = 0.5 * (f64::from(values[at(i, o)]) + f64::from(values[at(o, i)]));
+        assert_eq!(back[at(i, o)], mean as f32, "{i} {o} {azimuth}");
+    }
+    let lamp = data("aerolamp.ies");
+    let refusal = refused(1, &["compress", &lamp, "-o", &made, "--domain", "grid", "--reciprocal"]);
+    assert!(refusal.contains("reciprocal: found edf, expected a brdf"), "{refusal}");
+}

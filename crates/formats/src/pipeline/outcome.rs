@@ -12,7 +12,7 @@ use crate::compress::{self, Numbers, Settings, Target};
 use crate::domain::{Axis, Progress, Silent};
 use crate::evaluate::{Material, state_levels, straight_lines_for_flux};
 use crate::formats::{Acquisition, Note, NoteKind};
-use crate::projection::Projected;
+use crate::projection::{self, Projected};
 
 /// A material and its report.
 ///
@@ -37,7 +37,22 @@ pub struct Outcome {
 /// Puts a measurement on the axes that `request` asks for; scattered samples on triangles so fine that a material of them adds
 /// little to their noise, where no level is named.
 pub fn project(acquisition: &Acquisition, request: &Request) -> Result<Projected, PipelineError> {
-    Ok(refined(acquisition, request)?.projected)
+    with_reciprocity(refined(acquisition, request)?.projected, request)
+}
+
+/// Makes the measurement reciprocal, where that was asked for.
+fn with_reciprocity(mut projected: Projected, request: &Request) -> Result<Projected, PipelineError> {
+    if request.reciprocal {
+        let made = projection::reciprocal(&projected.measurement)?;
+        projected.measurement = made.measurement;
+        projected.numbers = None;
+        let difference = made.difference.map_or(0.0, |difference| 100.0 * difference);
+        projected.coverage.notes.push(format!(
+            "reciprocal: each value is the mean with that of the exchanged pair of directions; in the file the two differ by \
+             {difference:.2} % (median)"
+        ));
+    }
+    Ok(projected)
 }
 
 /// Projects and compresses a measurement that was read.
@@ -46,7 +61,7 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
     let mut next = refined(acquisition, request)?;
     loop {
         let Refined { projected, tried } = next;
-        let outcome = compressed(source, request, projected, progress)?;
+        let outcome = compressed(source, request, with_reciprocity(projected, request)?, progress)?;
         let is_kept = outcome.report.fit.is_none_or(|fit| fit.is_kept());
         let finer = if is_kept { None } else { tried.finer(acquisition, request)? };
         match finer {

@@ -53,6 +53,9 @@ pub struct Request {
     /// Grid of the file or triangles; a level asks for triangles, too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub domain: Option<DirectionDomain>,
+    /// Whether each value of a BRDF on its own grid becomes the mean with that of the exchanged pair of directions.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub reciprocal: bool,
     /// Subdivision level of the incoming triangles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub incoming_level: Option<u8>,
@@ -99,6 +102,7 @@ impl Request {
             floor: None,
             albedo_error: None,
             domain: None,
+            reciprocal: false,
             incoming_level: None,
             outgoing_level: None,
             wavelengths: None,

@@ -32,6 +32,9 @@ pub enum ProjectionError {
     /// The domain asked for does not fit the data.
     #[error("domain: {0}")]
     Domain(#[from] DomainError),
+    /// The measurement cannot be made reciprocal.
+    #[error("reciprocal: {0}")]
+    Reciprocal(#[from] ReciprocalError),
     /// The grid of the file is no axis of directions.
     #[error("grid of directions: {0}")]
     Grid(#[from] StatedGridError),
@@ -56,6 +59,24 @@ pub enum DomainError {
     /// Triangles were asked for of an array that is on its final grid.
     #[error("`triangles` was asked for, but the array holds directions on their final grid: leave it out")]
     Final,
+}
+
+/// Measurements of which exchanged pairs of directions cannot be averaged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReciprocalError {
+    /// A quantity of which an exchanged pair has another value.
+    #[error("found {found}, expected a brdf")]
+    Quantity {
+        /// The quantity.
+        found: Quantity,
+    },
+    /// A grid that does not hold every exchanged pair.
+    #[error(
+        "the grid does not hold every exchanged pair of directions, expected outgoing angles that are the incoming ones \
+         (and azimuths of 0 to 180 degrees where there is no incoming one), on the file's own grid"
+    )]
+    Grid,
 }
 
 /// Axes of directions.

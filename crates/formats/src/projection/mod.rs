@@ -10,6 +10,7 @@ mod modelled;
 mod on_axes;
 mod planes;
 mod projected;
+mod reciprocal;
 mod request;
 mod resampling;
 mod samples;
@@ -19,8 +20,11 @@ mod stated;
 #[cfg(test)]
 mod tests;
 
-pub use error::{Angle, AnglesError, DomainError, LevelError, ProjectionError, Role, ScatteredError, SpectralError};
+pub use error::{
+    Angle, AnglesError, DomainError, LevelError, ProjectionError, ReciprocalError, Role, ScatteredError, SpectralError,
+};
 pub use projected::{Coverage, Numbers, Projected};
+pub use reciprocal::{Reciprocal, reciprocal};
 pub use request::{AxesRequest, DirectionDomain};
 pub use samples::error_at_samples;
 pub use scattered::{Rejected, ScatterReport, ScatteredSamples};
