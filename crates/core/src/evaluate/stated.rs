@@ -9,7 +9,8 @@ use super::lines::{Found, Incoming, Lines};
 use super::place::{Beyond, Interpolation, Place};
 use super::samples::known_sum;
 use super::spectrum::between;
-use crate::domain::{Axis, Domain, Measurement, Quantity, Tensor};
+use crate::domain::vector::{cross, dot, norm};
+use crate::domain::{Axis, Domain, Frame, Measurement, Quantity, Tensor};
 use rayon::prelude::*;
 
 /// Places that a thread takes at a time.
@@ -19,6 +20,8 @@ const SHARE: usize = 1024;
 #[derive(Debug)]
 pub(super) struct Stated {
     geometry: Geometry,
+    /// The samples are a list over the angle between the incoming and the outgoing direction.
+    is_scattering: bool,
     lines: Lines,
 }
 
@@ -39,12 +42,18 @@ impl Stated {
             let has_cosine = measurement.quantity.has_cosine();
             lines.align(geometry.entries(), &candidates, |d| if has_cosine { d[2].abs() } else { 1.0 });
         }
-        Self { geometry, lines }
+        let is_scattering = measurement.quantity == Quantity::Phase && is_list(&geometry);
+        Self { geometry, is_scattering, lines }
     }
 
     /// This function with a share, 0..=1, of straight lines between samples.
     pub(super) fn with_straight(self, share: f32) -> Self {
         Self { lines: self.lines.with_straight(share), ..self }
+    }
+
+    /// Returns true for a phase function of the scattering angle alone, which has values under light from anywhere.
+    pub(super) fn is_scattering(&self) -> bool {
+        self.is_scattering
     }
 
     pub(super) fn geometry(&self) -> &Geometry {
@@ -63,7 +72,11 @@ impl Stated {
     /// Everything that is mixed at a place; `None` outside the outgoing domain of the quantity.
     fn found(&self, place: Place<'_>, how: Interpolation) -> Result<Option<Found>, EvaluateError> {
         let entry = self.geometry.entry_of(place)?;
-        let [wi, wo] = self.geometry.in_lines(place)?;
+        let [mut wi, mut wo] = self.geometry.in_lines(place)?;
+        if self.is_scattering {
+            wo = [norm(cross(wi, wo)), 0.0, dot(wi, wo)];
+            wi = [0.0, 0.0, 1.0];
+        }
         let is_outside = match domain_of(self.geometry.quantity()) {
             Domain::Hemisphere => wo[2] < 0.0,
             Domain::Lower => wo[2] > 0.0,
@@ -183,6 +196,14 @@ impl Stated {
         let (quantity, unit, sampling) = (self.geometry.quantity(), self.geometry.unit(), self.geometry.sampling());
         Ok(Measurement { quantity, unit, sampling, tensor })
     }
+}
+
+/// Returns true for polar angles around light from one direction, along the normal.
+fn is_list(geometry: &Geometry) -> bool {
+    let incoming = geometry.layout().incoming.map(|axis| &geometry.axes()[axis]);
+    let is_normal = matches!(incoming, Some(Axis::Elevation(elevations)) if elevations[..] == [0.0]);
+    let outgoing = geometry.outgoing_grid();
+    is_normal && outgoing.is_some_and(|grid| grid.frame() == Frame::Surface && grid.azimuths().is_none())
 }
 
 /// The directions into which a quantity sends light.

@@ -247,3 +247,62 @@ fn stated_samples_come_back_and_the_rest_is_refused() {
     let missing = lamp().evaluate(Place::default(), Interpolation::Smooth, &mut [0.0]);
     assert!(matches!(missing, Err(EvaluateError::Query(QueryError::MissingDirection { .. }))));
 }
+
+/// Henyey and Greenstein's phase function of mean cosine 0.6, by the angle between `wi` and `wo`: forward is π.
+fn scattered(between: f64) -> f64 {
+    let g = 0.6;
+    let cosine = -libm::cos(between);
+    (1.0 - g * g) / (4.0 * std::f64::consts::PI * libm::pow(1.0 + g * g - 2.0 * g * cosine, 1.5))
+}
+
+fn cloud(steps: usize) -> Material {
+    let directions = grid(Frame::Surface, every(180.0 / steps as f64, steps + 1), None);
+    let samples = directions.polar().iter().map(|theta| scattered(theta.to_radians()) as f32).collect();
+    let tensor = Tensor::new(vec![Axis::Elevation(vec![0.0]), Axis::Grid(directions)], samples).unwrap();
+    Material::of(Measurement::new(Quantity::Phase, Unit::PerSteradian, Sampling::Point, tensor).unwrap()).unwrap()
+}
+
+#[test]
+fn a_list_over_the_scattering_angle_holds_under_light_from_anywhere() {
+    let material = cloud(72);
+    let mut rng = Pcg64Mcg::seed_from_u64(5);
+    let mut direction = || Direction::from_degrees(180.0 * rng.random::<f64>(), 360.0 * rng.random::<f64>());
+    let mut worst = 0.0_f64;
+    for _ in 0..500 {
+        let (wi, wo) = (direction(), direction());
+        let mut found = [0.0];
+        let place = Place { index: &[], wi: Some(wi), wo: Some(wo) };
+        material.evaluate(place, Interpolation::Smooth, &mut found).unwrap();
+        let wanted = scattered(libm::acos(wi.dot(wo).clamp(-1.0, 1.0)));
+        worst = worst.max((f64::from(found[0]) / wanted - 1.0).abs());
+    }
+    assert!(worst < 2e-3, "{worst}");
+    // At a stated angle the value is the sample, wherever light comes from.
+    for (wi, wo) in [((0.0, 0.0), (40.0, 77.0)), ((100.0, 30.0), (140.0, 30.0)), ((90.0, 10.0), (90.0, 50.0))] {
+        let [wi, wo] = [wi, wo].map(|(theta, phi)| Some(Direction::from_degrees(theta, phi)));
+        let mut found = [0.0];
+        material.evaluate(Place { index: &[], wi, wo }, Interpolation::Smooth, &mut found).unwrap();
+        assert!((f64::from(found[0]) / scattered(40.0_f64.to_radians()) - 1.0).abs() < 1e-5, "{found:?}");
+    }
+}
+
+#[test]
+fn directions_are_drawn_around_light_from_anywhere() {
+    let material = cloud(30);
+    let mut rng = Pcg64Mcg::seed_from_u64(6);
+    for (theta, phi) in [(0.0, 0.0), (75.0, 200.0), (150.0, 20.0)] {
+        let wi = Direction::from_degrees(theta, phi);
+        let (mut sum, mut cosines, count) = (0.0, 0.0, 4000);
+        for _ in 0..count {
+            let u = [rng.random::<f64>(), rng.random::<f64>()];
+            let Some(drawn) = material.sample(&[], Some(wi), u, None).unwrap() else { continue };
+            sum += drawn.weight;
+            cosines -= drawn.weight * wi.dot(drawn.direction);
+            let pdf = material.pdf(&[], Some(wi), drawn.direction, None).unwrap();
+            assert!((pdf / drawn.pdf - 1.0).abs() < 1e-6, "{pdf} {}", drawn.pdf);
+        }
+        // Energy 1 and mean cosine 0.6: five standard errors of weights that spread by a few per cent.
+        let (energy, cosine) = (sum / f64::from(count), cosines / f64::from(count));
+        assert!((energy - 1.0).abs() < 0.02 && (cosine - 0.6).abs() < 0.03, "{theta}: {energy} {cosine}");
+    }
+}

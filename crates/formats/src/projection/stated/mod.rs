@@ -18,7 +18,7 @@ pub(super) fn is_wanted(samples: &Samples, request: &AxesRequest) -> Result<bool
     let is_named = request.domain.is_some();
     match samples {
         Samples::Grid(_) => Ok(wanted == DirectionDomain::Grid),
-        // By name only: a default has to wait until evaluation takes such a list by the angle between directions.
+        // By name only: else such a list is a function of two directions on triangles, for which there is a model.
         Samples::Function(modelled) if modelled.stated.is_some() => Ok(is_named && wanted == DirectionDomain::Grid),
         // Such a tensor stays as it is, whatever the default.
         Samples::OnAxes { tensor, .. } if tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_))) => {
