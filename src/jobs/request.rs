@@ -38,6 +38,7 @@ pub(crate) struct KindOnly {
 }
 
 /// Compression request; everything but `measurement` and `target` has a default.
+#[allow(clippy::struct_excessive_bools, reason = "each is an option of its own")]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct CompressRequest {

@@ -496,7 +496,9 @@ fn golden_files_are_made_and_decoded_to_the_last_bit() {
         same(&format!("{name}.f32"), &bytes_of(decoded.measurement.tensor.samples()));
         let kept = decode_numbers(&stored).unwrap();
         assert_eq!(kept.is_some(), factor != 1.0, "{name}");
-        kept.iter().for_each(|kept| assert_eq!(bytes_of(kept), bytes_of(numbers.samples()), "{name}"));
+        if let Some(kept) = &kept {
+            assert_eq!(bytes_of(kept), bytes_of(numbers.samples()), "{name}");
+        }
         if settings.random_access {
             let samples = decoded.measurement.tensor.samples();
             let count = measurement.tensor.axes()[0].len();

@@ -33,6 +33,7 @@ named!(Curve, "interpolation", { Cubic = "cubic", Linear = "linear" });
 /// assert_eq!(serde_json::to_value(&request)?["target"]["er_l2"], 0.01);
 /// # Ok::<(), serde_json::Error>(())
 /// ```
+#[allow(clippy::struct_excessive_bools, reason = "each is an option of its own")]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
