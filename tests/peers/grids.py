@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Bytes of whole files of measurements on their own grids of angles, and their errors at the samples of the source: the table
-of docs/grids.md.
+of docs/performance.md.
 
 Usage: grids.py BINARY [NAME...]
 

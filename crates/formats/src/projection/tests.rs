@@ -318,7 +318,8 @@ fn nothing_is_known_between_the_planes_of_a_scan() {
         assert!(y.abs() < 0.3 || marked, "cell {cell} beside the plane: {sample}");
     }
     assert!(samples.iter().any(|s| !s.is_nan()));
-    assert!(error_at_samples(&acquired, &projected.measurement).unwrap().er_l2 < 0.3);
+    // Its samples are scattered: a material is evaluated at them, instead of looking up cells.
+    assert!(projected.scattered.is_some() && error_at_samples(&acquired, &projected.measurement).is_none());
 }
 
 #[test]

