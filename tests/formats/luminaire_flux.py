@@ -36,7 +36,7 @@ def lm63(text):
     assert head.startswith("IESNA:LM-63-2002") and max(map(len, text.splitlines())) <= 132
     numbers = [float(x) for x in numbers.split()]
     lamps, lumens, multiplier, gammas, planes, kind, units = numbers[:7]
-    assert (lamps, lumens, kind, units) == (1, -1, 1, 2), numbers[:7]
+    assert (lamps, kind, units) == (1, 1, 2) and (lumens == -1 or lumens > 0), numbers[:7]
     gammas, planes = int(gammas), int(planes)
     gamma, c = numbers[13 : 13 + gammas], numbers[13 + gammas : 13 + gammas + planes]
     values = np.array(numbers[13 + gammas + planes :]).reshape(planes, gammas)
@@ -45,7 +45,7 @@ def lm63(text):
 
 def eulumdat(text):
     lines = text.splitlines()
-    assert lines[2] == "0" and lines[25] == "1" and lines[26] == "-1", lines[:30]
+    assert lines[2] == "0" and lines[25] == "1" and lines[26] in ("1", "-1"), lines[:30]
     planes, gammas, lumens = int(lines[3]), int(lines[5]), float(lines[28])
     numbers = [float(x) for x in lines[42:]]
     c, gamma = np.array(numbers[:planes] + [360.0]), np.array(numbers[planes : planes + gammas])
