@@ -225,8 +225,8 @@ fn random_access_is_refused_where_blocks_are_not_coded_by_themselves() {
         (&brdf, random_of(Target::MaxRelativeError(0.02), Policy::Rd), "found a target that bounds every sample"),
         (&brdf, random_of(Target::MaxAbsoluteError(0.02), Policy::Rd), "found a target that bounds every sample"),
         (&brdf, Settings { basis: "haar".to_owned(), ..random(er) }, "found basis haar"),
-        (&edf, random(er), "found nothing before outgoing triangles in [sphere"),
-        (&table, random(er), "found nothing before outgoing triangles in ["),
+        (&edf, random(er), "found no incoming directions and no index in [sphere"),
+        (&table, random(er), "found no incoming directions and no index in ["),
     ] {
         match compress(m, &settings, &Silent) {
             Err(CompressError::Setting(error @ SettingError::RandomAccess(_))) => {

@@ -54,7 +54,7 @@ fn check_albedo(measurement: &Measurement, settings: &Settings, bound: f64) -> R
         return refuse(AlbedoConflict::Bounded);
     }
     if Light::of(measurement.quantity, measurement.tensor.axes()).is_none() {
-        return refuse(AlbedoConflict::NoTriangles);
+        return refuse(AlbedoConflict::NoDirections);
     }
     Ok(())
 }

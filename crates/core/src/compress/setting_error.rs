@@ -44,8 +44,8 @@ pub enum SettingError {
     Albedo(AlbedoConflict),
     /// Random access where blocks cannot be coded separately.
     #[error(
-        "random_access: found {0}, expected policy rd with basis auto or klt, another target, and an incoming or index axis \
-         before triangles"
+        "random_access: found {0}, expected policy rd with basis auto or klt, another target, and incoming directions or an \
+         index in front of the outgoing directions"
     )]
     RandomAccess(RandomAccessConflict),
     /// Straight lines between directions that are not stated at angles.
@@ -149,7 +149,7 @@ pub enum AlbedoConflict {
     Bounded,
     /// No outgoing directions.
     #[error("the axes have no directions to add light over; leave albedo_error out")]
-    NoTriangles,
+    NoDirections,
 }
 
 /// Conflicts of random access with the rest.
@@ -166,6 +166,6 @@ pub enum RandomAccessConflict {
     #[error("a target that bounds every sample, whose corrections are coded for the whole")]
     EverySample,
     /// Axes without blocks.
-    #[error("nothing before outgoing triangles in [{}]", .0.iter().map(Axis::describe).collect::<Vec<_>>().join(", "))]
+    #[error("no incoming directions and no index in [{}]", .0.iter().map(Axis::describe).collect::<Vec<_>>().join(", "))]
     Axes(Vec<Axis>),
 }

@@ -8,7 +8,7 @@ use super::direction::Direction;
 use super::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use super::quantity::named;
 
-/// How a pair of angles in degrees becomes a direction.
+/// Frame in which a pair of angles, in degrees, is a direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Frame {
@@ -79,7 +79,7 @@ const ROUNDING: f64 = 1e-9;
 /// Largest azimuth that is taken, in degrees.
 const LARGEST_AZIMUTH: f64 = 720.0;
 
-/// How the azimuths of a grid stand for the full circle.
+/// Part of the full circle that the azimuths of a grid list, and the symmetry that gives the rest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum AzimuthExtent {
@@ -127,7 +127,7 @@ impl AzimuthExtent {
 pub struct Azimuths {
     /// Degrees, strictly increasing.
     pub angles: Vec<f64>,
-    /// How they stand for the full circle.
+    /// Part of the full circle that they list.
     pub extent: AzimuthExtent,
 }
 
@@ -325,7 +325,7 @@ impl DirectionGrid {
         Err(DirectionGridError::Mirrored { found: self.polar[0] })
     }
 
-    /// How a pair of angles becomes a direction.
+    /// The frame in which a pair of angles is a direction.
     pub fn frame(&self) -> Frame {
         self.frame
     }
@@ -378,8 +378,8 @@ impl DirectionGrid {
     }
 
     /// Polar angle and azimuth in degrees at which the grid has the value of `direction`, symmetries applied; `None` outside
-    /// what it covers. Beyond the first and last polar angle the angle is that end's; below the first of mirrored latitudes it is
-    /// between that and its mirror image.
+    /// what it covers. A pole outside the azimuths covered has the first of these. Beyond the first and last polar angle the
+    /// angle is that end's; below the first of mirrored latitudes it is between that and its mirror image.
     pub fn angles(&self, direction: Direction) -> Option<[f64; 2]> {
         let [polar, azimuth] = self.frame.angles(direction);
         let polar = if self.is_polar_mirrored { polar.abs() } else { polar };
@@ -387,8 +387,13 @@ impl DirectionGrid {
         if polar < low - ROUNDING || polar > high + ROUNDING {
             return None;
         }
+        let is_pole = {
+            let (least, largest) = self.frame.polar_range();
+            polar <= least + ROUNDING || polar >= largest - ROUNDING
+        };
         let azimuth = self.azimuths.as_ref().map_or(0.0, |azimuths| azimuths.folded(azimuth));
         let (low, high) = self.covers_azimuths;
+        let azimuth = if is_pole && !(low..=high).contains(&azimuth) { low } else { azimuth };
         if azimuth < low - ROUNDING || azimuth > high + ROUNDING {
             return None;
         }
@@ -545,6 +550,12 @@ mod tests {
         let sector = Some(azimuths(&[0.0, 40.0], AzimuthExtent::Sector));
         let sector = DirectionGrid::new(Frame::Surface, vec![0.0, 60.0], sector).unwrap();
         assert_eq!((sector.nearest(at(50.0, 20.0)), sector.nearest(at(50.0, 41.0))), (Some(2), None));
+        // A pole has no azimuth that could be outside.
+        for angles in [&[10.0, 40.0][..], &[300.0]] {
+            let aside = Some(azimuths(angles, AzimuthExtent::Sector));
+            let aside = DirectionGrid::new(Frame::Surface, vec![0.0, 60.0], aside).unwrap();
+            assert_eq!((aside.nearest(at(0.0, 77.0)), aside.nearest(at(50.0, 0.0))), (Some(0), None));
+        }
         let lateral =
             DirectionGrid::new(Frame::TypeB, vec![0.0, 40.0], Some(azimuths(&[0.0, 30.0], AzimuthExtent::Sector)));
         let lateral = lateral.unwrap().mirrored().unwrap();

@@ -3,8 +3,8 @@
 use crate::compress::Target;
 use crate::domain::{ErrorAccumulator, ErrorReport};
 use crate::evaluate::{Directions, Interpolation, Material, Pairs, Place};
-use crate::formats::{Acquisition, Samples};
-use crate::projection::{Projected, Rejected, ScatteredSamples};
+use crate::formats::Acquisition;
+use crate::projection::{Projected, Rejected, ScatteredSamples, scattered_samples};
 use serde::{Deserialize, Serialize};
 
 /// Values that are compared at a time.
@@ -12,7 +12,7 @@ const PIECE: usize = 1 << 20;
 /// Promised relative error of targets that name none.
 const PROMISED: f64 = 0.01;
 
-/// How a material fits scattered samples; all numbers are relative: 0.01 is 1 %.
+/// Errors of a material at scattered samples; all numbers are relative: 0.01 is 1 %.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FitReport {
     /// Root mean square of the noise of the samples, from differences between neighbours, whatever the cells; `None` where
@@ -20,9 +20,9 @@ pub struct FitReport {
     pub noise: Option<f64>,
     /// er(L2) of the evaluated material at all samples that were not rejected.
     pub fit: f64,
-    /// What the material adds to the noise: the root of fit² − noise², 0 where that is negative.
+    /// Error that the material adds to the noise: the root of fit² − noise², 0 where that is negative.
     pub added: f64,
-    /// What it may add: twice the promised error, or half of the noise if that is more.
+    /// Upper bound on `added`: twice the promised error, or half of the noise if that is more.
     pub allowed: f64,
     /// Samples left out as outliers.
     pub rejected: Rejected,
@@ -70,7 +70,7 @@ pub(super) fn noise_of(projected: &Projected) -> (Option<f64>, Rejected) {
 
 /// Errors of `material`, evaluated as it is by default, at the scattered samples of `acquisition` that were not rejected.
 pub(super) fn errors(acquisition: &Acquisition, samples: &ScatteredSamples, material: &Material) -> ErrorReport {
-    let Samples::Scattered(scattered) = &acquisition.samples else { return ErrorReport::default() };
+    let Some(scattered) = scattered_samples(acquisition) else { return ErrorReport::default() };
     let width = samples.width();
     if material.lambdas() != width {
         return ErrorReport::default();
@@ -81,7 +81,7 @@ pub(super) fn errors(acquisition: &Acquisition, samples: &ScatteredSamples, mate
     for from in (0..samples.len()).step_by(rows) {
         let to = (from + rows).min(samples.len());
         let (original, found) = (&mut original[..(to - from) * width], &mut found[..(to - from) * width]);
-        samples.write(scattered, from, to, original);
+        samples.write(&scattered, from, to, original);
         let (wi, wo) = (samples.incoming(from, to), samples.outgoing(from, to));
         let pairs = Pairs { index: &[], wi: wi.as_deref().map(Directions::of), wo: wo.as_deref().map(Directions::of) };
         if material.par_spectra(pairs, Interpolation::Smooth, found).is_err() {

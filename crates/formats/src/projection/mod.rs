@@ -23,6 +23,7 @@ mod tests;
 pub use error::{
     Angle, AnglesError, DomainError, LevelError, ProjectionError, ReciprocalError, Role, ScatteredError, SpectralError,
 };
+pub(crate) use planes::scattered_samples;
 pub use projected::{Coverage, Numbers, Projected};
 pub use reciprocal::{Reciprocal, reciprocal};
 pub use request::{AxesRequest, DirectionDomain};
@@ -42,10 +43,7 @@ use crate::formats::{Acquisition, Samples};
 /// With [`DirectionDomain::Grid`] a grid of angles stays as the file states it: each direction of the tensor is one of the
 /// file, each sample one of its numbers (times the file's multipliers).
 pub fn project(acquisition: &Acquisition, request: &AxesRequest) -> Result<Projected, ProjectionError> {
-    let instead = match &acquisition.samples {
-        Samples::Grid(grid) => planes::instead(acquisition.quantity, grid),
-        _ => None,
-    };
+    let instead = planes::instead(acquisition, request.domain);
     if let (Samples::Grid(grid), Some(_)) = (&acquisition.samples, &instead) {
         grid::check_values(grid)?;
     }

@@ -1,7 +1,9 @@
 //! Grids of scattered light that leave too much open: one incoming azimuth is isotropic, planes of a scan are directions.
 
-use crate::domain::{Axis, Quantity};
-use crate::formats::{AngleGrid, Angles, AzimuthExtent, Samples, Scattered};
+use super::request::DirectionDomain;
+use crate::domain::Axis;
+use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Samples, Scattered};
+use std::borrow::Cow;
 
 /// Degrees between azimuths beyond which they are planes of a scan rather than steps of a grid: light between them does not
 /// follow from them.
@@ -9,10 +11,26 @@ const PLANES: f64 = 90.0;
 /// Directions that are fitted without a grid, at most: scans in planes have fewer.
 const MOST: usize = 1 << 22;
 
-/// What the samples of `grid` are taken as instead, and what is said of it; `None` where they are a grid.
-pub(super) fn instead(quantity: Quantity, grid: &AngleGrid) -> Option<(Samples, &'static str)> {
+/// Formats whose files define the function between any two of their azimuths: their grids are no scans in planes.
+const DENSE: [&str; 1] = ["mbsdf"];
+
+/// Samples at scattered directions: those of a file that states no grid, or one that leaves too much open.
+pub(crate) fn scattered_samples(acquisition: &Acquisition) -> Option<Cow<'_, Scattered>> {
+    match &acquisition.samples {
+        Samples::Scattered(scattered) => Some(Cow::Borrowed(scattered)),
+        _ => match instead(acquisition, None)? {
+            (Samples::Scattered(scattered), _) => Some(Cow::Owned(scattered)),
+            _ => None,
+        },
+    }
+}
+
+/// Samples that stand for the grid of `acquisition`, and the note that says so; `None` where it is kept. With the domain
+/// [`DirectionDomain::Grid`] by name, planes stay a grid.
+pub(super) fn instead(acquisition: &Acquisition, domain: Option<DirectionDomain>) -> Option<(Samples, &'static str)> {
+    let Samples::Grid(grid) = &acquisition.samples else { return None };
     let (true, [], Some(incoming), Some(outgoing)) =
-        (quantity.has_cosine(), &grid.index[..], &grid.incoming, &grid.outgoing)
+        (acquisition.quantity.has_cosine(), &grid.index[..], &grid.incoming, &grid.outgoing)
     else {
         return None;
     };
@@ -20,7 +38,8 @@ pub(super) fn instead(quantity: Quantity, grid: &AngleGrid) -> Option<(Samples, 
     let is_plane = single_azimuth(outgoing).is_some() || widest_gap(outgoing) > PLANES;
     let is_open = is_ring(incoming) || is_ring(outgoing) || is_plane;
     let width = grid.spectral.as_ref().map_or(1, Axis::len);
-    if is_open && grid.values.len() / width <= MOST {
+    let is_kept = domain == Some(DirectionDomain::Grid) || DENSE.contains(&acquisition.format);
+    if is_open && !is_kept && grid.values.len() / width <= MOST {
         let note = "angles with nothing between them (one of them, or azimuths more than 90 degrees apart): taken as \
                     directions without a grid";
         return Some((Samples::Scattered(scattered(grid, incoming, outgoing, width)), note));

@@ -36,11 +36,8 @@ struct Pairing<'a> {
 ///
 /// [`ScatteredSamples`]: super::ScatteredSamples
 pub fn error_at_samples(acquisition: &Acquisition, measurement: &Measurement) -> Option<ErrorReport> {
-    let instead = match &acquisition.samples {
-        Samples::Grid(grid) => planes::instead(acquisition.quantity, grid).map(|(samples, _)| samples),
-        _ => None,
-    };
-    let samples = instead.as_ref().unwrap_or(&acquisition.samples);
+    let instead = planes::instead(acquisition, None);
+    let samples = instead.as_ref().map_or(&acquisition.samples, |(samples, _)| samples);
     let pairing = pair(acquisition, samples, measurement)?;
     let tensor = measurement.tensor.samples();
     let layout = measurement.layout().ok()?;

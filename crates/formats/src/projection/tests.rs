@@ -320,6 +320,14 @@ fn nothing_is_known_between_the_planes_of_a_scan() {
     assert!(samples.iter().any(|s| !s.is_nan()));
     // Its samples are scattered: a material is evaluated at them, instead of looking up cells.
     assert!(projected.scattered.is_some() && error_at_samples(&acquired, &projected.measurement).is_none());
+    assert_eq!(scattered_samples(&acquired).unwrap().directions(), projected.scattered.unwrap().len());
+    // By name, and in a format that defines what lies between, the planes are a grid.
+    let grid = AxesRequest { domain: Some(DirectionDomain::Grid), ..AxesRequest::default() };
+    let of_format = Acquisition { format: "mbsdf", ..acquired.clone() };
+    for (acquired, request) in [(&acquired, &grid), (&of_format, &AxesRequest::default())] {
+        let kept = project(acquired, request).unwrap();
+        assert!(matches!(kept.measurement.tensor.axes()[1], Axis::Grid(_)) && kept.scattered.is_none());
+    }
 }
 
 #[test]

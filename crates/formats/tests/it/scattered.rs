@@ -218,6 +218,25 @@ fn what_is_stated_of_the_fit_is_what_an_evaluation_finds() {
 }
 
 #[test]
+fn planes_of_a_scan_are_compared_at_their_samples() {
+    // One azimuth at three elevations: directions without a grid, though they are stated as one.
+    let mut text = "# radiometric-csv: 1\n# quantity: brdf\n# value_unit: 1/sr\n# cosine_included: false\n\
+                    # angle_unit: deg\n# isotropic: true\ntheta_i,theta_o,phi_o,value\n"
+        .to_owned();
+    for (theta_i, theta_o) in [0, 30, 60].into_iter().flat_map(|i| (0..=80).step_by(10).map(move |o| (i, o))) {
+        let value = 0.1 + 0.5 * (-f64::from((theta_o - theta_i) * (theta_o - theta_i)) / 400.0).exp();
+        text += &format!("{theta_i},{theta_o},180,{value}\n");
+    }
+    let interpretation = Interpretation::default();
+    let source = read(&Input { bytes: text.as_bytes(), interpretation: &interpretation, spectrum: None }).unwrap();
+    let outcome = source.compress(&Request::er_l2(0.01)).unwrap();
+    let (errors, fit) = (outcome.report.errors, fit(&outcome));
+    assert_eq!((errors.samples, errors.scored_samples), (27, 27));
+    assert!(errors.er_l2 > 0.0 && errors.er_l2 == fit.fit);
+    assert_eq!(outcome.report.notes.iter().any(|note| note.message.contains(" adds er(L2) ")), !fit.is_kept());
+}
+
+#[test]
 fn a_coarse_level_by_name_is_warned_of_and_strict_refuses_it() {
     let (source, _) = scan(Way::Spiral, 4000, &[30.0], 0.15, NOISY[1]);
     let coarse = Request { outgoing_level: Some(2), ..Request::er_l2(0.01) };

@@ -64,6 +64,18 @@ fn several_values_of_one_direction_are_their_mean() {
 }
 
 #[test]
+fn the_pole_of_a_sector_has_a_value() {
+    for azimuths in [vec![10.0, 80.0], vec![200.0]] {
+        let outgoing = grid(vec![0.0, 40.0], Some((azimuths.clone(), AzimuthExtent::Sector)));
+        let samples = vec![2.0; outgoing.len()];
+        let lines = Lines::new(&samples, 1, Incoming::NONE, Some(&outgoing), (Domain::Sphere, Alignment::None));
+        assert!((at(&lines, up(), up())[0] - 2.0).abs() < 1e-5);
+        assert!((at(&lines, up(), Direction::from_degrees(40.0, azimuths[0]))[0] - 2.0).abs() < 1e-5);
+        assert!(at(&lines, up(), Direction::from_degrees(40.0, 0.0))[0].is_nan());
+    }
+}
+
+#[test]
 fn between_stated_directions_a_lobe_is_followed() {
     let lobe = |d: Vector, k: f64| libm::exp(-k * (1.0 - d[2])) * (1.0 + 0.3 * d[0]);
     let outgoing = grid(every(5.0, 19), Some((every(10.0, 36), AzimuthExtent::Circle)));
