@@ -90,7 +90,7 @@ struct CompressSchema {
     /// straight lines as keeps a luminaire's flux within 0.3 % of the zonal flux of its samples, or `linear`. Default `cubic`.
     #[schema(nullable = false)]
     interpolation: Option<InterpolationName>,
-    /// Whether each value of a BRDF on its own grid becomes the mean with that of the exchanged pair of directions; errors are
+    /// Replaces each value of a BRDF on its own grid with the mean of it and that of the exchanged pair of directions; errors are
     /// then those against these means.
     #[schema(nullable = false)]
     reciprocal: Option<bool>,
@@ -111,7 +111,7 @@ struct CompressSchema {
     /// Whether one incoming direction is decoded without the others (policy `rd`; the material has no coarser levels then).
     #[schema(nullable = false)]
     random_access: Option<bool>,
-    /// Whether the job fails (`unreachable-target`) where the material adds more to the noise of scattered samples than twice the
+    /// Fails the job (`unreachable-target`) where the material adds more to the noise of scattered samples than twice the
     /// promised error or half of the noise; else that is a warning among its notes.
     #[schema(nullable = false)]
     strict: Option<bool>,

@@ -110,7 +110,7 @@ struct Manifest {
     er_l2: Option<f64>,
     max_relative_error: Option<f64>,
     relative_rmse: Option<f64>,
-    /// What stands for the samples in these errors, where it is not the numbers of the file: values after resampling to other
+    /// Values that these errors are measured at, where these are not the numbers of the file: values after resampling to other
     /// wavelengths, or all pairs of a direction and a wavelength of a joined spectrum.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     errors_at: Option<String>,
@@ -144,10 +144,10 @@ struct Manifest {
     #[serde(default)]
     #[schema(value_type = Option<Object>)]
     light: Option<Value>,
-    /// Of scattered samples: `noise`, the root mean square of their relative noise (null where too few tell it); `fit`, er(L2)
-    /// of the evaluated material at all that were not rejected; `added`, what of it the material adds to the noise;
-    /// `allowed`, what it may add; `rejected`, the `values` left out as outliers, and their share of all `samples` and of
-    /// their `light`.
+    /// Errors at scattered samples: `noise`, the root mean square of their relative noise (null where too few samples show it);
+    /// `fit`, er(L2) of the evaluated material at all that were not rejected; `added`, the part of it that the material adds to
+    /// the noise; `allowed`, the largest part that it may add; `rejected`, the `values` left out as outliers, and their share
+    /// of all `samples` and of their `light`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
     scattered: Option<Value>,

@@ -12,7 +12,7 @@ const VALUES: usize = 1 << 20;
 /// Rows of a block, at most.
 const ROWS: usize = 1 << 14;
 
-/// Where the answers to a table go.
+/// Destination and form of the answers to a table.
 #[derive(Debug, clap::Args)]
 pub(crate) struct BatchArgs {
     /// The file that gets the answers to --directions, one row each [default: stdout]
@@ -40,7 +40,7 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    /// How many queries there are.
+    /// The number of queries.
     pub(crate) fn len(&self) -> usize {
         self.range.len()
     }

@@ -180,7 +180,7 @@ fn scatter_noise_lines(sheet: &mut Sheet, noise: Option<f64>, rejected: Rejected
     sheet.line("rejected", values);
 }
 
-/// What a material is at scattered samples.
+/// Adds the line that states the errors at scattered samples.
 fn fit_line(sheet: &mut Sheet, fit: &FitReport) {
     let text = format!(
         "er(L2) {} at the samples that were not rejected; the material adds {} to their noise, at most {} is allowed",

@@ -118,7 +118,7 @@ fn next_line(lines: &mut Box<dyn BufRead>) -> Result<Option<String>, Failure> {
     }
 }
 
-/// Where a header has the columns.
+/// Positions of the named columns in a header.
 fn columns(header: &str, names: &[&str]) -> Result<Vec<usize>, String> {
     let found: Vec<String> = header.split(',').map(|name| name.trim().trim_matches('"').to_lowercase()).collect();
     let at = |name: &&str| {

@@ -67,7 +67,7 @@ pub(crate) struct CompressRequest {
     /// The function between stated directions.
     #[serde(default, skip_serializing_if = "Curve::is_default")]
     pub interpolation: Curve,
-    /// Whether each value of a BRDF on its own grid becomes the mean with that of the exchanged pair of directions.
+    /// Replaces each value of a BRDF on its own grid with the mean of it and that of the exchanged pair of directions.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub reciprocal: bool,
     /// Subdivision level of the incoming triangles.
@@ -91,7 +91,7 @@ pub(crate) struct CompressRequest {
     /// Whether one incoming direction is decoded without the others.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub random_access: bool,
-    /// Whether a material that adds more to the noise of scattered samples than it may is refused, not warned of.
+    /// Refuses a material that adds too much to the noise of scattered samples, instead of warning of it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub strict: bool,
     /// What to call the material.

@@ -9,7 +9,8 @@ use super::bytes::{Reader, Writer};
 use super::error::CodecError;
 use super::text::{read_text, write_text};
 
-/// What provenance looks like; any change makes other bytes. Byte 1 stands for a digest, as in the texts.
+/// Typical provenance, which primes the model of its text; any change makes other bytes. Byte 1 stands for a digest, as in
+/// the texts.
 const TYPICAL: &str = concat!(
     r#"{"generator":"wavelume 0.1.0","request":{"basis":"auto","metadata":true,"policy":"rd","target":{"er_"#,
     "l2\":0.01}},\"source\":{\"content_digest\":\"\x01\",\"dialect\":\"reflection scalar 2 x 3, transmission rgb 4 x 4",

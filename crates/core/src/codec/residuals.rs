@@ -41,11 +41,11 @@ const ESCAPE: usize = BY_PLACE + KINDS * PLACES * PLACE_CLASSES;
 const SLOTS: usize = ESCAPE + GOLOMB_SLOTS;
 
 struct Tables {
-    /// By scale and kind: log-odds of "yes".
+    /// Log-odds of "yes" for each scale and kind.
     odds: Vec<[i16; KINDS]>,
-    /// By scale and magnitude (15 = 15 and more): from the middle of the bin to the mean of the density.
+    /// Distances from the middle of the bin to the mean of the density, for each scale and magnitude (15 = 15 and more).
     offsets: Vec<[i16; KINDS]>,
-    /// By the 6 high bits of a mantissa: octaves above its power of two.
+    /// Octaves above the power of two, for the 6 high bits of a mantissa.
     octaves: [i8; 64],
 }
 

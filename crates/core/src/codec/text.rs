@@ -12,7 +12,7 @@ use super::error::CodecError;
 use super::model::{INPUTS, Model};
 use super::range::{BitCoder, Decoder, Encoder};
 
-/// What metadata of chunk M looks like; any change makes other bytes.
+/// Typical metadata of chunk M, which prime the model of its text; any change makes other bytes.
 pub(crate) const TYPICAL: &str = concat!(
     r#"{"generator":"wavelume 0.1.0","labels":{"0":["1","2","3"]},"request":{"basis":"auto","metadata":true,"policy":"r"#,
     r#"d","target":{"max_relative_error":0.05}},"source":{"content_digest":"b3-6e340b9cffb37a989ca544e6bb780a2c78901d3f"#,

@@ -142,7 +142,7 @@ pub(crate) fn weights(quantity: Quantity, mesh: TriangleMesh) -> Vec<f64> {
     }
 }
 
-/// What a stated direction of a grid counts for.
+/// Solid angle, weighted by |cos θ| for surfaces, that each stated direction of a grid stands for.
 fn weights_of_angles(quantity: Quantity, grid: &DirectionGrid) -> Vec<f64> {
     let (polar, around) = (polar_weights(quantity, grid), azimuth_weights(grid));
     polar.iter().flat_map(|polar| around.iter().map(move |around| polar * around)).collect()

@@ -1,4 +1,4 @@
-//! How much the shape of a function changes from one incoming direction to its neighbours, which chooses the alignment.
+//! Change of a function's shape from one incoming direction to its neighbours, which chooses the alignment.
 
 use crate::domain::vector::Vector;
 use rayon::prelude::*;

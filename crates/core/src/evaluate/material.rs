@@ -43,7 +43,7 @@ pub struct Material {
     summary: Option<Summary>,
 }
 
-/// How samples became a function.
+/// The function that was made of the samples.
 #[derive(Debug)]
 #[allow(clippy::large_enum_variant, reason = "a query of cells goes through one pointer less, and materials are few")]
 enum Body {

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 /// Places that a thread takes at a time.
 const SHARE: usize = 1024;
 
-/// Where the stated directions lie, and what the function is there and between them.
+/// Function of samples on a grid of angles: the stated directions, and the lines that interpolate between them.
 #[derive(Debug)]
 pub(super) struct Stated {
     geometry: Geometry,

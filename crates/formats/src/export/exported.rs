@@ -31,7 +31,7 @@ pub struct Summary {
     pub clipped: usize,
     /// The flux of the file relative to that of the material, less 1, of luminaires.
     pub flux_error: Option<f64>,
-    /// What the file adds to the errors of a luminaire, in the terms of those who make it.
+    /// Errors that the file adds to a luminaire, in the terms of its makers: peak, flux, rms in parts of the peak.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lamp: Option<LampErrors>,
     /// The error that the file adds to that of the material.

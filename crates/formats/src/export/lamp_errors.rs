@@ -6,7 +6,7 @@ use serde::Serialize;
 /// Intensities above this part of the peak count as bright.
 const BRIGHT: f64 = 0.01;
 
-/// How far intensities on the grid of a luminaire are from those that were stated; parts, not per cent.
+/// Errors of intensities on the grid of a luminaire against the stated ones, in parts (0.01 is 1 %).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LampErrors {
     /// Relative error of the largest intensity.
@@ -20,7 +20,7 @@ pub struct LampErrors {
 }
 
 impl LampErrors {
-    /// Those of `found` against `stated`, both `[polar, azimuth]` on `directions`; `None` where no light was stated. Masked
+    /// Compares `found` with `stated`, both `[polar, azimuth]` on `directions`; `None` where no light was stated. Masked
     /// samples are left out, and count as dark in the flux.
     pub fn of(directions: &DirectionGrid, stated: &[f32], found: &[f32]) -> Option<Self> {
         let largest = |values: &[f32]| f64::from(values.iter().copied().fold(0.0, f32::max));

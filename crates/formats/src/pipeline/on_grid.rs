@@ -9,7 +9,7 @@ use crate::export::{AddedError, ExportError, ExportFormat, ExportOptions, Export
 use crate::formats::{Digits, FormatErrorKind};
 use serde_json::Value;
 
-/// What a material is on the grid of its source.
+/// Outcome of an export on the grid of the source.
 #[derive(Clone, Debug, PartialEq)]
 pub enum OnGrid {
     /// The file, at the angles of the source.

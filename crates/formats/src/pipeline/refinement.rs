@@ -20,11 +20,11 @@ pub(super) struct Refined {
 /// Axes that were tried, and how well cells on them fit the samples where these are scattered.
 pub(super) struct Tried {
     axes: Vec<Axis>,
-    /// What the cells add before they are compressed; `None` of other samples.
+    /// Error that the cells add before they are compressed; `None` where samples are not scattered.
     fit: Option<FitReport>,
     /// Levels finer than the one that fits the spacing of the samples.
     finer: u8,
-    /// Whether there is no finer level to try.
+    /// True where no finer level is left to try.
     is_last: bool,
 }
 

@@ -58,7 +58,7 @@ pub struct Report {
     /// material at all that were not rejected.
     #[serde(flatten)]
     pub errors: ErrorReport,
-    /// What stands for the samples in these errors, where it is not the numbers of the file: values after resampling to other
+    /// Values that the errors are measured at, where these are not the numbers of the file: values after resampling to other
     /// wavelengths, or all pairs of a direction and a wavelength of a joined spectrum.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub errors_at: Option<String>,
@@ -164,7 +164,7 @@ pub(super) fn report(
     }
 }
 
-/// What stands for the samples of `acquisition` in errors of a material on `axes`; `None` where it is the file's own numbers.
+/// Values at which errors of a material on `axes` are measured; `None` where these are the numbers of `acquisition`.
 fn errors_at(acquisition: &Acquisition, axes: &[Axis]) -> Option<String> {
     let Some(Axis::Wavelength(grid)) = axes.last() else { return None };
     let is_same = |own: &WavelengthGrid| own.len() == grid.len() && (0..grid.len()).all(|i| own.at(i) == grid.at(i));

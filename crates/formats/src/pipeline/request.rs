@@ -5,7 +5,7 @@ use crate::domain::{WavelengthError, WavelengthGrid, named};
 use crate::projection::{AxesRequest, DirectionDomain};
 use serde::{Deserialize, Serialize};
 
-/// What the function between the stated directions of a grid of angles is.
+/// Interpolation between the stated directions of a grid of angles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Curve {
@@ -54,7 +54,7 @@ pub struct Request {
     /// Grid of the file or triangles; a level asks for triangles, too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub domain: Option<DirectionDomain>,
-    /// Whether each value of a BRDF on its own grid becomes the mean with that of the exchanged pair of directions.
+    /// Replaces each value of a BRDF on its own grid with the mean of it and that of the exchanged pair of directions.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub reciprocal: bool,
     /// Subdivision level of the incoming triangles.
@@ -75,7 +75,7 @@ pub struct Request {
     /// The function between stated directions, of measurements on grids of angles.
     #[serde(default, skip_serializing_if = "Curve::is_default")]
     pub interpolation: Curve,
-    /// Whether a material that adds more to the noise of scattered samples than it may is refused, not warned of.
+    /// Refuses a material that adds too much to the noise of scattered samples, instead of warning of it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub strict: bool,
 }

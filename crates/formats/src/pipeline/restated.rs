@@ -16,7 +16,7 @@ use crate::projection::{self, AxesRequest, DirectionDomain};
 pub struct Restated {
     /// The file.
     pub bytes: Vec<u8>,
-    /// Its format.
+    /// The format of the file.
     pub format: ExportFormat,
     /// Masked samples, which the format cannot say: 0.
     pub filled: usize,

@@ -48,7 +48,7 @@ pub struct Coverage {
     pub empty: u64,
     /// Why these axes: one sentence each.
     pub notes: Vec<String>,
-    /// How far the file contradicts itself where it states several values for one direction; measured on its own grid only.
+    /// Differences between values that the file states for one direction; measured on its own grid only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contradictions: Option<Contradictions>,
     /// Noise and outliers of samples at scattered directions.

@@ -60,7 +60,7 @@ pub fn reciprocal(measurement: &Measurement) -> Result<Reciprocal, ProjectionErr
     Ok(Reciprocal { measurement: Measurement { tensor, ..measurement.clone() }, difference })
 }
 
-/// Where the exchanged pair of a pair stands.
+/// Index arithmetic that finds the exchanged pair of directions.
 #[derive(Clone, Copy)]
 enum Exchange {
     /// `[incoming elevation, outgoing elevation, azimuth between them]`, even in the azimuth.

@@ -3,7 +3,7 @@
 use super::error::{DomainError, ProjectionError};
 use crate::domain::{WavelengthGrid, named};
 
-/// What directions lie on after projection.
+/// Domain of the directions after projection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum DirectionDomain {

@@ -45,7 +45,7 @@ fn largest_negative(classes: &[Class], values: &[f32]) -> Option<f32> {
     negative.map(|(_, &value)| value).reduce(f32::max).map(|largest| largest.next_down().next_down())
 }
 
-/// How a layer sees a tensor.
+/// Form in which a layer takes the samples of a tensor.
 #[derive(Clone, Copy, Debug)]
 #[allow(clippy::struct_excessive_bools, reason = "each is a choice of its own")]
 pub(super) struct Form {
@@ -61,7 +61,7 @@ pub(super) struct Form {
     pub(super) step: f64,
 }
 
-/// What is coded at any step.
+/// Values of a tensor on a grid, prepared for coding at any step.
 pub(crate) struct GridLayer<'a> {
     axes: Vec<Axis>,
     classes: Option<&'a [Class]>,
@@ -74,9 +74,9 @@ pub(crate) struct GridLayer<'a> {
     /// Values of all leaves, `[leaves, length]`.
     values: Vec<f32>,
     pyramids: Vec<PairPyramid>,
-    /// What is coded first: what repeats, and the order of halvings.
+    /// Opening of the stream, the same for every step: repeated slices and the order of halvings.
     opening: Encoder,
-    /// By stream, of planes that do not depend on the step.
+    /// Means and details of each stream, where planes do not depend on the step.
     sources: Option<Vec<Source>>,
     last: LastCoded,
 }

@@ -73,7 +73,7 @@ pub(crate) fn compress(
     if is_better { dark } else { clipped }
 }
 
-/// Where samples below the floor go.
+/// Values that samples below the floor take.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Below {
     /// To the floor: they are approximated like others.

@@ -143,7 +143,7 @@ impl Lines {
         self.straight
     }
 
-    /// How lobes go from one incoming direction to the next.
+    /// The alignment in which lobes are carried from one incoming direction to the next.
     pub(super) fn alignment(&self) -> Alignment {
         self.alignment
     }
@@ -369,7 +369,7 @@ impl Lines {
         })
     }
 
-    /// What stands at one place.
+    /// Numbers of one place, with their shares of light and of known samples.
     #[inline(always)]
     fn node<const SIZE: usize>(&self, table: usize, place: u32, lambda: usize) -> Part<SIZE> {
         let mut part =
@@ -389,7 +389,7 @@ impl Lines {
         part
     }
 
-    /// What stands in a patch: each row by itself, then across the rows.
+    /// Interpolates in a patch: along each row, then across the rows.
     #[inline(always)]
     fn patch<const SIZE: usize>(&self, table: usize, patch: &Patch, lambda: usize) -> Part<SIZE> {
         let row = |r: usize| {

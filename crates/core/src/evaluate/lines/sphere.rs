@@ -13,9 +13,9 @@ pub(super) struct Sphere {
     polar: Line,
     azimuth: Line,
     columns: usize,
-    /// By polar line entry: beyond the pole the azimuth is the opposite one.
+    /// Rows of the grid: entries of the polar line from this number on lie beyond a pole, at the opposite azimuth.
     rows: u32,
-    /// By direction of the grid: the place of its value, its own or that of a mean.
+    /// Place of each direction's value: its own, or that of a mean.
     place_of: Vec<u32>,
     /// The directions that each place beyond the grid's own is the mean of.
     means: Vec<Vec<u32>>,
@@ -172,7 +172,7 @@ fn azimuth_line(grid: &DirectionGrid) -> Line {
     Line::new(nodes, true)
 }
 
-/// By direction of the grid the place of its value, and the directions of each place that is a mean: all azimuths at a pole are
+/// Returns the place of each direction's value, and the directions of each place that is a mean: all azimuths at a pole are
 /// one direction, and so are the first and the last azimuth of a closed circle.
 fn places(grid: &DirectionGrid) -> (Vec<u32>, Vec<Vec<u32>>) {
     let [rows, columns] = grid.shape();

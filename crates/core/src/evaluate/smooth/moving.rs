@@ -12,7 +12,7 @@ use rayon::prelude::*;
 const COMPARED: usize = 600;
 
 impl Smooth {
-    /// How much the shape of the function changes from one incoming direction to its neighbours, carried as `alignment` says.
+    /// Returns the change of the function's shape from one incoming direction to its neighbours, carried as `alignment` says.
     pub(super) fn change_between(
         &self,
         planes: &Planes,

@@ -86,7 +86,7 @@ fn planes(grid: &Restatement<'_>, extent: Option<AzimuthExtent>, stored: &[f64])
     Some((symmetry, listed))
 }
 
-/// What the intensities are times their numbers, as the reader has it.
+/// Factor from the numbers of the file to intensities, as the reader applies it.
 fn factor(grid: &Restatement<'_>) -> Result<f64, FormatError> {
     let conversion = grid.number("conversion_factor").unwrap_or(1.0);
     if grid.unit == Unit::CandelaPerKilolumen {
@@ -100,7 +100,7 @@ fn factor(grid: &Restatement<'_>) -> Result<f64, FormatError> {
     }
 }
 
-/// What the names of the fields of each set of lamps begin with.
+/// Prefixes of the fields' names, one for each set of lamps.
 fn sets(grid: &Restatement<'_>) -> Vec<String> {
     if grid.kept("lamps").is_some() {
         return vec![String::new()];

@@ -41,17 +41,17 @@ impl ArrayRows {
         }
     }
 
-    /// How many rows there are.
+    /// The number of rows.
     pub fn rows(&self) -> usize {
         self.rows
     }
 
-    /// How many numbers a row has.
+    /// The number of numbers in a row.
     pub fn columns(&self) -> usize {
         self.columns
     }
 
-    /// Where the first row starts, in bytes.
+    /// Offset of the first row, in bytes.
     pub fn data_at(&self) -> usize {
         self.data_at
     }

@@ -27,7 +27,7 @@ pub(super) struct Curve {
     pub(super) between: Between,
     /// How far beyond the first and last entry their values hold.
     pub(super) held: f64,
-    /// Whether the angles are those of the file.
+    /// True where the angles are those of the file.
     pub(super) is_listed: bool,
     /// The cosines of the angles, where it is linear in them.
     cosines: Vec<f64>,

@@ -1,4 +1,4 @@
-//! How far a file contradicts itself where it states several values for one direction.
+//! Differences between the values that a file states for one and the same direction.
 
 use super::repeated::Repeated;
 use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Tensor};
@@ -23,7 +23,7 @@ pub struct Contradictions {
 }
 
 impl Contradictions {
-    /// Those of a tensor on grids of directions; `planes` are the angles that its reader found listed twice.
+    /// Measures the contradictions of a tensor on grids of directions; `planes` are the angles that its reader found listed twice.
     pub fn of(tensor: &Tensor, planes: Repeated) -> Self {
         let (mut poles, mut seam, mut normal) = (Repeated::default(), Repeated::default(), Repeated::default());
         let axes = tensor.axes();

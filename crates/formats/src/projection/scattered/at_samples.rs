@@ -10,7 +10,7 @@ use crate::projection::resampling::Channels;
 #[derive(Clone, Debug)]
 pub struct ScatteredSamples {
     pub(super) directions: Vec<(Vector, Vector)>,
-    /// Where the samples have only incoming directions: these stand in place of the outgoing ones.
+    /// True where samples have incoming directions only, which then stand in place of the outgoing ones.
     pub(super) is_turned: bool,
     pub(super) has_incoming: bool,
     pub(super) has_outgoing: bool,
@@ -21,7 +21,7 @@ pub struct ScatteredSamples {
 }
 
 impl ScatteredSamples {
-    /// How many directions, or pairs of them, there are.
+    /// The number of directions, or of pairs of them.
     #[allow(clippy::len_without_is_empty, reason = "scattered samples without any are refused before")]
     pub fn len(&self) -> usize {
         self.directions.len()

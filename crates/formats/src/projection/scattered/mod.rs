@@ -130,7 +130,7 @@ pub(super) fn project(
     Ok(Projected { measurement, coverage, filled, numbers: None, scattered: Some(samples) })
 }
 
-/// What the samples say of themselves.
+/// Counts, noise and outliers of the samples.
 fn report_of(scattered: &Scattered, plan: &Plan, rows: &Rows<'_>, found: &Scatter) -> ScatterReport {
     let values = found.rejected.len() as u64;
     ScatterReport {

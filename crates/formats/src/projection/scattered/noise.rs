@@ -41,7 +41,7 @@ const ROUNDS: usize = 2;
 const BESIDE: usize = 6;
 const LOBE: usize = 2;
 
-/// What the samples say of themselves.
+/// Noise and outliers of the samples.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scatter {
     /// Root mean square of the relative noise of positive samples; `None` where there are too few to tell.

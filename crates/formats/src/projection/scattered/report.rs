@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What scattered samples say of themselves, whatever cells are made of them.
+/// Counts, noise and outliers of scattered samples, independent of the cells made of them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ScatterReport {
     /// Samples (directions, or pairs of them).
@@ -23,7 +23,7 @@ pub struct ScatterReport {
 /// Samples that lie so far from their neighbours that they are left out of all errors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Rejected {
-    /// How many values.
+    /// The number of values.
     pub values: u64,
     /// Share of all positive values.
     pub samples: f64,

@@ -1,4 +1,4 @@
-//! What withheld samples say: how many neighbours are best, and whether the data are symmetric.
+//! Predictions of withheld samples, which choose the number of neighbours and find whether the data are symmetric.
 
 use super::cells::{Fitted, Scratch};
 use super::cloud::Cloud;

@@ -12,7 +12,7 @@ use crate::codec::{Class, CodecError, Decoder, Reader};
 use crate::domain::Axis;
 use rayon::prelude::*;
 
-/// What is decoded before any pyramid.
+/// Everything that precedes the pyramids in a stream.
 pub(super) struct Opened<'a> {
     pub(super) quantiser: Quantiser,
     /// Bound of the logarithms of negative samples.

@@ -28,7 +28,7 @@ struct Stated {
     poles: [bool; 2],
 }
 
-/// How a tensor is seen: `[blocks, lines…, row]`.
+/// Tensor as the coder takes it: `[blocks, lines…, row]`.
 #[derive(Clone, Debug)]
 pub(crate) struct Shape {
     blocks: usize,
@@ -123,7 +123,7 @@ fn lines_of(grid: &DirectionGrid) -> Vec<Stated> {
 /// One line without what repeats.
 #[derive(Clone, Debug, PartialEq)]
 struct Kept {
-    /// By stated entry: the kept one that it equals.
+    /// Kept entry that each stated one equals.
     source: Vec<u32>,
     positions: Vec<f64>,
     period: Option<f64>,
@@ -249,7 +249,7 @@ impl Lattice {
         self.shape.blocks * self.kept.iter().map(|kept| kept.positions.len()).product::<usize>()
     }
 
-    /// By row of some lines: the leaf that it equals, counted within one entry of the lines before.
+    /// Leaf that each row of some lines equals, counted within one entry of the lines before.
     fn rows_of(&self, lines: Range<usize>) -> Vec<u32> {
         let mut rows = vec![0_u32];
         for axis in lines.clone() {
@@ -265,19 +265,19 @@ impl Lattice {
         rows
     }
 
-    /// By outgoing row of one incoming entry: the leaf of its unit that it equals, where these are coded by themselves.
+    /// Leaf of the unit that each outgoing row of one incoming entry equals, where units are coded separately.
     pub(crate) fn outgoing_rows(&self) -> Vec<u32> {
         self.rows_of(self.shape.incoming..self.kept.len())
     }
 
-    /// By row of the tensor: the leaf that it equals.
+    /// Leaf that each row of the tensor equals.
     pub(crate) fn rows(&self) -> Vec<u32> {
         let rows = self.rows_of(0..self.kept.len());
         let leaves = (self.leaves() / self.shape.blocks) as u32;
         (0..self.shape.blocks as u32).flat_map(|block| rows.iter().map(move |&row| block * leaves + row)).collect()
     }
 
-    /// By leaf: the first row that equals it.
+    /// First row that equals each leaf.
     pub(crate) fn first_rows(&self, rows: &[u32]) -> Vec<u32> {
         let mut first = vec![u32::MAX; self.leaves()];
         for (row, &leaf) in rows.iter().enumerate().rev() {
@@ -321,7 +321,7 @@ impl Lattice {
         Nodes { count, positions, entries: (0..count as u32).collect(), halvings }
     }
 
-    /// By row of a level: its node.
+    /// Node of each row of a level.
     pub(super) fn coarse_rows(&self, lines: &[Nodes]) -> Vec<u32> {
         let mut rows = vec![0_u32];
         for (axis, line) in lines.iter().enumerate() {
@@ -339,7 +339,7 @@ impl Lattice {
         (0..self.shape.blocks as u32).flat_map(|block| rows.iter().map(move |&row| block * nodes + row)).collect()
     }
 
-    /// By leaf: its node of a level.
+    /// Node of a level that holds each leaf.
     pub(super) fn nodes_of_leaves(&self, lines: &[Nodes]) -> Vec<u32> {
         let mut nodes: Vec<u32> = (0..self.shape.blocks as u32).collect();
         for (line, kept) in lines.iter().zip(&self.kept) {

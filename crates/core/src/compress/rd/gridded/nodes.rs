@@ -6,7 +6,7 @@ pub(super) struct Nodes {
     pub(super) count: usize,
     /// Angles of the entries of the axis.
     pub(super) positions: Vec<f64>,
-    /// By entry of the axis: its node.
+    /// Node of each entry of the axis.
     pub(super) entries: Vec<u32>,
     /// Halvings that are left out; of a line without any all stated entries remain.
     pub(super) halvings: u32,

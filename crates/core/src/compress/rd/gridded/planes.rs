@@ -28,9 +28,9 @@ pub(super) struct Planes {
     random: bool,
     /// Vectors are those of a basis, not entries of rows.
     klt: bool,
-    /// By row of the tensor: the leaf that it equals.
+    /// Leaf that each row of the tensor equals.
     rows: Vec<u32>,
-    /// By leaf: the first row that equals it.
+    /// First row that equals each leaf.
     first: Vec<u32>,
 }
 
@@ -155,8 +155,8 @@ impl Planes {
         Weights { values, by_plane, are_alike }
     }
 
-    /// By node of a level and entry of a row: positive less negative samples in parts of all that are measured; NaN where none
-    /// is. Copies within a pole are left out.
+    /// Share of positive less share of negative samples among the measured ones, for each node of a level and entry of a row;
+    /// NaN where none is measured. Copies within a pole are left out.
     pub(super) fn shares(&self, classes: &[Class], lines: &[Nodes]) -> Vec<f32> {
         let n = self.length();
         let nodes = self.lattice.nodes_of_leaves(lines);

@@ -2,9 +2,9 @@
 
 /// Rate of the running mean.
 const RATE: f64 = 0.02;
-/// Its start, in squared units of values.
+/// Start of the running mean, in squared units of values.
 const START: f64 = 0.02;
-/// Its weight beside the sum over details of the same brightness.
+/// Weight of the running mean beside the sum over details of the same brightness.
 const WEIGHT: f64 = 4.0;
 /// Factor of the sums of a brightness for each detail of it.
 const DECAY: f64 = 0.98;

@@ -10,13 +10,13 @@ pub(super) struct Halving {
     pub(super) axis: usize,
     pub(super) children: [usize; AXES],
     pub(super) parents: Places,
-    /// By node of the halved axis.
+    /// Filters of each node of the halved axis.
     pub(super) guess: Vec<Coefficients>,
 }
 
 /// Weights of the samples of planes and of all means over them.
 struct Weights {
-    /// By halving from the finest, last the root.
+    /// Weights after each halving, from the finest to the root.
     levels: Vec<Vec<f32>>,
 }
 

@@ -24,7 +24,7 @@ pub(super) fn distance(parts: &[(usize, i8)]) -> Distance {
 #[derive(Debug)]
 pub(super) struct Places {
     pub(super) lengths: [usize; AXES],
-    /// By axis and distance: the offset of the node there, by coordinate.
+    /// Offsets of the node at a distance along an axis: `[axis][distance][coordinate]`.
     tables: [[Vec<u32>; DISTANCES]; AXES],
 }
 
@@ -72,7 +72,7 @@ impl Places {
         Along { first, last: index(distance[AXES - 1]) as u32 }
     }
 
-    /// By coordinate on the last axis, the offsets at each distance along it.
+    /// Offsets at each distance along the last axis, for each coordinate on it.
     pub(super) fn last_axis(&self) -> Vec<[u32; DISTANCES]> {
         let tables = &self.tables[AXES - 1];
         (0..self.lengths[AXES - 1]).map(|x| std::array::from_fn(|d| tables[d][x])).collect()

@@ -45,11 +45,11 @@ pub(super) struct Halved<'a> {
     halving: &'a Halving,
     template: &'a Template,
     depth: usize,
-    /// By coordinate on the last axis.
+    /// Offsets of the neighbours along the last axis, for each coordinate on it.
     offsets: Vec<[u32; 5]>,
 }
 
-/// What earlier details taught about those of a plane.
+/// Predictors that earlier details of a plane have trained.
 pub(super) struct Learned<'a> {
     pub(super) expectation: &'a mut Expectation,
     pub(super) system: &'a mut Recursive,
@@ -61,7 +61,7 @@ pub(super) struct Learned<'a> {
 
 /// Everything of one plane, in steps; arrays by node have one more entry for what does not exist.
 pub(super) struct PlaneOf<'a> {
-    /// Its class among those that share contexts.
+    /// Number of the class of planes that share contexts.
     pub(super) class: usize,
     pub(super) means: &'a mut [f32],
     /// Weights of the children.
@@ -70,11 +70,11 @@ pub(super) struct PlaneOf<'a> {
     pub(super) wanted: Option<&'a [f32]>,
     /// Steps in that unit.
     pub(super) per_step: f64,
-    /// By node: the squared error at its parent, negative where there was none.
+    /// Squared error at the parent of each node, negative where there was none.
     pub(super) inherited: Option<&'a [f32]>,
-    /// Of this plane and the two before; 0 where nothing is decoded.
+    /// Details of this plane and the two before; 0 where none is decoded.
     pub(super) details: &'a mut [Vec<f32>; BEFORE + 1],
-    /// By node: squared errors of fixed prediction, least squares, and their blend, and 1 where there is one.
+    /// Squared errors of fixed prediction, least squares and their blend at each node, and 1 where these are known.
     pub(super) errors: &'a mut [[f32; 4]],
     pub(super) children: &'a mut [f32],
     pub(super) errors_of_children: &'a mut [f32],

@@ -12,7 +12,7 @@ use crate::numeric::recursive::Recursive;
 /// Weight of earlier examples when an axis is halved again.
 const FADING: f64 = 0.3;
 
-/// How planes are quantised and predicted.
+/// Step, unit and predictors of the planes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Quantiser {
     /// The step of orthonormal coefficients, in the unit of the planes.

@@ -6,7 +6,7 @@ use super::pairs::halve;
 /// Means and details of planes.
 pub(crate) struct Source {
     roots: Vec<f64>,
-    /// By halving from the finest: by plane and parent.
+    /// Details of each halving, from the finest: `[plane, parent]`.
     details: Vec<Vec<f32>>,
 }
 
