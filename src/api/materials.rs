@@ -104,7 +104,8 @@ struct Manifest {
     ratio_coefficients: Option<f64>,
     /// Bytes of the float32 tensor per byte of the file.
     ratio_bytes: Option<f64>,
-    /// The samples that the measurement states; the errors and counts that follow are those of the decoded file at them.
+    /// The samples that the measurement states; the errors and counts that follow are those of the decoded file at them. Relative
+    /// errors are taken over samples above zero and not below the floor.
     samples: u64,
     er_l1: Option<f64>,
     er_l2: Option<f64>,
@@ -175,7 +176,7 @@ struct Manifest {
 struct MaterialLevel {
     /// The level.
     level: u8,
-    /// How many of the file's first bytes it needs.
+    /// Bytes of the file, from its start, that the level needs.
     bytes: u64,
     /// er(L2), rounded up: against the averages of the original samples over the level's triangles, or of evaluating the level at
     /// the angles of the file.

@@ -20,10 +20,10 @@ pub(crate) struct Args {
     /// The array to write (.npy, float32, NaN = masked), with NAME.axes.json beside it
     #[arg(short, long, value_name = "T.npy")]
     output: PathBuf,
-    /// A coarser level of the outgoing triangles, as `inspect` lists them; the first bytes of the file are then enough
+    /// A coarser level, a grid of fewer angles or larger triangles, as `inspect` lists them; the first bytes of the file are then enough
     #[arg(long, value_name = "N")]
     level: Option<u8>,
-    /// One entry of the axes before the outgoing triangles, from 0, row-major: a slice [outgoing, wavelength]; of a material
+    /// One entry of the axes in front of the outgoing directions, from 0, row-major: a slice [outgoing, wavelength]; of a material
     /// of --random-access nothing else is decoded
     #[arg(long, value_name = "I", conflicts_with = "level")]
     incoming: Option<usize>,
@@ -50,7 +50,7 @@ pub(crate) fn decode(path: &Path, level: Option<u8>, threads: &ThreadsArgs) -> R
     Ok(decoded.measurement)
 }
 
-/// The slice of the material in `path` behind one entry of the axes before the outgoing triangles.
+/// The slice of the material in `path` behind one entry of the axes in front of the outgoing directions.
 fn decode_slice(path: &Path, block: usize, threads: &ThreadsArgs) -> Result<Measurement, Failure> {
     let bytes = read_file(path)?;
     let decoded = threads.run(|| compress::decode_block(&bytes, block))?;

@@ -49,9 +49,9 @@ pub(crate) struct Args {
 
 #[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
 enum How {
-    /// The value of the triangle that holds the direction.
+    /// The sample of the nearest direction of a grid of angles, or of the triangle that holds the direction.
     Constant,
-    /// Continuous over directions.
+    /// Continuous over directions; on a grid of angles as the file says, cubic or linear.
     #[default]
     Smooth,
 }

@@ -9,7 +9,8 @@ use crate::evaluate::{Beyond, Interpolation};
 use serde::Deserialize;
 use utoipa::{IntoParams, ToSchema};
 
-/// How samples become a function of direction.
+/// Function of direction that is evaluated: `smooth`, continuous, on a grid of angles cubic or linear as the file says; or
+/// `constant`, the sample of the nearest direction of a grid of angles, or of the triangle that holds the direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 #[schema(as = Interpolation)]
