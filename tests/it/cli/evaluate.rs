@@ -34,6 +34,57 @@ fn a_lamp_needs_no_incoming_direction() {
 }
 
 #[test]
+fn a_lamp_is_interpolated_as_its_file_says() {
+    let dir = tempfile::tempdir().unwrap();
+    let [cubic, linear] = ["cubic", "linear"].map(|curve| {
+        let out = at(&dir, &format!("{curve}.wlm"));
+        done(&["compress", &data("ushio_b1.ies"), "-o", &out, "--interpolation", curve]);
+        out
+    });
+    let value = |made: &str, theta: &str, how: &str| {
+        let found = json(&["evaluate", made, "--wo", &format!("{theta},22.5"), "--interpolation", how]);
+        found["values"][0].as_f64().unwrap()
+    };
+    // Rows of the file are 2.5 degrees apart: between two of them the line is their mean, the cubic is not.
+    for made in [&cubic, &linear] {
+        let stated = [value(made, "140", "smooth"), value(made, "137.5", "smooth")];
+        let between = value(made, "138.75", "smooth");
+        let is_mean = (between / (0.5 * (stated[0] + stated[1])) - 1.0).abs() < 1e-6;
+        assert_eq!(is_mean, made == &linear, "{made}: {stated:?} {between}");
+        assert_eq!(value(made, "138", "constant"), value(made, "137.5", "constant"));
+        assert!((value(made, "137.5", "constant") / stated[1] - 1.0).abs() < 1e-5);
+    }
+    // What is between the samples does not change them.
+    assert!((value(&cubic, "140", "smooth") / value(&linear, "140", "smooth") - 1.0).abs() < 1e-5);
+    assert!(done(&["inspect", &linear]).contains("straight lines"));
+    assert!(done(&["inspect", &cubic]).contains("cubics of logarithms"));
+    let out = at(&dir, "cells.wlm");
+    let lamp = data("ushio_b1.ies");
+    let refusal = refused(2, &["compress", &lamp, "-o", &out, "--interpolation", "linear", "--domain", "triangles"]);
+    assert!(refusal.contains("no outgoing grid of angles"), "{refusal}");
+    let refusal = refused(2, &["compress", &lamp, "-o", &out, "--random-access"]);
+    assert!(refusal.contains("found no incoming directions") && !refusal.contains("triangle"), "{refusal}");
+    assert!(refused(2, &["compress", &lamp, "-o", &out, "--interpolation", "smooth"]).contains("cubic, linear"));
+}
+
+#[test]
+fn a_sector_of_a_lamp_has_a_value_at_its_pole() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut text =
+        "# radiometric-csv: 1\n# quantity: emission\n# value_unit: cd\n# angle_unit: deg\nc,gamma,value\n".to_owned();
+    for (c, gamma) in [10, 45, 80].into_iter().flat_map(|c| [0, 30, 60, 90].map(|gamma| (c, gamma))) {
+        text += &format!("{c},{gamma},{}\n", 100 - gamma);
+    }
+    let (table, out) = (at(&dir, "sector.csv"), at(&dir, "sector.wlm"));
+    std::fs::write(&table, text).unwrap();
+    done(&["compress", &table, "-o", &out, "--lossless"]);
+    let value = |wo: &str| json(&["evaluate", &out, "--wo", wo])["values"][0].clone();
+    assert!((value("180,0").as_f64().unwrap() - 100.0).abs() < 1e-3);
+    assert!((value("150,45").as_f64().unwrap() - 70.0).abs() < 1e-3);
+    assert!(value("150,0").is_null(), "nothing is known beside a sector");
+}
+
+#[test]
 fn samples_are_drawn_from_the_seed() {
     let dir = workshop();
     let made = material(&dir);

@@ -104,6 +104,42 @@ async fn every_promise_can_be_asked_for() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn the_interpolation_of_a_job_is_written_into_the_file_and_obeyed() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    let lamp = service.upload("", LAMP).await["id"].clone();
+    let request = |curve: &str| json!({ "measurement": lamp, "target": { "er_l2": 0.01 }, "interpolation": curve });
+    let mut made = Vec::new();
+    for curve in ["cubic", "linear"] {
+        let job = service.compress(&request(curve)).await;
+        assert_eq!(job["state"], "succeeded", "{job}");
+        made.push(format!("/v1/materials/{}", job["material"].as_str().unwrap()));
+    }
+    let value = async |path: &str, gamma: f64, how: &str| -> f64 {
+        let query = format!("{path}/spectrum?wo={},0&interpolation={how}", 180.0 - gamma);
+        let answer: Value = service.get(&query).send().await.unwrap().json().await.unwrap();
+        answer["values"][0].as_f64().unwrap_or_else(|| panic!("{query}: {answer}"))
+    };
+    // Rows of the file are 2.5 degrees apart.
+    for (path, is_linear) in [(&made[0], false), (&made[1], true)] {
+        let stated = [value(path, 40.0, "smooth").await, value(path, 42.5, "smooth").await];
+        let between = value(path, 41.25, "smooth").await;
+        let is_mean = (between / (0.5 * (stated[0] + stated[1])) - 1.0).abs() < 1e-6;
+        assert_eq!(is_mean, is_linear, "{stated:?} {between}");
+        assert_eq!(value(path, 42.0, "constant").await, value(path, 42.5, "constant").await);
+    }
+    let answer: Value = service.get(&made[1]).send().await.unwrap().json().await.unwrap();
+    assert_eq!(answer["provenance"]["request"]["interpolation"], "linear", "{answer}");
+    let refusal = problem(service.post("/v1/jobs").json(&request("smooth")), 422, "invalid-request").await;
+    assert!(refusal["detail"].as_str().unwrap().contains("cubic"), "{refusal}");
+    let mut triangles = request("linear");
+    triangles["domain"] = json!("triangles");
+    let job = service.compress(&triangles).await;
+    assert_eq!(job["problem"]["type"], "urn:wavelume:problem:bad-setting", "{job}");
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn what_a_material_adds_to_the_noise_is_stated_or_refused() {
     let data = tempfile::tempdir().unwrap();
     let service = Service::start(config(data.path())).await;
