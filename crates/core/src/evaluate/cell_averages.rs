@@ -17,11 +17,11 @@ const MOST_SAMPLES: usize = 1 << 24;
 
 impl Stated {
     /// The averages over triangles about as far apart as the stated directions: of each triangle by its quarters' centroids.
-    /// Elevations stay, but where the samples are a list over the scattering angle: light then comes in from anywhere.
+    /// Elevations stay, among them that of a list over the scattering angle, of which directions are drawn under light along `+z`.
     pub(super) fn cell_averages(&self) -> Result<Measurement, EvaluateError> {
         let geometry = self.geometry();
         let layout = geometry.layout();
-        let (incoming, outgoing) = meshes(geometry, self.is_scattering());
+        let (incoming, outgoing) = meshes(geometry);
         let axes: Vec<Axis> = geometry
             .axes()
             .iter()
@@ -73,11 +73,8 @@ impl Stated {
     }
 }
 
-/// The level of incoming triangles of a list over the scattering angle, whose lobes turn with the incoming direction.
-const TURNING: u8 = 2;
-
-/// The meshes in place of grids of directions, and of the one incoming direction of a list over the scattering angle.
-fn meshes(geometry: &Geometry, is_scattering: bool) -> (Option<TriangleMesh>, Option<TriangleMesh>) {
+/// The meshes in place of grids of directions.
+fn meshes(geometry: &Geometry) -> (Option<TriangleMesh>, Option<TriangleMesh>) {
     let layout = geometry.layout();
     let grid = |axis: Option<usize>| match axis.map(|axis| &geometry.axes()[axis]) {
         Some(Axis::Grid(grid)) => Some(grid),
@@ -93,9 +90,6 @@ fn meshes(geometry: &Geometry, is_scattering: bool) -> (Option<TriangleMesh>, Op
         }
     };
     let mut incoming = grid(layout.incoming).map(|grid| (incoming_domain(grid), level_of(grid).min(3)));
-    if is_scattering {
-        incoming = Some((Domain::Sphere, TURNING));
-    }
     let mut outgoing = grid(layout.outgoing).map(|grid| (domain_of(geometry.quantity()), level_of(grid)));
     let mesh = |side: Option<(Domain, u8)>| side.and_then(|(domain, level)| TriangleMesh::new(domain, level));
     loop {

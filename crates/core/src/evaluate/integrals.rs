@@ -6,6 +6,8 @@ use super::geometry::turned;
 use super::lookup::Stencil;
 use super::material::Material;
 use super::place::{Interpolation, Place};
+use super::stated::Stated;
+use super::turning::Turning;
 use crate::domain::{Direction, TriangleMesh};
 
 impl Material {
@@ -37,6 +39,8 @@ impl Material {
         let [n_in, _, lambdas] = cells.geometry().shape();
         Buffer::Spectrum.check(out.len(), lambdas)?;
         let entry = cells.geometry().entry(index)?;
+        // Under light from anywhere a list over the scattering angle sends as much as under light along the normal.
+        let wi = if self.stated().is_some_and(Stated::is_scattering) { wi.map(|_| Turning::up()) } else { wi };
         let stencil = match how {
             Interpolation::Constant => Stencil::one(cells.geometry().incoming_entry(wi)?),
             Interpolation::Smooth => cells.geometry().incoming_stencil(wi)?,

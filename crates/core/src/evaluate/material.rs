@@ -3,7 +3,7 @@
 use super::albedo::{Albedos, Side};
 use super::carrying::trees_of_mean;
 use super::directions::{Directions, Pairs};
-use super::error::{EvaluateError, Need, QueryError, unfit};
+use super::error::{Argument, EvaluateError, Need, QueryError, unfit};
 use super::form::Form;
 use super::function::Function;
 use super::geometry::Geometry;
@@ -14,8 +14,9 @@ use super::planes::Planes;
 use super::report::OpenedReport;
 use super::sampler::{DirectionSample, Sampler};
 use super::smooth::Smooth;
-use super::stated::Stated;
+use super::stated::{Stated, as_drawn};
 use super::trees::Trees;
+use super::turning::Turning;
 use super::warp::SampleOptions;
 use super::wavelength_sampler::WavelengthSampler;
 use crate::compress::{self, LevelInfo, Summary};
@@ -307,6 +308,7 @@ impl Material {
         wo: Direction,
         options: impl Into<SampleOptions>,
     ) -> Result<f64, EvaluateError> {
+        let (wi, wo) = as_drawn(self.stated(), wi, wo);
         self.sampler()?.pdf(index, wi, wo, options.into())
     }
 
@@ -336,7 +338,10 @@ impl Material {
         u: [f64; 2],
         options: impl Into<SampleOptions>,
     ) -> Result<Option<(Direction, f64)>, EvaluateError> {
-        self.sampler()?.draw(index, wi, u, options.into())
+        let turning = self.stated().and_then(|stated| stated.turning(wi));
+        let Some(turning) = turning else { return self.sampler()?.draw(index, wi, u, options.into()) };
+        let drawn = self.sampler()?.draw(index, Some(Turning::up()), u, options.into())?;
+        Ok(drawn.map(|(direction, pdf)| (turning.outward(direction), pdf)))
     }
 
     /// [`Material::pdf`] at `pairs` into `out`, on the calling thread; no allocation. A pair that is refused ends it.
@@ -346,7 +351,21 @@ impl Material {
         options: impl Into<SampleOptions>,
         out: &mut [f64],
     ) -> Result<(), EvaluateError> {
-        self.sampler()?.pdfs(pairs, options.into(), out)
+        let (sampler, options) = (self.sampler()?, options.into());
+        if !self.stated().is_some_and(Stated::is_scattering) {
+            return sampler.pdfs(pairs, options, out);
+        }
+        pairs.check(out.len(), 1)?;
+        for (i, out) in out.iter_mut().enumerate() {
+            let place = pairs.place(i)?;
+            *out = match place.wo {
+                Some(wo) => self.pdf(place.index, place.wi, wo, options)?,
+                None => {
+                    return unfit(QueryError::MissingDirection { argument: Argument::Wo, quantity: self.quantity() });
+                }
+            };
+        }
+        Ok(())
     }
 
     /// [`Material::sample`] for each incoming direction `wi` (as many as there are points; `None` for quantities without) and
@@ -376,6 +395,7 @@ impl Material {
         wo: Direction,
         options: impl Into<SampleOptions>,
     ) -> Result<Option<[f64; 2]>, EvaluateError> {
+        let (wi, wo) = as_drawn(self.stated(), wi, wo);
         self.sampler()?.invert(index, wi, wo, options.into())
     }
 

@@ -77,6 +77,7 @@ mod staged;
 mod stated;
 mod straight;
 mod trees;
+mod turning;
 mod warp;
 mod wavelength_sampler;
 

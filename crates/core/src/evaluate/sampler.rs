@@ -13,6 +13,7 @@ use super::mixture::Mixture;
 use super::place::{Interpolation, Place};
 use super::stated::Stated;
 use super::trees::Trees;
+use super::turning::Turning;
 use super::warp::{Density, SampleOptions};
 use crate::domain::{Direction, Quantity};
 use crate::numeric::wide;
@@ -100,11 +101,16 @@ impl<'a> Sampler<'a> {
         u: [f64; 2],
         options: SampleOptions,
     ) -> Result<Option<DirectionSample>, EvaluateError> {
+        let turning = stated.turning(wi);
+        let wi = if turning.is_some() { Some(Turning::up()) } else { wi };
         let drawn = self.drawn_with(index, wi, u, options, |place, how, _, _| {
             stated.weighted_known(place, how, self.trees.weights())
         })?;
         let quantity = self.function.geometry().quantity();
-        Ok(drawn.map(|(direction, pdf, value)| DirectionSample::weighted(quantity, direction, pdf, value)))
+        Ok(drawn.map(|(direction, pdf, value)| {
+            let direction = turning.map_or(direction, |turning| turning.outward(direction));
+            DirectionSample::weighted(quantity, direction, pdf, value)
+        }))
     }
 
     /// [`Sampler::sample_of`] for each incoming direction of `pairs` and point; what is refused ends it.

@@ -9,8 +9,9 @@ use super::lines::{Found, Incoming, Lines};
 use super::place::{Beyond, Interpolation, Place};
 use super::samples::known_sum;
 use super::spectrum::between;
+use super::turning::Turning;
 use crate::domain::vector::{cross, dot, norm};
-use crate::domain::{Axis, Domain, Frame, Measurement, Quantity, Tensor};
+use crate::domain::{Axis, Direction, Domain, Frame, Measurement, Quantity, Tensor};
 use rayon::prelude::*;
 
 /// Places that a thread takes at a time.
@@ -54,6 +55,12 @@ impl Stated {
     /// Returns true for a phase function of the scattering angle alone, which has values under light from anywhere.
     pub(super) fn is_scattering(&self) -> bool {
         self.is_scattering
+    }
+
+    /// The frame about `wi` of a list over the scattering angle, in which light comes in along `+z`; `None` of other samples,
+    /// whose directions are drawn as they are asked for.
+    pub(super) fn turning(&self, wi: Option<Direction>) -> Option<Turning> {
+        wi.filter(|_| self.is_scattering).map(Turning::about)
     }
 
     pub(super) fn geometry(&self) -> &Geometry {
@@ -195,6 +202,18 @@ impl Stated {
         let tensor = Tensor::new(self.geometry.axes().to_vec(), samples)?;
         let (quantity, unit, sampling) = (self.geometry.quantity(), self.geometry.unit(), self.geometry.sampling());
         Ok(Measurement { quantity, unit, sampling, tensor })
+    }
+}
+
+/// Both directions in the frame about `wi`, where `stated` is a list over the scattering angle; as they are elsewhere.
+pub(super) fn as_drawn(
+    stated: Option<&Stated>,
+    wi: Option<Direction>,
+    wo: Direction,
+) -> (Option<Direction>, Direction) {
+    match stated.and_then(|stated| stated.turning(wi)) {
+        Some(turning) => (Some(Turning::up()), turning.inward(wo)),
+        None => (wi, wo),
     }
 }
 

@@ -3,8 +3,8 @@
 use super::*;
 use crate::domain::vector::{add, unit};
 use crate::domain::{
-    Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Frame, Measurement, Outside, Quantity, Sampling, Tensor,
-    TriangleMesh, Unit, WavelengthGrid,
+    Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Domain, Frame, Measurement, Outside, Quantity, Sampling,
+    Tensor, TriangleMesh, Unit, WavelengthGrid,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -301,6 +301,30 @@ fn directions_are_drawn_around_light_from_anywhere() {
             let pdf = material.pdf(&[], Some(wi), drawn.direction, None).unwrap();
             assert!((pdf / drawn.pdf - 1.0).abs() < 1e-6, "{pdf} {}", drawn.pdf);
         }
+        // Every way to draw turns with the light, and the density integrates to 1.
+        let u = [[0.3, 0.6], [0.8, 0.1]];
+        let mut batch = [None; 2];
+        material.samples(&[], Some(Directions::of(&[wi, wi])), &u, None, &mut batch).unwrap();
+        for (u, drawn) in u.into_iter().zip(batch) {
+            assert_eq!(drawn, material.sample(&[], Some(wi), u, None).unwrap());
+            let (direction, pdf) = material.draw(&[], Some(wi), u, None).unwrap().unwrap();
+            assert_eq!(drawn.map(|drawn| (drawn.direction, drawn.pdf)), Some((direction, pdf)));
+            let [a, b] = material.invert(&[], Some(wi), direction, None).unwrap().unwrap();
+            let again = material.draw(&[], Some(wi), [a, b], None).unwrap().unwrap().0;
+            assert!(again.dot(direction) > 1.0 - 1e-9, "{direction:?} {again:?}");
+            let (from, to) = ([wi], [direction]);
+            let pairs = Pairs { index: &[], wi: Some(Directions::of(&from)), wo: Some(Directions::of(&to)) };
+            let mut densities = [0.0];
+            material.pdfs(pairs, None, &mut densities).unwrap();
+            assert!((densities[0] / pdf - 1.0).abs() < 1e-6);
+        }
+        let mesh = TriangleMesh::new(Domain::Sphere, 5).unwrap();
+        let density = |i| mesh.solid_angle(i) * material.pdf(&[], Some(wi), mesh.centroid(i), None).unwrap();
+        let whole: f64 = (0..mesh.len()).map(density).sum();
+        assert!((whole - 1.0).abs() < 5e-3, "{theta}: {whole}");
+        let mut albedo = [0.0];
+        material.albedo(&[], Some(wi), Interpolation::Smooth, &mut albedo).unwrap();
+        assert!((albedo[0] - 1.0).abs() < 5e-3, "{theta}: {}", albedo[0]);
         // Energy 1 and mean cosine 0.6: five standard errors of weights that spread by a few per cent.
         let (energy, cosine) = (sum / f64::from(count), cosines / f64::from(count));
         assert!((energy - 1.0).abs() < 0.02 && (cosine - 0.6).abs() < 0.03, "{theta}: {energy} {cosine}");

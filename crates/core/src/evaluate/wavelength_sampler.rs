@@ -4,7 +4,7 @@ use super::error::{EvaluateError, QueryError, unfit};
 use super::function::Function;
 use super::lookup::MeshLookup;
 use super::sampler::{DirectionSample, Sampler};
-use super::stated::Stated;
+use super::stated::{Stated, as_drawn};
 use super::trees::Trees;
 use super::warp::SampleOptions;
 use crate::domain::Direction;
@@ -68,6 +68,7 @@ impl<'a> WavelengthSampler<'a> {
         wo: Direction,
         options: impl Into<SampleOptions>,
     ) -> Result<f64, EvaluateError> {
+        let (wi, wo) = as_drawn(self.stated, wi, wo);
         self.sampler().pdf(index, wi, wo, options.into())
     }
 
@@ -79,6 +80,7 @@ impl<'a> WavelengthSampler<'a> {
         wo: Direction,
         options: impl Into<SampleOptions>,
     ) -> Result<Option<[f64; 2]>, EvaluateError> {
+        let (wi, wo) = as_drawn(self.stated, wi, wo);
         self.sampler().invert(index, wi, wo, options.into())
     }
 
