@@ -5,6 +5,7 @@ use crate::domain::{Axis, Direction, TriangleMesh};
 use crate::evaluate::error::{EvaluateError, Need};
 use crate::evaluate::material::Material;
 use crate::evaluate::place::{Interpolation, Place};
+use crate::evaluate::stated::Stated;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -152,7 +153,10 @@ impl Material {
         there: &mut [f32],
         back: &mut [f32],
     ) -> Option<(f64, f64)> {
-        if self.is_transmitted(wi, wo) || !self.is_between(wo) || !self.holds(wi, wo) || !self.holds(wo, wi) {
+        // A list over the scattering angle has a value for any two directions.
+        let is_list = self.stated().is_some_and(Stated::is_scattering);
+        let is_known = !self.is_transmitted(wi, wo) && self.is_between(wo) && self.holds(wi, wo) && self.holds(wo, wi);
+        if !is_list && !is_known {
             return None;
         }
         let how = Interpolation::Smooth;

@@ -62,8 +62,8 @@ pub(super) fn modelled(curves: Vec<Curve>, spectral: Option<Axis>, report: &mut 
 fn stated(curves: &[Curve], spectral: Option<&Axis>) -> Option<StatedGrid> {
     let first = curves.first().filter(|curve| curve.is_listed)?;
     let (nearest, farthest) = (first.angles[0], first.angles[first.angles.len() - 1]);
-    let polar = first.angles.iter().rev().map(|angle| 180.0 - angle).collect();
-    let covers = if first.held > 0.0 { (0.0, 180.0) } else { (180.0 - farthest, 180.0 - nearest) };
+    let polar = first.angles.iter().rev().map(|angle| decimal(180.0 - angle)).collect();
+    let covers = if first.held > 0.0 { (0.0, 180.0) } else { (decimal(180.0 - farthest), decimal(180.0 - nearest)) };
     let directions = DirectionGrid::new(Frame::Surface, polar, None).ok()?.covering(covers.0, covers.1).ok()?;
     let rows = (0..first.angles.len()).rev();
     let values = rows.flat_map(|row| curves.iter().map(move |curve| curve.values[row] as f32)).collect();
@@ -219,4 +219,11 @@ pub(super) fn normalise(
         );
     }
     Ok(())
+}
+
+/// The decimal number of nine places that `angle` differs from by rounding alone; `angle` itself where there is none. Decimals
+/// are coded in a tenth of the bytes.
+pub(super) fn decimal(angle: f64) -> f64 {
+    let nearest = libm::round(angle * 1e9) / 1e9;
+    if (nearest - angle).abs() < 1e-12 { nearest } else { angle }
 }

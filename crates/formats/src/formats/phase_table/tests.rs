@@ -214,3 +214,14 @@ fn spectra_stay_spectra() {
         assert_eq!(with(text, None).unwrap().format, "spectral-table", "{text}");
     }
 }
+
+#[test]
+fn angles_from_the_other_side_stay_decimals() {
+    for tenths in 0..=1800_i32 {
+        let angle: f64 = format!("{}.{}", tenths / 10, tenths % 10).parse().unwrap();
+        assert_eq!(super::normalised::decimal(180.0 - angle), f64::from(1800 - tenths) / 10.0);
+    }
+    // An angle of a cosine is no decimal.
+    let angle = libm::acos(0.3).to_degrees();
+    assert_eq!(super::normalised::decimal(angle), angle);
+}
