@@ -73,7 +73,7 @@ fn a_sector_of_a_lamp_has_a_value_at_its_pole() {
     let mut text =
         "# radiometric-csv: 1\n# quantity: emission\n# value_unit: cd\n# angle_unit: deg\nc,gamma,value\n".to_owned();
     for (c, gamma) in [10, 45, 80].into_iter().flat_map(|c| [0, 30, 60, 90].map(|gamma| (c, gamma))) {
-        text += &format!("{c},{gamma},{}\n", 100 - gamma);
+        text.extend([format!("{c},{gamma},{}\n", 100 - gamma)]);
     }
     let (table, out) = (at(&dir, "sector.csv"), at(&dir, "sector.wlm"));
     std::fs::write(&table, text).unwrap();

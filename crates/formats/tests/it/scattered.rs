@@ -225,7 +225,7 @@ fn planes_of_a_scan_are_compared_at_their_samples() {
         .to_owned();
     for (theta_i, theta_o) in [0, 30, 60].into_iter().flat_map(|i| (0..=80).step_by(10).map(move |o| (i, o))) {
         let value = 0.1 + 0.5 * (-f64::from((theta_o - theta_i) * (theta_o - theta_i)) / 400.0).exp();
-        text += &format!("{theta_i},{theta_o},180,{value}\n");
+        text.extend([format!("{theta_i},{theta_o},180,{value}\n")]);
     }
     let interpretation = Interpretation::default();
     let source = read(&Input { bytes: text.as_bytes(), interpretation: &interpretation, spectrum: None }).unwrap();
