@@ -41,6 +41,7 @@ use wavelume_core::domain::{
 use wavelume_core::evaluate::{Beyond, Directions, Drawings, Interpolation, Material, Place, SampleOptions};
 use wavelume_formats::formats::Interpretation;
 use wavelume_formats::pipeline::{self, Input, Request};
+use wavelume_formats::projection::DirectionDomain;
 
 const INCIDENCES: usize = 24;
 const LARGEST_THETA: f64 = 85.0;
@@ -393,7 +394,9 @@ fn scattering() -> Result<Vec<(&'static str, Material)>, Box<dyn Error>> {
         add(name, document)?;
     }
     let paint = Input { bytes: PAINT, spectrum: None, interpretation: &Interpretation::default() };
-    let paint = pipeline::compress(&pipeline::read(&paint)?, &Request::to(Target::ErL2(0.05)), &Silent)?;
+    // The quadrature is over triangles.
+    let request = Request { domain: Some(DirectionDomain::Triangles), ..Request::to(Target::ErL2(0.05)) };
+    let paint = pipeline::compress(&pipeline::read(&paint)?, &request, &Silent)?;
     materials.push(("blue car paint", Material::open(&paint.bytes)?));
     let mut add = |name, document: &str| -> Result<(), Box<dyn Error>> {
         materials.push((name, Material::open(&common::material(None, document)?)?));
