@@ -8,6 +8,9 @@ use super::planes::{FEW, Planes};
 use super::samples::{Found, known_sum};
 use crate::domain::{Measurement, Tensor, WavelengthGrid};
 
+/// Wavelengths of spectra that are summed up on the stack.
+const SPECTRUM: usize = 512;
+
 impl Function {
     /// The whole spectrum at `place` into `out` (`lambdas()` long), in the measurement's unit, without a cosine;
     /// NaN = masked, 0 where `wo` is outside the outgoing domain.
@@ -127,7 +130,17 @@ impl Function {
             Form::Samples(samples) => match samples.find(geometry, place, how)? {
                 Found::Outside => 0.0,
                 Found::Cell(row) => sum(&|lambda| row[lambda]),
-                Found::Rows(rows) => sum(&|lambda| samples.sample_of(&rows, lambda)),
+                Found::Rows(rows) => {
+                    // Row by row where the spectrum fits here: one sample of every row after the other is far apart.
+                    let mut spectrum = [0.0; SPECTRUM];
+                    match spectrum.get_mut(..geometry.lambdas()) {
+                        Some(spectrum) => {
+                            samples.sum(&rows, spectrum);
+                            sum(&|lambda| spectrum[lambda])
+                        }
+                        None => sum(&|lambda| samples.sample_of(&rows, lambda)),
+                    }
+                }
             },
         })
     }
