@@ -45,7 +45,7 @@ def documented():
     flags = f'-Zunstable-options --output-format=json --cfg=items="{time.time_ns()}"'
     environment = os.environ | {"RUSTDOC": str(Path(__file__).with_name("rustdoc")), "RUSTDOCFLAGS": flags}
     packages = [argument for name in CRATES for argument in ("--package", name)]
-    command = ["cargo", "doc", "--locked", "--quiet", "--no-deps", "--lib", *packages]
+    command = ["cargo", "doc", "--locked", "--profile", "test", "--quiet", "--no-deps", "--lib", *packages]
     if subprocess.run(command, cwd=ROOT, env=environment).returncode != 0:
         raise Failure("rustdoc failed, see above; `cargo doc --workspace --no-deps` must pass first")
     found = {}

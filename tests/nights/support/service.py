@@ -21,7 +21,7 @@ def binary():
     target = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
     path = Path(os.environ.get("WAVELUME_BINARY", target / "debug" / "wavelume"))
     if not path.is_file():
-        sys.exit(f"{path} is missing; run cargo build --locked --bins")
+        sys.exit(f"{path} is missing; run cargo build --locked --profile test --bins")
     return path
 
 
