@@ -1589,19 +1589,27 @@ def splines(count, x):
     return span, values
 
 
-def degrees(theta):
-    """Sine and cosine."""
-    if theta in (0.0, 90.0):
-        return (0.0, 1.0) if theta == 0.0 else (1.0, 0.0)
-    return math.sin(theta * (math.pi / 180.0)), math.cos(theta * (math.pi / 180.0))
+def degrees(angle):
+    """Sine and cosine, those of multiples of 90 exact."""
+    angle %= 360.0
+    quarters = {0.0: (0.0, 1.0), 90.0: (1.0, 0.0), 180.0: (0.0, -1.0), 270.0: (-1.0, 0.0)}
+    radians = angle * (math.pi / 180.0)
+    return quarters.get(angle) or (math.sin(radians), math.cos(radians))
+
+
+def direction(frame, polar, azimuth):
+    theta = (polar, 180.0 - polar, 90.0 - polar, 90.0 - polar)[frame]
+    (sine, z), (y, x) = degrees(theta), degrees(azimuth)
+    x, y = sine * x, sine * y
+    return ((x, y, z), (x, y, z), (y, -z, -x), (x, -y, z))[frame]
 
 
 class Chart:
     """A model of scattering: columns for each row, orthonormal through a Cholesky factor."""
 
-    def __init__(self, kind, shape, plan):
-        self.kind, mesh = kind, shape.mesh
-        zonal = kind == 3
+    @staticmethod
+    def of_triangles(kind, shape, plan):
+        mesh, zonal = shape.mesh, kind == 3
         require(zonal == (mesh.domain == SPHERE) and len(shape.block_axes) == 1, "a model that makes no sense")
         axis = shape.block_axes[0]
         if axis.kind == "triangles":
@@ -1610,9 +1618,20 @@ class Chart:
         else:
             require(axis.kind == "elevation" and not zonal, "a model that makes no sense")
             incoming = [(s * 1.0, s * 0.0, c) for s, c in map(degrees, axis.values)]
-        self.incoming = [incoming[b] for b in plan.representatives]
-        self.outgoing = centroids(mesh.domain, mesh.level)
-        self.constants = 0 if zonal or len(self.incoming) > 64 else len(self.incoming)
+        return Chart(kind, [incoming[b] for b in plan.representatives], centroids(mesh.domain, mesh.level), 4096)
+
+    @staticmethod
+    def of_grid(kind, shape, kept):
+        require(kind < 3 and shape.blocks == 1 and shape.first > 0, "a model of directions that are not there")
+        parts = []
+        for (frame, only), lines in zip(shape.frames, (kept[: shape.first], kept[shape.first :])):
+            azimuths = lines[1].positions if len(lines) > 1 else [only]
+            parts.append([direction(frame, polar, azimuth) for polar in lines[0].positions for azimuth in azimuths])
+        return Chart(kind, *parts, 65536)
+
+    def __init__(self, kind, incoming, outgoing, most):
+        self.kind, self.incoming, self.outgoing, self.most = kind, incoming, outgoing, most
+        self.constants = 0 if kind == 3 or len(self.incoming) > 64 else len(self.incoming)
         self.columns = self.row(0, 0)[1]
         self.factor = self.cholesky(self.gram())
 
@@ -1636,7 +1655,8 @@ class Chart:
             return entries, single(0, 32, angle)
         wo = (wo[0], wo[1], abs(wo[2]))
         wi = (wi[0], wi[1], abs(wi[2]))
-        h = unit(plus(wi, wo))
+        h = plus(wi, wo)
+        h = times(h, 1.0 / math.sqrt(max(dot(h, h), sys.float_info.min)))
         to_normal = math.sqrt(max(1.0 - h[2], 0.0))
         difference = math.sqrt(max(1.0 - dot(wi, h), 0.0))
         height = math.sqrt(wo[2])
@@ -1666,7 +1686,7 @@ class Chart:
 
     def gram(self):
         rows, leaves = len(self.incoming) * len(self.outgoing), len(self.outgoing)
-        stride = 1 if rows <= 4096 else -(-rows // 4096) | 1
+        stride = 1 if rows <= self.most else -(-rows // self.most) | 1
         gram = np.zeros((self.columns, self.columns))
         for at in range(0, rows, stride):
             entries = self.row(at // leaves, at % leaves)[0]
@@ -1773,7 +1793,7 @@ def predicted_logs(h, classes, basis, r, finest):
     model = None
     if plan.kind:
         coder = coders.pop(0) if plan.random else coders[0]
-        model = Chart(plan.kind, shape, plan).decode(coder, h.step, vectors)
+        model = Chart.of_triangles(plan.kind, shape, plan).decode(coder, h.step, vectors)
     planes = np.zeros((count, vectors, shape.mesh.count), F)
     if not plan.alone:
         live = live_leaves(shape, plan, classes)
@@ -1828,6 +1848,8 @@ class GridShape:
         self.first = len(own)
         outgoing = self.lines_of(axes[at])
         self.lines = own + outgoing
+        only = lambda axis: (axis.values[2], axis.values[1][0] if axis.values[1] else 0.0)
+        self.frames = [only(front) if front is not None and front.kind == "grid" else (0, 0.0), only(axes[at])]
         self.length = axes[at + 1].count if at + 1 < len(axes) else 1
         self.incoming = self.blocks * math.prod(len(line.angles) for line in own)
         lengths = [len(line.angles) for line in outgoing]
@@ -2281,6 +2303,28 @@ def coarse_lines(shape, kept, left_out):
     return lines
 
 
+def coarse_model(model, weights, kept, left_out):
+    """The model's planes at the nodes of a level: means by weight of the leaves that they merge."""
+    nodes, count = [0], 1
+    for i, own in enumerate(kept):
+        halvings = sum(axis == 4 - len(kept) + i for axis in left_out)
+        length = -(-len(own.positions) // (1 << halvings))
+        nodes = [node * length + (entry >> halvings) for node in nodes for entry in range(len(own.positions))]
+        count *= length
+    planes = []
+    for plane, values in enumerate(model[0].astype(float)):
+        own = weights[min(plane, len(weights) - 1)]
+        sums, weighs, alls, numbers = np.zeros((4, count))
+        for node, value, weight in zip(nodes, values, own):
+            sums[node] += weight * value
+            weighs[node] += weight
+            alls[node] += value
+            numbers[node] += 1
+        with np.errstate(invalid="ignore"):
+            planes.append(np.where(weighs > 0, sums / weighs, alls / numbers).astype(F))
+    return np.array([planes])
+
+
 def coarse_samples(h, classes, shape, kept, lines, first, values):
     """Samples of a level from the values of its nodes."""
     rows = [0]
@@ -2311,7 +2355,8 @@ def decode_grid(h, classes, basis, r, level=None):
     require(basis is None or shape.length > 1, "a basis chunk without a last axis behind the directions")
     basis = None if basis is None else Basis(basis, h.axes, shape.rows, h.step, gridded=True)
     start, form = r.at, r.unsigned(1)
-    require(form < 16 and form & 9 != 9 and bool(form & 8) == bool(h.flags & LEVELS), "an unknown form of a grid chunk")
+    kind = form >> 4
+    require(kind < 3 and form & 9 != 9 and bool(form & 8) == bool(h.flags & LEVELS), "an unknown form of a grid chunk")
     random, has_bound, learns = form & 1, form & 2, not form & 4
     r.note(start, f"form of the grid chunk {form}")
     bound = F(r.number("f")) if has_bound else None
@@ -2333,6 +2378,11 @@ def decode_grid(h, classes, basis, r, level=None):
     first = {}
     for row, leaf in enumerate(rows):
         first.setdefault(leaf, row)
+    model = None
+    if kind:
+        model = Chart.of_grid(kind, shape, kept).decode(coder, h.step, vectors)
+        # [incoming entries, vectors, leaves] as the planes of units.
+        model = model if random else model.transpose(1, 0, 2).reshape(1, vectors, leaves)
     lanes = lanes_of(shape.length)
     live = None if classes is None else (classes == POSITIVE).reshape(shape.rows, shape.length)
 
@@ -2362,7 +2412,11 @@ def decode_grid(h, classes, basis, r, level=None):
         pyramid = Pairs(lines, order, [one for unit in sets for one in unit], by_plane)
         planes = pyramid.decode(coder, *quantiser, units * vectors, vectors, left_out)
         unit_leaves = len(planes[0])
-    planes = np.array(planes).reshape(units, vectors, unit_leaves).transpose(0, 2, 1).reshape(-1, vectors)
+    planes = np.array(planes).reshape(units, vectors, unit_leaves)
+    if model is not None:
+        sets = [np.array(one) for unit in sets for one in unit]
+        planes = planes + (model if level is None else coarse_model(model, sets, kept, order[:left_out]))
+    planes = planes.transpose(0, 2, 1).reshape(-1, vectors)
     if basis is None:
         values = np.zeros((len(planes), shape.length), F)
         values[:, lanes] = planes

@@ -12,8 +12,8 @@ use wavelume_core::compress::{
     Numbers, Policy, Settings, Target, compress_numbers, decode, decode_block, decode_level, decode_numbers, levels,
 };
 use wavelume_core::domain::{
-    Axis, AzimuthExtent, Azimuths, DirectionGrid, Domain, Frame, Measurement, Outside, Quantity, Sampling, Silent,
-    Tensor, TriangleMesh, Unit, WavelengthGrid,
+    Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Domain, Frame, Measurement, Outside, Quantity, Sampling,
+    Silent, Tensor, TriangleMesh, Unit, WavelengthGrid,
 };
 use wavelume_core::evaluate::state_levels;
 
@@ -67,6 +67,8 @@ fn tensor(axes: Vec<Axis>, value: impl Fn(usize, &[usize]) -> f64) -> Tensor {
 fn direction(axis: &Axis, i: usize) -> Vector {
     match axis {
         Axis::Triangles(mesh) => mesh.centroid(i).xyz(),
+        Axis::Grid(grid) => grid.direction(i).xyz(),
+        Axis::Elevation(degrees) => Direction::from_degrees(degrees[i], 0.0).xyz(),
         _ => panic!("no directions"),
     }
 }
@@ -85,6 +87,14 @@ fn gloss(axes: &[Axis], at: &[usize], stretch: f64) -> f64 {
     let slope = (stretch * h[0] * h[0] + h[1] * h[1]) / (h[2] * h[2]);
     let colour = at.get(2).map_or(1.0, |&k| 0.2 + 0.1 * k as f64 + 0.02 * (k * k) as f64);
     0.3 * colour + 2.0 / ((1.0 + 6.0 * slope) * (1.0 + 6.0 * slope)) * (1.0 + 0.5 * (1.0 - dot(wi, h)))
+}
+
+/// A narrow lobe around the mirror direction, of this steepness along x and along y.
+fn narrow(axes: &[Axis], at: &[usize], [along_x, along_y]: [f64; 2]) -> f64 {
+    let h = half(direction(&axes[0], at[0]), direction(&axes[1], at[1]));
+    let slope = (along_x * h[0] * h[0] + along_y * h[1] * h[1]) / (h[2] * h[2]);
+    let colour = at.get(2).map_or(1.0, |&k| 0.5 + 0.2 * k as f64);
+    0.3 * colour + 4.0 / ((1.0 + slope) * (1.0 + slope))
 }
 
 fn golden(name: &'static str, quantity: Quantity, tensor: Tensor, target: Target) -> Golden {
@@ -131,6 +141,8 @@ fn all() -> Vec<Golden> {
         paint(),
         leaf(),
         spot(),
+        varnish(),
+        brushed(),
         conventional(),
     ]
 }
@@ -373,6 +385,37 @@ fn spot() -> Golden {
         }
     });
     golden("spot", Quantity::Edf, data, Target::ErL2(0.01))
+}
+
+/// A grid in chunk G behind the isotropic model, on the data's own spectral basis, with a coarser level.
+fn varnish() -> Golden {
+    let azimuths = Azimuths { angles: (0..13).map(|i| 15.0 * f64::from(i)).collect(), extent: AzimuthExtent::Mirrored };
+    let polar = (0..9).map(|i| 10.0 * f64::from(i)).collect();
+    let grid = DirectionGrid::new(Frame::Surface, polar, Some(azimuths)).unwrap();
+    let axes = vec![Axis::Elevation(vec![0.0, 15.0, 30.0, 45.0, 60.0, 75.0]), Axis::Grid(grid), wavelengths(4)];
+    let data = tensor(axes.clone(), |i, at| match i % 301 {
+        0 => f64::NAN,
+        _ => narrow(&axes, at, [40.0, 40.0]) * (1.0 + 0.03 * noise(i)),
+    });
+    let mut golden = golden("varnish", Quantity::Brdf, data, Target::ErL2(0.005));
+    "klt".clone_into(&mut golden.settings.basis);
+    golden
+}
+
+/// Grids in chunk G behind the anisotropic model, every incoming direction a stream of its own.
+fn brushed() -> Golden {
+    let circle = |step: f64, count: usize| {
+        let angles = (0..count).map(|i| step * i as f64).collect();
+        Some(Azimuths { angles, extent: AzimuthExtent::Circle })
+    };
+    let incoming = DirectionGrid::new(Frame::Surface, vec![20.0, 40.0, 60.0], circle(90.0, 4)).unwrap();
+    let polar = (0..8).map(|i| 10.0 * f64::from(i)).collect();
+    let outgoing = DirectionGrid::new(Frame::Surface, polar, circle(15.0, 24)).unwrap();
+    let axes = vec![Axis::Grid(incoming), Axis::Grid(outgoing)];
+    let data = tensor(axes.clone(), |i, at| narrow(&axes, at, [10.0, 60.0]) * (1.0 + 0.002 * noise(i)));
+    let mut golden = golden("brushed", Quantity::Brdf, data, Target::ErL2(0.005));
+    golden.settings.random_access = true;
+    golden
 }
 
 /// Samples instead of logarithms, none of them negative.

@@ -4,7 +4,8 @@ use super::tests::{hurt, index, settings, wavelengths};
 use super::*;
 use crate::codec::{ChunkKind, CodecError, Container, write_container};
 use crate::domain::{
-    Axis, AzimuthExtent, Azimuths, DirectionGrid, ErrorReport, Frame, Measurement, Quantity, Sampling, Silent, Tensor,
+    Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, ErrorReport, Frame, Measurement, Quantity, Sampling,
+    Silent, Tensor,
 };
 
 fn every(step: f64, count: usize) -> Vec<f64> {
@@ -54,6 +55,39 @@ fn lamp(noise: f64) -> Measurement {
     with_samples(&m, |s| {
         (0..s.len()).map(|i| if i < 25 { s[0] } else { s[if i % 25 == 24 { i - 24 } else { i }] }).collect()
     })
+}
+
+/// A gloss lobe on a diffuse base, narrower across x by `stretch`.
+fn glossy(axes: &[Axis], stretch: f64) -> Measurement {
+    let wi = |i: usize| match &axes[0] {
+        Axis::Elevation(degrees) => Direction::from_degrees(degrees[i], 0.0).xyz(),
+        Axis::Grid(grid) => grid.direction(i).xyz(),
+        _ => unreachable!("no incoming directions"),
+    };
+    let Axis::Grid(outgoing) = &axes[1] else { unreachable!("no outgoing grid") };
+    let lambdas = axes.get(2).map_or(1, Axis::len);
+    let sample = |flat: usize| {
+        let (pair, lambda) = (flat / lambdas, flat % lambdas);
+        let (wi, wo) = (wi(pair / outgoing.len()), outgoing.direction(pair % outgoing.len()).xyz());
+        let h = [wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]];
+        let slope = (stretch * h[0] * h[0] + h[1] * h[1]) / (h[2] * h[2] + 1e-6);
+        (0.2 + 0.1 * lambda as f64 + 3.0 / ((1.0 + 40.0 * slope) * (1.0 + 40.0 * slope))) as f32
+    };
+    let samples = (0..axes.iter().map(Axis::len).product()).map(sample).collect();
+    let tensor = Tensor::new(axes.to_vec(), samples).unwrap();
+    Measurement::new(Quantity::Brdf, Quantity::Brdf.default_unit(), Sampling::Point, tensor).unwrap()
+}
+
+/// Materials whose lobes are coded behind a model, and its kind: isotropic and anisotropic.
+fn modelled() -> Vec<(Measurement, u8)> {
+    let half = Some((every(15.0, 13), AzimuthExtent::Mirrored));
+    let circle = |count: usize| Some((every(360.0 / count as f64, count), AzimuthExtent::Circle));
+    let elevations = Axis::Elevation(every(15.0, 7));
+    let incoming = grid(Frame::Surface, every(25.0, 4), circle(6));
+    vec![
+        (glossy(&[elevations, grid(Frame::Surface, every(10.0, 10), half), wavelengths(5)], 1.0), 1),
+        (glossy(&[incoming, grid(Frame::Surface, every(10.0, 9), circle(24))], 0.2), 2),
+    ]
 }
 
 fn materials() -> Vec<Measurement> {
@@ -180,10 +214,37 @@ fn incoming_entries_decode_by_themselves() {
 }
 
 #[test]
+fn lobes_are_coded_behind_a_model_whole_by_entry_and_by_level() {
+    for (m, kind) in modelled() {
+        for random_access in [false, true] {
+            let settings = Settings { random_access, ..settings(Target::ErL2(0.01), Policy::Rd) };
+            for m in [m.clone(), hurt(m.clone())] {
+                let file = check(&m, &settings);
+                assert!(file.summary.errors.er_l2 <= 0.01);
+                let (_, container) = super::decode::open(&file.bytes).unwrap();
+                let form = container.get(ChunkKind::Grid).unwrap().payload[0];
+                assert_eq!(form >> 4, kind, "{:?}", m.tensor.shape());
+                let whole = decode(&file.bytes).unwrap().measurement.tensor.into_samples();
+                let own = whole.len() / m.tensor.axes()[0].len();
+                for (entry, whole) in whole.chunks_exact(own).enumerate() {
+                    let block = decode_block(&file.bytes, entry).unwrap();
+                    let same = block.tensor.samples().iter().zip(whole);
+                    assert!(
+                        same.clone().all(|(a, b)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan()),
+                        "{entry}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn any_grid_chunk_decodes_or_is_refused() {
-    let all = materials();
-    for (i, random_access) in [(0, false), (3, true), (4, false), (5, true)] {
-        let m = hurt(all[i].clone());
+    let (all, modelled) = (materials(), modelled());
+    let some = [(&all[0], false), (&all[3], true), (&all[4], false), (&all[5], true)];
+    for (m, random_access) in some.into_iter().chain([(&modelled[0].0, false), (&modelled[1].0, true)]) {
+        let m = hurt(m.clone());
         let settings = Settings { random_access, ..settings(Target::ErL2(0.1), Policy::Rd) };
         let file = compress(&m, &settings, &Silent).unwrap();
         let (_, container) = super::decode::open(&file.bytes).unwrap();

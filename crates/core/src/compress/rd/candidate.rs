@@ -71,10 +71,11 @@ impl<'a> Candidate<'a> {
                 let layer = PredictiveLayer::new(Arc::clone(folded), *chart, settings.random_access);
                 Box::new(layer?)
             }
-            Scheme::Gridded { shape, klt, learns, step } => {
+            Scheme::Gridded { shape, klt, learns, model, step } => {
                 let form = Form {
                     klt: *klt,
                     learns: *learns,
+                    model: *model,
                     is_linear: plane.values.is_linear(),
                     random: settings.random_access,
                     step: *step,

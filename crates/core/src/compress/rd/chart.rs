@@ -25,8 +25,10 @@ use columns::{Columns, Entries, LANES, RUN, add_up};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Rows on which the columns are made orthonormal: few, because a decoder does it, too.
-const GRAM_ROWS: usize = 1 << 12;
+/// Rows of a mesh on which the columns are made orthonormal: few, because a decoder does it, too.
+const MESH_ROWS: usize = 1 << 12;
+/// The same of a grid, whose few rows around the normal have columns of their own.
+pub(crate) const GRID_ROWS: usize = 1 << 16;
 /// Rows to which the model is fitted.
 const FITTED_ROWS: usize = 1 << 16;
 /// Coefficients round down from here.
@@ -44,25 +46,34 @@ pub(crate) struct Chart {
     factor: GramFactor,
     /// Of the rows the model is fitted to; an encoder's.
     fitted: Option<GramFactor>,
+    /// Rows that are fitted to: all without it.
+    live: Option<Vec<bool>>,
 }
 
 impl Chart {
     /// The model of `kind` on the representatives of `shape`; `None` where it makes no sense.
-    pub(crate) fn new(kind: ChartKind, shape: &Shape, representatives: &Representatives) -> Option<Self> {
+    pub(crate) fn of_triangles(kind: ChartKind, shape: &Shape, representatives: &Representatives) -> Option<Self> {
         let incoming = incoming(shape, kind)?;
         let incoming = (0..representatives.len()).map(|k| incoming.get(representatives.block(k)).copied());
         let incoming = incoming.collect::<Option<Vec<_>>>()?;
         let mesh = shape.mesh();
-        let outgoing: Vec<Vector> = (0..mesh.len()).map(|i| mesh.centroid(i).xyz()).collect();
-        let constants = if kind == ChartKind::Zonal || incoming.len() > MOST_CONSTANTS { 0 } else { incoming.len() };
-        let columns = Columns { kind, constants };
-        let mut chart = Self { columns, incoming, outgoing, factor: GramFactor::default(), fitted: None };
-        chart.factor = GramFactor::new(chart.columns.count(), &chart.gram(GRAM_ROWS), |_| true);
-        Some(chart)
+        let outgoing = (0..mesh.len()).map(|i| mesh.centroid(i).xyz()).collect();
+        Some(Self::new(kind, incoming, outgoing, MESH_ROWS))
     }
 
-    /// Ready to be fitted.
-    pub(crate) fn prepared(mut self) -> Self {
+    /// The model of `kind` on rows of every incoming direction with every outgoing one, with columns that are orthonormal on
+    /// at most `most` of them.
+    pub(crate) fn new(kind: ChartKind, incoming: Vec<Vector>, outgoing: Vec<Vector>, most: usize) -> Self {
+        let constants = if kind == ChartKind::Zonal || incoming.len() > MOST_CONSTANTS { 0 } else { incoming.len() };
+        let columns = Columns { kind, constants };
+        let mut chart = Self { columns, incoming, outgoing, factor: GramFactor::default(), fitted: None, live: None };
+        chart.factor = GramFactor::new(chart.columns.count(), &chart.gram(most), |_| true);
+        chart
+    }
+
+    /// Ready to be fitted to these rows, or to all.
+    pub(crate) fn prepared(mut self, live: Option<Vec<bool>>) -> Self {
+        self.live = live;
         let gram = self.gram(FITTED_ROWS);
         self.fitted = Some(GramFactor::new(self.columns.count(), &gram, |column| self.factor.keeps(column)));
         self
@@ -93,7 +104,12 @@ impl Chart {
         if self.rows() <= most { 1 } else { self.rows().div_ceil(most) | 1 }
     }
 
-    /// The Gram matrix of all columns (its lower triangle) on `most` rows, as if on all.
+    /// Returns true where the model is fitted to a row.
+    fn is_live(&self, row: usize) -> bool {
+        self.live.as_ref().is_none_or(|live| live[row])
+    }
+
+    /// The Gram matrix of all columns (its lower triangle) on `most` of the rows that are fitted to, as if on all of them.
     fn gram(&self, most: usize) -> Vec<f64> {
         let n = self.columns.count();
         let stride = self.stride(most);
@@ -105,7 +121,7 @@ impl Chart {
             wide(
                 #[inline(always)]
                 || {
-                    for entries in &entries[..rows.len()] {
+                    for (_, entries) in rows.clone().zip(&entries).filter(|(row, _)| self.is_live(*row)) {
                         entries.add_products(n, &mut gram);
                     }
                 },
@@ -131,7 +147,7 @@ impl Chart {
                 for at in (first..end).step_by(stride * LANES) {
                     let rows = (at..end).step_by(stride).take(LANES);
                     self.fill(rows.clone(), &mut entries);
-                    for (row, entries) in rows.zip(&entries) {
+                    for (row, entries) in rows.zip(&entries).filter(|(row, _)| self.is_live(*row)) {
                         for (plane, sums) in planes.chunks_exact(leaves).zip(sums.chunks_exact_mut(n)) {
                             let x = f64::from(plane[row - block * leaves]) * stride as f64;
                             entries.add(x, sums);
@@ -256,5 +272,32 @@ fn incoming(shape: &Shape, kind: ChartKind) -> Option<Vec<Vector>> {
             Some(degrees.iter().map(|&theta| Direction::from_degrees(theta, 0.0).xyz()).collect())
         }
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::Encoder;
+
+    #[test]
+    fn a_smooth_lobe_on_a_grid_is_followed() {
+        let direction = |theta: f64, phi: f64| Direction::from_degrees(theta, phi).xyz();
+        let incoming: Vec<Vector> = (0..9).map(|i| direction(10.0 * f64::from(i), 0.0)).collect();
+        let outgoing: Vec<Vector> =
+            (0..18 * 37).map(|i| direction(5.0 * f64::from(i / 37), 5.0 * f64::from(i % 37))).collect();
+        let lobe = |wi: &Vector, wo: &Vector| {
+            let h = [wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]];
+            let cosine = h[2] / (h[0] * h[0] + h[1] * h[1] + h[2] * h[2]).sqrt();
+            (5.0 * cosine.powi(8)) as f32
+        };
+        let planes: Vec<f32> = incoming.iter().flat_map(|wi| outgoing.iter().map(move |wo| lobe(wi, wo))).collect();
+        for live in [None, Some(vec![true; planes.len()])] {
+            let chart = Chart::new(ChartKind::Isotropic, incoming.clone(), outgoing.clone(), GRID_ROWS).prepared(live);
+            let coefficients = chart.code(&mut Encoder::default(), 0.01, 1, Some(&planes), &mut 0);
+            let model = chart.evaluate(coefficients, 1, chart.all());
+            let worst = planes.iter().zip(&model).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(worst < 0.05, "{worst}");
+        }
     }
 }

@@ -2,10 +2,11 @@
 //! closed loop.
 //!
 //! ```text
-//! grid chunk   u8 s + 2 · n + 4 · f + 8 · l: f without least squares; n: f32 the largest logarithm of a negative sample;
-//!              l: coarser levels, as in `index`; then
-//!              s = 0: one range-coded stream: what repeats, as in `lattice`; the order of halvings; the pyramid
-//!              s = 1: varint length, and the first two as a stream of their own; then the pyramid of every incoming entry
+//! grid chunk   u8 s + 2 · n + 4 · f + 8 · l + 16 · m: f without least squares; n: f32 the largest logarithm of a negative
+//!              sample; l: coarser levels, as in `index`; m the kind of the model, 0 if there is none; then
+//!              s = 0: one range-coded stream: what repeats, as in `lattice`; the order of halvings; the model's coefficients;
+//!                     the pyramid of what the model misses
+//!              s = 1: varint length, and the first three as a stream of their own; then the pyramid of every incoming entry
 //!                     that is kept, in order, as in `streams`
 //! ```
 //! Planes are coefficients in the data's own basis where there is a basis chunk, else the entries of the last axis: of three,
@@ -15,6 +16,7 @@ mod coarser;
 mod decode;
 mod index;
 mod lattice;
+mod model;
 mod nodes;
 mod planes;
 mod quantised;
@@ -25,8 +27,9 @@ pub(crate) use lattice::Shape;
 
 use super::super::setting_error::SettingError;
 use super::super::spectral_basis::SpectralBasis;
+use super::chart::ChartKind;
 use super::coded::{Coded, LastCoded, code_streams};
-use super::layer::FirstLayer;
+use super::layer::{FirstLayer, chunk_bytes};
 use super::lines::{PairPyramid, Source, code_order, order_of_halvings};
 use super::spectrum::{ANALYSED, Basis, MAX_GRID_RANK, components};
 use super::steps::Fineness;
@@ -34,15 +37,36 @@ use super::streams::Streams;
 use crate::codec::{ChunkKind, Class, Encoder, Writer};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Klt};
+use model::GridModel;
 use planes::Planes;
 use quantised::{bound_negative, quantiser};
 use rayon::prelude::*;
+use std::mem::replace;
 use std::sync::Arc;
 
 /// The largest logarithm of a negative sample, rounded down.
 fn largest_negative(classes: &[Class], values: &[f32]) -> Option<f32> {
     let negative = classes.iter().zip(values).filter(|(class, _)| **class == Class::Negative);
     negative.map(|(_, &value)| value).reduce(f32::max).map(|largest| largest.next_down().next_down())
+}
+
+/// Models that leave at most this of the bits, as they are estimated, are tried. The estimate does not know what the coder
+/// learns from details next to each other.
+const WORTH_A_TRIAL: f64 = 0.97;
+
+fn subtract(planes: &mut [f32], model: &[f32]) {
+    planes.iter_mut().zip(model).for_each(|(x, m)| *x -= m);
+}
+
+/// What the pyramid of a grid is coded behind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Behind {
+    /// No model.
+    Nothing,
+    /// The model of a kind.
+    Model(ChartKind),
+    /// The model that makes a file of typical step smallest, or none.
+    Judged,
 }
 
 /// Form in which a layer takes the samples of a tensor.
@@ -57,6 +81,7 @@ pub(super) struct Form {
     pub(super) random: bool,
     /// Least squares predict beside the fixed filters.
     pub(super) learns: bool,
+    pub(super) model: Behind,
     /// A typical step, which the order of halvings is found for.
     pub(super) step: f64,
 }
@@ -74,6 +99,7 @@ pub(crate) struct GridLayer<'a> {
     /// Values of all leaves, `[leaves, length]`.
     values: Vec<f32>,
     pyramids: Vec<PairPyramid>,
+    model: Option<GridModel>,
     /// Opening of the stream, the same for every step: repeated slices and the order of halvings.
     opening: Encoder,
     /// Means and details of each stream, where planes do not depend on the step.
@@ -91,6 +117,7 @@ impl<'a> GridLayer<'a> {
         form: Form,
     ) -> Result<Self, SettingError> {
         let length = shape.length();
+        let allowed = shape.models();
         let same = |a: usize, b: usize| {
             let [a, b] = [a, b].map(|at| {
                 let class = classes.map_or(Class::Positive, |classes| classes[at]);
@@ -103,7 +130,7 @@ impl<'a> GridLayer<'a> {
         let kept = planes.leaves_of(values);
         let spectra = form.klt.then(|| planes.spectra(classes, &kept, ANALYSED));
         let klt = spectra.map(|spectra| components(&spectra, length, MAX_GRID_RANK)).transpose()?;
-        let typical = match &klt {
+        let typical: Vec<f32> = match &klt {
             Some(klt) => {
                 let fineness = Fineness::of(form.step as f32);
                 let basis = Basis::encode(klt, axes, (planes.rows(), MAX_GRID_RANK), fineness).0;
@@ -113,7 +140,11 @@ impl<'a> GridLayer<'a> {
         };
         let weights = planes.weights(classes);
         let run = typical.len() / weights.values.len();
-        let order = order_of_halvings(planes.grid(), &typical, (&weights.values, run), form.step);
+        let order_of = |planes: &Planes, typical: &[f32]| {
+            order_of_halvings(planes.grid(), typical, (&weights.values, run), form.step)
+        };
+        let (order, bits) = order_of(&planes, &typical);
+        let repeats = opening.clone();
         let order = code_order(&mut opening, planes.grid(), &order);
         let pyramids = planes.pyramids(&order, &weights);
         let mut layer = Self {
@@ -128,12 +159,48 @@ impl<'a> GridLayer<'a> {
             klt,
             values: kept,
             pyramids,
+            model: None,
             opening,
         };
-        if layer.klt.is_none() {
+        let (vectors, streams) = (typical.len() / layer.planes.leaves(), layer.planes.streams());
+        let kinds = match &form.model {
+            Behind::Nothing => &[],
+            Behind::Model(kind) => std::slice::from_ref(kind),
+            Behind::Judged => allowed,
+        };
+        for &kind in kinds {
+            let Some(model) = GridModel::new(kind, &layer.planes) else { continue };
+            let model = model.prepared(layer.planes.live_leaves(&weights));
+            let planes = Some((&*typical, streams));
+            let coefficients = model.code(&mut Encoder::default(), form.step as f32, vectors, planes, &mut 0);
+            let mut missed = typical.clone();
+            subtract(&mut missed, &model.all(&coefficients, vectors, streams));
+            let (order, left) = order_of(&layer.planes, &missed);
+            let is_judged = form.model == Behind::Judged;
+            if !is_judged || left < WORTH_A_TRIAL * bits {
+                let mut opening = repeats.clone();
+                let order = code_order(&mut opening, layer.planes.grid(), &order);
+                let pyramids = layer.planes.pyramids(&order, &weights);
+                layer.take_model((model, is_judged), opening, pyramids);
+            }
+        }
+        if layer.klt.is_none() && layer.model.is_none() {
             layer.sources = Some(layer.sources_of(&typical, length));
         }
         Ok(layer)
+    }
+
+    /// Takes over a model with its order of halvings; one that is judged, if a file of typical step is smaller for it.
+    fn take_model(&mut self, (model, is_judged): (GridModel, bool), opening: Encoder, pyramids: Vec<PairPyramid>) {
+        let bytes = |layer: &Self| {
+            if is_judged { chunk_bytes(&layer.code(Fineness::of(layer.form.step as f32)).chunks) } else { 0 }
+        };
+        let before = bytes(self);
+        let model = self.model.replace(model);
+        let (opening, pyramids) = (replace(&mut self.opening, opening), replace(&mut self.pyramids, pyramids));
+        if bytes(self) > before {
+            (self.model, self.opening, self.pyramids) = (model, opening, pyramids);
+        }
     }
 
     fn sources_of(&self, planes: &[f32], vectors: usize) -> Vec<Source> {
@@ -157,9 +224,22 @@ impl<'a> GridLayer<'a> {
             basis
         });
         let vectors = basis.as_ref().map_or(self.planes.length(), Basis::rank);
-        let own = basis.as_ref().map(|basis| {
-            let coefficients = basis.analyse(&self.values);
-            self.sources_of(&self.planes.of_coefficients(&coefficients, vectors), vectors)
+        let (mut opening, mut kept, mut model) = (self.opening.clone(), 0, None);
+        let own = self.sources.is_none().then(|| {
+            let mut planes = match &basis {
+                Some(basis) => self.planes.of_coefficients(&basis.analyse(&self.values), vectors).into_owned(),
+                None => self.planes.of_lanes(&self.values).into_owned(),
+            };
+            model = self.model.as_ref().map(|model| {
+                let streams = self.planes.streams();
+                let all = Some((&*planes, streams));
+                let coefficients = model.code(&mut opening, fineness.step, vectors, all, &mut kept);
+                model.all(&coefficients, vectors, streams)
+            });
+            if let Some(model) = &model {
+                subtract(&mut planes, model);
+            }
+            self.sources_of(&planes, vectors)
         });
         let sources = own.as_deref().or(self.sources.as_deref()).unwrap_or_default();
         let count = self.planes.units() / self.planes.streams() * vectors;
@@ -169,26 +249,30 @@ impl<'a> GridLayer<'a> {
         };
         let mut w = Writer::default();
         let flags = [self.form.random, self.largest_negative.is_some(), !self.form.learns];
-        w.u8(flags.iter().rev().fold(0, |form, &flag| form << 1 | u8::from(flag)));
+        let flags = flags.iter().rev().fold(0, |form, &flag| form << 1 | u8::from(flag));
+        w.u8(flags | GridModel::form(self.model.as_ref()));
         if let Some(largest) = self.largest_negative {
             w.f32(largest);
         }
-        let (planes, details) = if self.form.random {
+        let (mut planes, details) = if self.form.random {
             let (planes, details, streams) = code_streams(self.planes.streams(), code);
-            let opening = self.opening.clone().finish();
+            let opening = opening.finish();
             w.varint(opening.len() as u64);
             w.raw(&opening);
             w.raw(&Streams::write(None, &streams));
             (planes, details)
         } else {
-            let mut encoder = self.opening.clone();
+            let mut encoder = opening;
             let coded = code(&mut encoder, 0);
             w.raw(&encoder.finish());
             coded
         };
         chunks.push((ChunkKind::Grid, w.into_bytes()));
+        if let Some(model) = &model {
+            planes.iter_mut().zip(model).for_each(|(x, m)| *x += m);
+        }
         // The basis itself is part of what is kept.
-        let kept = details + basis.as_ref().map_or(0, |basis| basis.entries() as u64);
+        let kept = kept + details + basis.as_ref().map_or(0, |basis| basis.entries() as u64);
         Coded { basis, chunks, planes, kept }
     }
 }

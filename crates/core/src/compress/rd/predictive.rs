@@ -102,8 +102,8 @@ impl PredictiveLayer {
     pub(crate) fn new(folded: Arc<Folded>, chart: Option<ChartKind>, random: bool) -> Result<Self, SettingError> {
         let chart = match chart {
             Some(kind) => {
-                let chart = Chart::new(kind, &folded.shape, &folded.representatives);
-                Some(chart.ok_or(SettingError::Model)?.prepared())
+                let chart = Chart::of_triangles(kind, &folded.shape, &folded.representatives);
+                Some(chart.ok_or(SettingError::Model)?.prepared(None))
             }
             None => None,
         };

@@ -7,7 +7,7 @@ use super::super::spectral_basis::SpectralBasis;
 use super::super::target::Target;
 use super::chart::{ChartKind, has_chart};
 use super::class_plane::{ClassPlane, approximated};
-use super::gridded::Shape as GridShape;
+use super::gridded::{Behind, Shape as GridShape};
 use super::metric::root_mean_square;
 use super::predictive::Folded;
 use super::shape::Shape;
@@ -42,6 +42,8 @@ pub(super) enum Scheme {
         klt: bool,
         /// Least squares predict beside the fixed filters.
         learns: bool,
+        /// What the pyramid is coded behind.
+        model: Behind,
         /// A typical step.
         step: f64,
     },
@@ -54,9 +56,17 @@ impl Scheme {
             Self::Adaptive => SpectralBasis::Klt.name(),
             Self::Predicted(folded, None) if folded.is_trivial() => "predicted",
             Self::Predicted(_, None) => "predicted, folded",
-            Self::Gridded { klt: true, learns: true, .. } => "grid, klt",
+            Self::Gridded { klt: true, learns: true, model, .. } => match model {
+                Behind::Model(ChartKind::Isotropic) => "grid, klt, isotropic model",
+                Behind::Model(_) => "grid, klt, anisotropic model",
+                _ => "grid, klt",
+            },
+            Self::Gridded { klt: false, learns: true, model, .. } => match model {
+                Behind::Model(ChartKind::Isotropic) => "grid, isotropic model",
+                Behind::Model(_) => "grid, anisotropic model",
+                _ => "grid",
+            },
             Self::Gridded { klt: true, learns: false, .. } => "grid, klt, fixed prediction",
-            Self::Gridded { klt: false, learns: true, .. } => "grid",
             Self::Gridded { klt: false, learns: false, .. } => "grid, fixed prediction",
             Self::Predicted(_, Some(ChartKind::Isotropic)) => "predicted, isotropic model",
             Self::Predicted(_, Some(ChartKind::Anisotropic)) => "predicted, anisotropic model",
@@ -122,13 +132,15 @@ fn gridded(shape: &GridShape, bases: &[SpectralBasis], settings: &Settings, plan
         4..=MOST_CHANNELS if !is_named => &[true, false],
         _ => &[true],
     };
-    // Fixed prediction wins on small smooth arrays alone.
-    let learning: &[bool] = if shape.rows() <= FEW_ROWS { &[true, false] } else { &[true] };
-    let scheme = |klt, learns| Scheme::Gridded { shape: shape.clone(), klt, learns, step };
-    learning
-        .iter()
-        .flat_map(|&learns| forms.iter().map(move |&klt| (klt, learns)))
-        .map(|(klt, learns)| scheme(klt, learns))
+    let scheme = |klt, learns, model| Scheme::Gridded { shape: shape.clone(), klt, learns, model, step };
+    if shape.rows() > FEW_ROWS {
+        return forms.iter().map(|&klt| scheme(klt, true, Behind::Judged)).collect();
+    }
+    // Fixed prediction wins on small smooth arrays alone; what a model misses is not smooth.
+    let models = shape.models().iter().map(|&kind| (true, Behind::Model(kind)));
+    let ways = [(true, Behind::Nothing), (false, Behind::Nothing)].into_iter().chain(models);
+    ways.flat_map(|(learns, model)| forms.iter().map(move |&klt| (klt, learns, model)))
+        .map(|(klt, learns, model)| scheme(klt, learns, model))
         .collect()
 }
 

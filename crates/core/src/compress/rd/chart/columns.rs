@@ -210,7 +210,9 @@ impl Columns {
             // Transmission is seen in the mirror.
             let (up_in, up_out) = (wi[2][lane].abs(), wo[2][lane].abs());
             let h = [wi[0][lane] + wo[0][lane], wi[1][lane] + wo[1][lane], up_in + up_out];
-            let inverse = 1.0 / (h[0] * h[0] + h[1] * h[1] + h[2] * h[2]).sqrt();
+            // Opposite directions in the horizon have none, and it stays 0.
+            let squared = (h[0] * h[0] + h[1] * h[1] + h[2] * h[2]).max(f64::MIN_POSITIVE);
+            let inverse = 1.0 / squared.sqrt();
             let h = [h[0] * inverse, h[1] * inverse, h[2] * inverse];
             // Sines of half angles over that of 45°.
             to_normal[lane] = (1.0 - h[2]).max(0.0).sqrt();

@@ -4,6 +4,7 @@ use super::super::super::values::Values;
 use super::decode::Opened;
 use super::index::{self, GridLevel};
 use super::nodes::Nodes;
+use super::planes::Weights;
 use crate::codec::{Class, CodecError, Reader, Writer};
 use crate::domain::{Axis, AzimuthExtent, Azimuths, DirectionGrid, DirectionGridError};
 
@@ -27,7 +28,8 @@ pub(crate) fn decode_level(
     let (count, vectors) = (opened.planes.units() * opened.vectors(), opened.vectors());
     let nodes = pyramid.code(&mut opened.decoder, opened.quantiser, (count, vectors), None, left_out).0;
     let malformed = |error: DirectionGridError| CodecError::Malformed { at: 0, reason: error.to_string() };
-    samples(&opened, axes, classes, (&nodes, left_out), values).map_err(malformed)
+    let model = opened.model();
+    samples(&opened, axes, classes, (&weights, model.as_deref()), (&nodes, left_out), values).map_err(malformed)
 }
 
 /// The chunk with an index of its levels in front of the stream, their errors unknown; `None` where no level is worth it.
@@ -44,8 +46,10 @@ pub(crate) fn with_levels(
     }
     let head = if opened.largest_negative.is_some() { 5 } else { 1 };
     let stream = &chunks.1[head..];
-    let pyramid = opened.planes.pyramid(&opened.order, &opened.planes.weights(classes), 0);
+    let weights = opened.planes.weights(classes);
+    let pyramid = opened.planes.pyramid(&opened.order, &weights, 0);
     let (count, vectors) = (opened.planes.units() * opened.vectors(), opened.vectors());
+    let model = opened.model();
     let mut levels: Vec<GridLevel> = Vec::new();
     for left_out in (1..=opened.order.len()).rev() {
         let mut decoder = opened.decoder.clone();
@@ -56,7 +60,7 @@ pub(crate) fn with_levels(
             continue;
         }
         // Angles that rounding makes equal, or samples beyond float32, make no grid.
-        let is_whole = samples(&opened, axes, classes, (&nodes, left_out), values)
+        let is_whole = samples(&opened, axes, classes, (&weights, model.as_deref()), (&nodes, left_out), values)
             .is_ok_and(|(_, samples)| !samples.iter().any(|sample| sample.is_infinite()));
         if is_whole {
             levels.push(GridLevel { end, left_out, er_l2: f64::MAX });
@@ -99,6 +103,7 @@ fn samples(
     opened: &Opened<'_>,
     axes: &[Axis],
     classes: Option<&[Class]>,
+    (weights, model): (&Weights, Option<&[f32]>),
     (nodes, left_out): (&[f32], usize),
     finish: Values,
 ) -> Result<Coarse, DirectionGridError> {
@@ -110,7 +115,12 @@ fn samples(
     let n = planes.length();
     let unit = lines.iter().map(|line| line.count).product();
     let mut samples = vec![0.0; rows.len() * n];
-    planes.synthesise_rows(opened.basis.as_ref(), (nodes, unit), &rows, &mut samples);
+    let mut nodes = nodes.to_vec();
+    if let Some(model) = model {
+        let means = planes.means(model, weights, &lines);
+        nodes.iter_mut().zip(means).for_each(|(node, mean)| *node += mean);
+    }
+    planes.synthesise_rows(opened.basis.as_ref(), (&nodes, unit), &rows, &mut samples);
     finish.finish(&mut samples);
     if let Some(classes) = classes {
         let shares = planes.shares(classes, &lines);

@@ -1,11 +1,13 @@
 //! Grid chunks → logarithms, of the whole or of one incoming entry.
 
 use super::super::super::values::Values;
+use super::super::chart::ChartKind;
 use super::super::lines::{Quantiser, code_order};
 use super::super::spectrum::{Basis, MAX_GRID_RANK};
 use super::super::streams::Streams;
 use super::index::{self, GridLevel};
 use super::lattice::Shape;
+use super::model::GridModel;
 use super::planes::Planes;
 use super::quantised::{bound_negative, quantiser};
 use crate::codec::{Class, CodecError, Decoder, Reader};
@@ -20,6 +22,8 @@ pub(super) struct Opened<'a> {
     pub(super) planes: Planes,
     pub(super) basis: Option<Basis>,
     pub(super) order: Vec<u8>,
+    /// With its coefficients.
+    model: Option<(GridModel, Vec<f64>)>,
     /// Coarser levels, coarse first.
     pub(super) levels: Vec<GridLevel>,
     /// Behind the opening, of one stream.
@@ -44,7 +48,7 @@ impl<'a> Opened<'a> {
         let basis = basis.map(|chunk| Basis::decode(chunk, axes, (rows, MAX_GRID_RANK), step)).transpose()?;
         let mut r = Reader::new(coded, 0);
         let flags = Flags::read(&mut r)?;
-        let Flags { random, has_negative, learns, .. } = flags;
+        let Flags { random, has_negative, learns, model, .. } = flags;
         let quantiser = quantiser(step, is_linear, learns);
         let mut bound = r.clone();
         let largest_negative =
@@ -54,7 +58,14 @@ impl<'a> Opened<'a> {
         let open = |decoder: &mut Decoder<'a>| {
             let planes = Planes::code(decoder, shape.clone(), form, None);
             let order = code_order(decoder, planes.grid(), &[]);
-            (planes, order)
+            let vectors = basis.as_ref().map_or(planes.length(), Basis::rank);
+            let model = model.map(|kind| {
+                let model = GridModel::new(kind, &planes);
+                let model = model.ok_or_else(|| malformed("a model of directions that are not there"))?;
+                let coefficients = model.code(decoder, step, vectors, None, &mut 0);
+                Ok::<_, CodecError>((model, coefficients))
+            });
+            Ok::<_, CodecError>((planes, order, model.transpose()?))
         };
         if !random {
             let stream = match level {
@@ -67,11 +78,21 @@ impl<'a> Opened<'a> {
                 }
             };
             let mut decoder = Decoder::new(stream);
-            let (planes, order) = open(&mut decoder);
-            return Ok(Self { quantiser, largest_negative, planes, basis, order, levels, decoder, streams: None });
+            let (planes, order, model) = open(&mut decoder)?;
+            return Ok(Self {
+                quantiser,
+                largest_negative,
+                planes,
+                basis,
+                order,
+                model,
+                levels,
+                decoder,
+                streams: None,
+            });
         }
         let length = r.size(usize::MAX >> 1, "length of a stream")?;
-        let (planes, order) = open(&mut Decoder::new(r.take(length, "opening of a grid")?));
+        let (planes, order, model) = open(&mut Decoder::new(r.take(length, "opening of a grid")?))?;
         let streams = Streams::read(&mut r, false, planes.streams())?;
         Ok(Self {
             quantiser,
@@ -79,10 +100,17 @@ impl<'a> Opened<'a> {
             planes,
             basis,
             order,
+            model,
             levels,
             decoder: Decoder::new(&[]),
             streams: Some(streams),
         })
+    }
+
+    /// The model's planes, of all units.
+    pub(super) fn model(&self) -> Option<Vec<f32>> {
+        let (model, coefficients) = self.model.as_ref()?;
+        Some(model.all(coefficients, self.vectors(), self.planes.streams()))
     }
 
     pub(super) fn vectors(&self) -> usize {
@@ -103,7 +131,7 @@ pub(crate) fn decode(
     let (vectors, quantiser) = (opened.vectors(), opened.quantiser);
     let planes = &opened.planes;
     let weights = planes.weights(classes);
-    let decoded: Vec<f32> = if let Some(streams) = &opened.streams {
+    let mut decoded: Vec<f32> = if let Some(streams) = &opened.streams {
         let stream = |k: usize| {
             let pyramid = planes.pyramid(&opened.order, &weights, k);
             pyramid.code(&mut streams.block(k), quantiser, (vectors, vectors), None, 0).0
@@ -114,6 +142,9 @@ pub(crate) fn decode(
         let count = planes.units() * vectors;
         pyramid.code(&mut opened.decoder, quantiser, (count, vectors), None, 0).0
     };
+    if let Some(model) = opened.model() {
+        add(&mut decoded, &model);
+    }
     let mut values = vec![0.0; planes.rows() * planes.length()];
     planes.synthesise(opened.basis.as_ref(), &decoded, &mut values);
     bound_negative(opened.largest_negative, classes, &mut values);
@@ -121,6 +152,10 @@ pub(crate) fn decode(
         finish.finish(&mut values);
     }
     Ok(values)
+}
+
+fn add(planes: &mut [f32], model: &[f32]) {
+    planes.iter_mut().zip(model).for_each(|(x, m)| *x += m);
 }
 
 /// Values of one entry of the axes in front of the outgoing grid, bit for bit those that [`decode`] has: `[outgoing, length]`.
@@ -142,7 +177,10 @@ pub(crate) fn decode_block(
     }
     let unit = planes.lattice().unit_of(entry);
     let pyramid = planes.pyramid(&opened.order, &planes.weights(classes), unit);
-    let decoded = pyramid.code(&mut streams.block(unit), opened.quantiser, (vectors, vectors), None, 0).0;
+    let mut decoded = pyramid.code(&mut streams.block(unit), opened.quantiser, (vectors, vectors), None, 0).0;
+    if let Some((model, coefficients)) = &opened.model {
+        add(&mut decoded, &model.entries(coefficients, vectors, unit..unit + 1));
+    }
     let rows = planes.lattice().outgoing_rows();
     let mut values = vec![0.0; rows.len() * planes.length()];
     planes.synthesise_rows(opened.basis.as_ref(), (&decoded, planes.unit()), &rows, &mut values);
@@ -172,19 +210,23 @@ pub(super) struct Flags {
     pub(super) has_negative: bool,
     learns: bool,
     has_levels: bool,
+    model: Option<ChartKind>,
 }
 
 impl Flags {
     pub(super) fn read(r: &mut Reader<'_>) -> Result<Self, CodecError> {
-        match r.u8("form of a grid chunk")? {
-            form @ 0..16 if form & LEVELS == 0 || form & 1 == 0 => Ok(Self {
-                random: form & 1 != 0,
-                has_negative: form & 2 != 0,
-                learns: form & 4 == 0,
-                has_levels: form & LEVELS != 0,
-            }),
-            other => Err(r.malformed(format!("form {other} of a grid chunk is unknown"))),
+        let form = r.u8("form of a grid chunk")?;
+        let model = GridModel::kind_of(form, r)?;
+        if form & LEVELS != 0 && form & 1 != 0 {
+            return Err(r.malformed(format!("form {form} of a grid chunk is unknown")));
         }
+        Ok(Self {
+            random: form & 1 != 0,
+            has_negative: form & 2 != 0,
+            learns: form & 4 == 0,
+            has_levels: form & LEVELS != 0,
+            model,
+        })
     }
 
     /// Reads what follows the flags up to the stream of a chunk that ends at the offset `end`: the levels.

@@ -10,11 +10,14 @@
 //! ```
 //! Lines are those of the incoming axis, then those of the outgoing one, polar angles before azimuths.
 
+use super::super::chart::ChartKind;
 use super::super::lines::{AXES, Grid, Line};
 use super::nodes::Nodes;
 use crate::codec::{BitCoder, ClassGrid, code_flags};
-use crate::domain::{Axis, AzimuthExtent, DirectionGrid};
+use crate::domain::vector::Vector;
+use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Frame};
 use std::ops::Range;
+use std::slice;
 
 /// A line axis of a tensor.
 #[derive(Clone, Debug)]
@@ -35,6 +38,8 @@ pub(crate) struct Shape {
     lines: Vec<Stated>,
     /// Lines of the incoming axis.
     incoming: usize,
+    /// Frames of the incoming and of the outgoing angles, each with the azimuth of a grid that has no line of azimuths.
+    frames: [(Frame, f64); 2],
     length: usize,
 }
 
@@ -47,6 +52,7 @@ impl Shape {
             return None;
         }
         let mut lines = Vec::new();
+        let mut frames = [(Frame::Surface, 0.0), frame_of(outgoing)];
         let mut first = at;
         match at.checked_sub(1).map(|before| &axes[before]) {
             Some(Axis::Elevation(positions)) => {
@@ -55,6 +61,7 @@ impl Shape {
             }
             Some(Axis::Grid(incoming)) => {
                 lines.extend(lines_of(incoming));
+                frames[0] = frame_of(incoming);
                 first = at - 1;
             }
             _ => {}
@@ -65,6 +72,7 @@ impl Shape {
             blocks: axes[..first].iter().map(Axis::len).product(),
             lines,
             incoming,
+            frames,
             length: axes.get(at + 1).map_or(1, Axis::len),
         })
     }
@@ -97,10 +105,25 @@ impl Shape {
         self.incoming_entries() == 1
     }
 
+    /// Models that the directions allow.
+    pub(crate) fn models(&self) -> &'static [ChartKind] {
+        match (self.blocks, self.incoming) {
+            (1, 1) => &[ChartKind::Isotropic],
+            (1, 2) => &[ChartKind::Isotropic, ChartKind::Anisotropic],
+            _ => &[],
+        }
+    }
+
     /// Rows of the tensor.
     pub(crate) fn rows(&self) -> usize {
         self.blocks * self.lines.iter().map(|line| line.positions.len()).product::<usize>()
     }
+}
+
+/// Frame of a grid, and its azimuth if it has only one.
+fn frame_of(grid: &DirectionGrid) -> (Frame, f64) {
+    let azimuth = grid.azimuths().and_then(|azimuths| azimuths.angles.first());
+    (grid.frame(), azimuth.copied().unwrap_or(0.0))
 }
 
 fn lines_of(grid: &DirectionGrid) -> Vec<Stated> {
@@ -263,6 +286,21 @@ impl Lattice {
             rows = rows.iter().flat_map(of_row).collect();
         }
         rows
+    }
+
+    /// Directions of the kept incoming entries and of the leaves of one; `None` where nothing is incoming, or other axes are
+    /// in front.
+    pub(super) fn directions(&self) -> Option<[Vec<Vector>; 2]> {
+        let (incoming, outgoing) = self.kept.split_at(self.shape.incoming);
+        let of = |(frame, only): (Frame, f64), lines: &[Kept]| -> Option<Vec<Vector>> {
+            let [polar, azimuths @ ..] = lines else { return None };
+            let azimuths = azimuths.first().map_or(slice::from_ref(&only), |line| &line.positions);
+            let row = |&polar: &f64| azimuths.iter().map(move |&azimuth| frame.direction(polar, azimuth).xyz());
+            Some(polar.positions.iter().flat_map(row).collect())
+        };
+        let [from, to] = self.shape.frames;
+        (self.shape.blocks == 1).then_some(())?;
+        Some([of(from, incoming)?, of(to, outgoing)?])
     }
 
     /// Leaf of the unit that each outgoing row of one incoming entry equals, where units are coded separately.

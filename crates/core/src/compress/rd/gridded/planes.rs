@@ -155,6 +155,38 @@ impl Planes {
         Weights { values, by_plane, are_alike }
     }
 
+    /// Leaves that weigh something in every plane.
+    pub(super) fn live_leaves(&self, weights: &Weights) -> Vec<bool> {
+        let lanes = if weights.by_plane { self.length() } else { 1 };
+        let of_unit = |unit: usize| {
+            let unit = if weights.are_alike { 0 } else { unit };
+            let own = &weights.values[unit * lanes * self.unit..][..lanes * self.unit];
+            (0..self.unit).map(move |leaf| own[leaf..].iter().step_by(self.unit).all(|&weight| weight > 0.0))
+        };
+        (0..self.units()).flat_map(of_unit).collect()
+    }
+
+    /// Means of planes of one stream over the leaves that nodes of a level merge, as a pyramid has them: by weight, without any
+    /// weight of all.
+    pub(super) fn means(&self, planes: &[f32], weights: &Weights, lines: &[Nodes]) -> Vec<f32> {
+        let nodes = self.lattice.nodes_of_leaves(lines);
+        let count = lines.iter().map(|line| line.count).product();
+        let sets = weights.values.len() / self.unit;
+        let mean_of = |(plane, values): (usize, &[f32])| {
+            let weights = &weights.values[plane.min(sets - 1) * self.unit..][..self.unit];
+            let mut sums = vec![[0.0_f64; 4]; count];
+            for ((&node, &value), &weight) in nodes.iter().zip(values).zip(weights) {
+                let (value, weight) = (f64::from(value), f64::from(weight));
+                let [sum, weighs, all, number] = &mut sums[node as usize];
+                (*sum, *weighs) = (*sum + weight * value, *weighs + weight);
+                (*all, *number) = (*all + value, *number + 1.0);
+            }
+            let mean = |[sum, weighs, all, number]: [f64; 4]| if weighs > 0.0 { sum / weighs } else { all / number };
+            sums.into_iter().map(mean).map(|mean| mean as f32).collect::<Vec<_>>()
+        };
+        planes.chunks_exact(self.unit).enumerate().flat_map(mean_of).collect()
+    }
+
     /// Share of positive less share of negative samples among the measured ones, for each node of a level and entry of a row;
     /// NaN where none is measured. Copies within a pole are left out.
     pub(super) fn shares(&self, classes: &[Class], lines: &[Nodes]) -> Vec<f32> {

@@ -5,17 +5,23 @@ use super::pairs::{halve, sums};
 use crate::codec::BitCoder;
 
 /// The order of halvings whose details cost least, from the finest: at each, that axis whose details are predicted best from
-/// the original means. `planes` `[planes, leaves]`; `weights` of all leaves, for each next `run` of planes.
-pub(crate) fn order_of_halvings(grid: &Grid, planes: &[f32], (weights, run): (&[f32], usize), step: f64) -> Vec<u8> {
+/// the original means; with it, about how many bits all details take. `planes` `[planes, leaves]`; `weights` of all leaves, for
+/// each next `run` of planes.
+pub(crate) fn order_of_halvings(
+    grid: &Grid,
+    planes: &[f32],
+    (weights, run): (&[f32], usize),
+    step: f64,
+) -> (Vec<u8>, f64) {
     let leaves = grid.lengths().iter().product::<usize>();
     let mut values: Vec<Vec<f64>> =
         planes.chunks_exact(leaves).map(|plane| plane.iter().map(|&x| f64::from(x)).collect()).collect();
     let mut weights: Vec<Vec<f32>> = weights.chunks_exact(leaves).map(<[f32]>::to_vec).collect();
     let mut lengths = grid.lengths();
-    let mut order = Vec::new();
+    let (mut order, mut all_bits) = (Vec::new(), 0.0);
     loop {
         let axes: Vec<usize> = (0..AXES).filter(|&axis| lengths[axis] > 1).collect();
-        let mut best: Option<(f64, usize, Vec<Vec<f64>>)> = None;
+        let mut best: Option<(f64, f64, usize, Vec<Vec<f64>>)> = None;
         for &axis in &axes {
             let circle = grid.lines[axis].period.is_some() && lengths[axis].is_multiple_of(2);
             let (mut bits, mut count) = (0.0, 0_u64);
@@ -31,10 +37,11 @@ pub(crate) fn order_of_halvings(grid: &Grid, planes: &[f32], (weights, run): (&[
             }
             let mean = bits / count.max(1) as f64;
             if best.as_ref().is_none_or(|(least, ..)| mean < *least) {
-                best = Some((mean, axis, means));
+                best = Some((mean, bits, axis, means));
             }
         }
-        let Some((_, axis, means)) = best else { return order };
+        let Some((_, bits, axis, means)) = best else { return (order, all_bits) };
+        all_bits += bits;
         order.push(axis as u8);
         values = means;
         for weights in &mut weights {

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 fn encoded(grid: &Grid, planes: &[f32], weights: &[f32], step: f64) -> (Vec<u8>, Vec<f32>) {
     let count = planes.len() / grid.lengths().iter().product::<usize>();
     let mut encoder = Encoder::default();
-    let order = code_order(&mut encoder, grid, &order_of_halvings(grid, planes, (weights, 1), step));
+    let order = code_order(&mut encoder, grid, &order_of_halvings(grid, planes, (weights, 1), step).0);
     let pyramid = PairPyramid::new(grid, &order, weights, true);
     let source = pyramid.source(planes, count);
     let (values, _) =
@@ -71,7 +71,7 @@ fn errors_of_details_are_errors_of_leaves() {
     let weights: Vec<f32> = (0..lobe.len()).map(|i| [1.0, 0.0, 2.5, 1.0, 0.25][i % 5]).collect();
     let step = 0.05;
     let (_, values) = encoded(&grid, &lobe, &weights, step);
-    let order = order_of_halvings(&grid, &lobe, (&weights, 1), step);
+    let order = order_of_halvings(&grid, &lobe, (&weights, 1), step).0;
     let pyramid = PairPyramid::new(&grid, &order, &weights, true);
     let [wanted, found] = [&lobe, &values].map(|planes| {
         let mut details = Vec::new();

@@ -194,7 +194,7 @@ impl<'a> Opened<'a> {
         let chart = match opening.model {
             None => None,
             Some(kind) => {
-                let chart = Chart::new(kind, &shape, &representatives);
+                let chart = Chart::of_triangles(kind, &shape, &representatives);
                 Some(chart.ok_or_else(|| malformed("a model that makes no sense here"))?)
             }
         };
