@@ -72,7 +72,7 @@ struct CompressSchema {
     /// (no promise: the quantiser's step in natural logarithms; policy `rd`),
     /// `"auto"` (er(L2) down to the estimated noise of the measurement; policy `rd`), `"lossless"`.
     ///
-    /// Of measurements on a grid of angles a promise is one at the samples of the file: `{"er_l2": 0.01}` keeps the root mean
+    /// A measurement on a grid of angles keeps its promise at the samples of the file: `{"er_l2": 0.01}` keeps the root mean
     /// square of (decoded − stated) / stated, over all values above zero at the angles and wavelengths that the file states, at
     /// most 1 %. Where samples were averaged over triangles first, it is one against these averages, and the errors at the
     /// samples are stated beside it.

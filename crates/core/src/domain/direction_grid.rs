@@ -127,7 +127,7 @@ impl AzimuthExtent {
 pub struct Azimuths {
     /// Degrees, strictly increasing.
     pub angles: Vec<f64>,
-    /// Part of the full circle that they list.
+    /// Extent of the circle that the angles cover, and the mirror planes that complete it.
     pub extent: AzimuthExtent,
 }
 

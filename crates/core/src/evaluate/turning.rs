@@ -26,12 +26,12 @@ impl Turning {
         Self { axes: [first, second, [x, y, z]] }
     }
 
-    /// A direction of the material, in the frame.
+    /// Coordinates in this frame of a direction given in the frame of the material.
     pub(super) fn inward(&self, direction: Direction) -> Direction {
         Direction::from_unit(self.axes.map(|axis| dot(axis, direction.xyz())))
     }
 
-    /// A direction of the frame, in that of the material.
+    /// Coordinates in the frame of the material of a direction given in this frame.
     pub(super) fn outward(&self, direction: Direction) -> Direction {
         let [x, y, z] = direction.xyz();
         let [first, second, third] = self.axes;

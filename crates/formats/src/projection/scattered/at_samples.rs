@@ -10,7 +10,7 @@ use crate::projection::resampling::Channels;
 #[derive(Clone, Debug)]
 pub struct ScatteredSamples {
     pub(super) directions: Vec<(Vector, Vector)>,
-    /// True where samples have incoming directions only, which then stand in place of the outgoing ones.
+    /// The file states incoming directions only: they are kept where outgoing directions are otherwise.
     pub(super) is_turned: bool,
     pub(super) has_incoming: bool,
     pub(super) has_outgoing: bool,
