@@ -308,6 +308,9 @@ impl Material {
         wo: Direction,
         options: impl Into<SampleOptions>,
     ) -> Result<f64, EvaluateError> {
+        if self.stated().is_none() {
+            return self.sampler()?.pdf(index, wi, wo, options.into());
+        }
         let (wi, wo) = as_drawn(self.stated(), wi, wo);
         self.sampler()?.pdf(index, wi, wo, options.into())
     }
