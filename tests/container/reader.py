@@ -2369,6 +2369,7 @@ def decode_grid(h, classes, basis, r, level=None):
     lines = kept[shape.first :] if random else kept
     lengths = [1] * (4 - len(lines)) + [len(k.positions) for k in lines]
     order = read_order(coder, lengths)
+    require(not levels or levels[0][1] <= len(order), "a level without more halvings than there are")
     inner = rows_of(kept)
     leaves = math.prod(len(k.positions) for k in kept)
     rows = [block * leaves + row for block in range(shape.blocks) for row in inner]

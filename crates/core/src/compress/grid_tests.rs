@@ -270,6 +270,26 @@ fn any_grid_chunk_decodes_or_is_refused() {
 }
 
 #[test]
+fn a_level_that_leaves_out_more_halvings_than_there_are_is_refused() {
+    let file = include_bytes!("../../../../tests/container/golden/spot.wlm");
+    assert!(levels(file).unwrap().len() > 1);
+    let (_, container) = super::decode::open(file).unwrap();
+    let kinds = [ChunkKind::Header, ChunkKind::Classes, ChunkKind::Grid, ChunkKind::Provenance];
+    let mut chunks: Vec<(ChunkKind, Vec<u8>)> =
+        kinds.iter().filter_map(|&kind| Some((kind, container.get(kind)?.payload.to_vec()))).collect();
+    assert_eq!(write_container(&chunks), file);
+    let chunk = &mut chunks.iter_mut().find(|(kind, _)| *kind == ChunkKind::Grid).unwrap().1;
+    // Form, number of levels, bytes of the first in two, halvings that it leaves out.
+    assert!(chunk[2] >= 0x80 && chunk[3] < 0x80);
+    chunk[4] = 200;
+    let damaged = write_container(&chunks);
+    for refused in [decode(&damaged).map(drop), decode_level(&damaged, 0).map(drop)] {
+        let message = refused.unwrap_err().to_string();
+        assert!(message.contains("a level leaves out 200 halvings, expected at most the 12"), "{message}");
+    }
+}
+
+#[test]
 fn the_light_of_every_incoming_entry_is_kept() {
     for m in materials().iter().flat_map(|m| [m.clone(), hurt(m.clone())]) {
         let has_incoming = m.tensor.axes().iter().position(|axis| matches!(axis, Axis::Grid(_))) > Some(0);

@@ -58,6 +58,13 @@ impl<'a> Opened<'a> {
         let open = |decoder: &mut Decoder<'a>| {
             let planes = Planes::code(decoder, shape.clone(), form, None);
             let order = code_order(decoder, planes.grid(), &[]);
+            // The coarsest comes first.
+            if let Some(coarsest) = levels.first().filter(|level| level.left_out > order.len()) {
+                let (stated, halvings) = (coarsest.left_out, order.len());
+                let reason =
+                    format!("a level leaves out {stated} halvings, expected at most the {halvings} that there are");
+                return Err(malformed(&reason));
+            }
             let vectors = basis.as_ref().map_or(planes.length(), Basis::rank);
             let model = model.map(|kind| {
                 let model = GridModel::new(kind, &planes);
