@@ -26,6 +26,8 @@ pub mod algebra;
 mod codec;
 pub mod compress;
 pub mod domain;
+#[cfg(test)]
+mod drawn;
 pub mod evaluate;
 #[doc(hidden)]
 pub mod numeric;

@@ -326,7 +326,8 @@ fn code_differences<C: BitCoder>(coder: &mut C, curved: bool, integers: &mut [i6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use crate::drawn::{any_list, list, number};
+    use arbtest::arbtest;
 
     fn round_trip(axes: &[Axis]) -> usize {
         let mut w = Writer::default();
@@ -381,19 +382,35 @@ mod tests {
         assert!(round_trip(&[wavelengths(pixels.collect())]) < 150);
     }
 
-    proptest! {
-        #[test]
-        fn any_list_round_trips(steps in prop::collection::vec(prop_oneof![1e-3..1e3_f64, Just(0.25), Just(5.0)], 1..40)) {
-            let values: Vec<f64> = steps.iter().scan(100.0, |at, step| { *at += step; Some(*at) }).collect();
+    #[test]
+    fn lists_of_wavelengths_and_elevations_round_trip() {
+        arbtest(|u| {
+            let steps = list(u, 1..=39, |u| {
+                let drawn = number(u, 1e-3..1e3)?;
+                u.choose(&[drawn, 0.25, 5.0]).copied()
+            })?;
+            let values: Vec<f64> = steps
+                .iter()
+                .scan(100.0, |at, step| {
+                    *at += step;
+                    Some(*at)
+                })
+                .collect();
             round_trip(&[wavelengths(values.clone())]);
             round_trip(&[wavelengths(values.iter().map(|&v| f64::from(v as f32)).collect())]);
-            let many: Vec<f64> = (0..200).map(|i| values[0] + 0.7 * f64::from(i) + 1e-3 * steps[i as usize % steps.len()]).collect();
+            let many: Vec<f64> =
+                (0..200).map(|i| values[0] + 0.7 * f64::from(i) + 1e-3 * steps[i as usize % steps.len()]).collect();
             round_trip(&[Axis::Elevation(many.iter().map(|v| (v * 100.0).round() / 100.0).collect())]);
-        }
+            Ok(())
+        });
+    }
 
-        #[test]
-        fn any_bytes_are_axes_or_an_error(bytes in prop::collection::vec(any::<u8>(), 0..60)) {
+    #[test]
+    fn any_bytes_are_axes_or_an_error() {
+        arbtest(|u| {
+            let bytes: Vec<u8> = any_list(u, 0..=59)?;
             let _ = read_axes(&mut Reader::new(&bytes, 0), 3);
-        }
+            Ok(())
+        });
     }
 }

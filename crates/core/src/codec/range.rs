@@ -153,7 +153,8 @@ impl BitCoder for Decoder<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use crate::drawn::list;
+    use arbtest::arbtest;
 
     fn round_trip(decisions: &[(bool, u32)]) -> usize {
         let mut encoder = Encoder::default();
@@ -169,11 +170,12 @@ mod tests {
         bytes.len()
     }
 
-    proptest! {
-        #[test]
-        fn decisions_round_trip(decisions in prop::collection::vec((any::<bool>(), 1..65536_u32), 0..2000)) {
-            round_trip(&decisions);
-        }
+    #[test]
+    fn decisions_round_trip() {
+        arbtest(|u| {
+            round_trip(&list(u, 0..=1999, |u| Ok((u.arbitrary()?, u.int_in_range(1..=65_535)?)))?);
+            Ok(())
+        });
     }
 
     #[test]

@@ -53,7 +53,8 @@ pub(crate) fn code_flags<C: BitCoder>(coder: &mut C, flags: &mut [bool]) {
 mod tests {
     use super::*;
     use crate::codec::range::{Decoder, Encoder};
-    use proptest::prelude::*;
+    use crate::drawn::{any_list, list};
+    use arbtest::arbtest;
 
     fn round_trip(lanes: usize, steps: &[i32]) -> usize {
         let mut encoder = Encoder::default();
@@ -75,16 +76,22 @@ mod tests {
         assert!(round_trip(16, &busy) <= 40);
     }
 
-    proptest! {
-        #[test]
-        fn any_steps_round_trip(steps in prop::collection::vec(-2_000_000_000..2_000_000_000_i32, 1..60)) {
+    #[test]
+    fn any_steps_round_trip() {
+        arbtest(|u| {
+            let steps = list(u, 1..=59, |u| u.int_in_range(-2_000_000_000..=2_000_000_000))?;
             round_trip(1, &steps);
             round_trip(steps.len(), &steps);
-        }
+            Ok(())
+        });
+    }
 
-        #[test]
-        fn any_bytes_are_steps(bytes in prop::collection::vec(any::<u8>(), 0..60)) {
+    #[test]
+    fn any_bytes_are_steps() {
+        arbtest(|u| {
+            let bytes: Vec<u8> = any_list(u, 0..=59)?;
             code_steps(&mut Decoder::new(&bytes), 5, &mut [0; 40]);
-        }
+            Ok(())
+        });
     }
 }

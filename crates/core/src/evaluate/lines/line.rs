@@ -141,7 +141,8 @@ fn cubic(t: f64, length: f64, distances: [Option<f64>; 2]) -> [f64; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use crate::drawn::{list, number};
+    use arbtest::arbtest;
 
     fn line(angles: &[f64], is_circle: bool) -> Line {
         let nodes = angles.iter().zip(0..).map(|(&angle, entry)| Node { angle, entry }).collect();
@@ -175,31 +176,49 @@ mod tests {
         }
     }
 
-    proptest! {
-        #[test]
-        fn straight_lines_and_parabolas_are_exact(steps in prop::collection::vec(0.5..20.0_f64, 3..12), at in 0.0..1.0_f64) {
-            let angles: Vec<f64> = steps.iter().scan(-10.0, |angle, step| { *angle += step; Some(*angle) }).collect();
+    #[test]
+    fn straight_lines_and_parabolas_are_exact() {
+        arbtest(|u| {
+            let (steps, at) = (list(u, 3..=11, |u| number(u, 0.5..20.0))?, number(u, 0.0..1.0)?);
+            let angles: Vec<f64> = steps
+                .iter()
+                .scan(-10.0, |angle, step| {
+                    *angle += step;
+                    Some(*angle)
+                })
+                .collect();
             let line = line(&angles, false);
             let of = |entry: u32| angles[entry as usize];
             let (first, last) = (angles[0], angles[angles.len() - 1]);
             let angle = first + at * (last - first);
-            prop_assert!((value(&line, angle, of) - angle).abs() < 1e-4);
+            assert!((value(&line, angle, of) - angle).abs() < 1e-4);
             // Inside, where both slopes are those of three entries.
             if angles.len() > 3 && angle >= angles[1] && angle <= angles[angles.len() - 2] {
                 let found = value(&line, angle, |entry| of(entry) * of(entry));
-                prop_assert!((found - angle * angle).abs() < 1e-2, "{} {}", found, angle * angle);
+                assert!((found - angle * angle).abs() < 1e-2, "{} {}", found, angle * angle);
             }
-        }
+            Ok(())
+        });
+    }
 
-        #[test]
-        fn weights_add_up_to_one_anywhere(steps in prop::collection::vec(0.01..80.0_f64, 1..9), at in -1000.0..1000.0_f64) {
-            let angles: Vec<f64> = steps.iter().scan(-60.0, |angle, step| { *angle += step; Some(*angle) }).collect();
+    #[test]
+    fn weights_add_up_to_one_anywhere() {
+        arbtest(|u| {
+            let (steps, at) = (list(u, 1..=8, |u| number(u, 0.01..80.0))?, number(u, -1000.0..1000.0)?);
+            let angles: Vec<f64> = steps
+                .iter()
+                .scan(-60.0, |angle, step| {
+                    *angle += step;
+                    Some(*angle)
+                })
+                .collect();
             let closes = angles[angles.len() - 1] - angles[0] < 359.0;
             for is_circle in [false, closes] {
                 let found = line(&angles, is_circle).around(at);
-                prop_assert!((found.cubic.iter().sum::<f32>() - 1.0).abs() < 1e-4);
-                prop_assert!((0.0..=1.0).contains(&found.t));
+                assert!((found.cubic.iter().sum::<f32>() - 1.0).abs() < 1e-4);
+                assert!((0.0..=1.0).contains(&found.t));
             }
-        }
+            Ok(())
+        });
     }
 }

@@ -2,7 +2,9 @@
 
 use super::*;
 use crate::codec::{Decoder, Encoder};
-use proptest::prelude::*;
+use crate::drawn::{any_list, list, number};
+use arbtest::arbitrary::{Result, Unstructured};
+use arbtest::arbtest;
 
 /// What an encoder makes of planes in the order that it finds: bytes and what a decoder has.
 fn encoded(grid: &Grid, planes: &[f32], weights: &[f32], step: f64) -> (Vec<u8>, Vec<f32>) {
@@ -128,36 +130,27 @@ fn samples_without_weight_cost_nothing() {
     assert_eq!(encoded(&grid, &lobe, &weights, 0.01).0, encoded(&grid, &other, &weights, 0.01).0);
 }
 
-fn lines() -> impl Strategy<Value = Vec<Line>> {
-    let line = (1..10_usize, any::<bool>(), prop::collection::vec(0.01..3.0_f64, 9)).prop_map(|(n, circle, gaps)| {
+fn grid(u: &mut Unstructured<'_>) -> Result<Grid> {
+    let lines = list(u, 0..=4, |u| {
         let mut at = 0.0;
-        let positions: Vec<f64> = gaps[..n]
-            .iter()
-            .map(|gap| {
-                at += gap;
-                at
-            })
-            .collect();
-        Line { period: circle.then_some(at - positions[0] + 0.5), positions }
+        let positions = list(u, 1..=9, |u| {
+            at += number(u, 0.01..3.0)?;
+            Ok(at)
+        })?;
+        let circle: bool = u.arbitrary()?;
+        Ok(Line { period: circle.then_some(at - positions[0] + 0.5), positions })
     });
-    prop::collection::vec(line, 0..=4)
+    Ok(Grid::new(&lines?))
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig { cases: 96, ..ProptestConfig::default() })]
-
-    #[test]
-    fn decoders_have_what_encoders_say(
-        lines in lines(),
-        planes in 1..4_usize,
-        own_weights in any::<bool>(),
-        seed in any::<u64>(),
-        scale in prop::sample::select(vec![0.0_f32, 1e-30, 1e-3, 1.0, 50.0, 1e15, 1e30]),
-        step in prop::sample::select(vec![1e-6_f64, 0.01, 0.3, 100.0]),
-    ) {
-        let grid = Grid::new(&lines);
+#[test]
+fn decoders_have_what_encoders_say() {
+    arbtest(|u| {
+        let (grid, planes, own_weights) = (grid(u)?, u.int_in_range(1..=3)?, u.arbitrary()?);
+        let scale = *u.choose(&[0.0_f32, 1e-30, 1e-3, 1.0, 50.0, 1e15, 1e30])?;
+        let step = *u.choose(&[1e-6_f64, 0.01, 0.3, 100.0])?;
+        let mut state: u64 = u.arbitrary()?;
         let leaves = grid.lengths().iter().product::<usize>();
-        let mut state = seed;
         let mut next = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (state >> 40) as f32 / 16_777_216.0
@@ -167,19 +160,22 @@ proptest! {
         let weights: Vec<f32> = (0..sets * leaves).map(|_| (4.0 * next()).floor() * 0.5).collect();
         let (bytes, had) = encoded(&grid, &values, &weights, step);
         let found = decoded(&grid, &bytes, (planes, &weights), step, 0);
-        prop_assert_eq!(bits(&found), bits(&had));
-        prop_assert!(found.iter().all(|x| x.is_finite()));
-    }
+        assert_eq!(bits(&found), bits(&had));
+        assert!(found.iter().all(|x| x.is_finite()));
+        Ok(())
+    })
+    .budget_ms(1000);
+}
 
-    #[test]
-    fn any_bytes_decode_to_something(
-        lines in lines(),
-        bytes in prop::collection::vec(any::<u8>(), 0..600),
-        step in prop::sample::select(vec![1e-30_f64, 0.01, 1e30]),
-    ) {
-        let grid = Grid::new(&lines);
+#[test]
+fn any_bytes_decode_to_something() {
+    arbtest(|u| {
+        let (grid, bytes) = (grid(u)?, any_list::<u8>(u, 0..=599)?);
+        let step = *u.choose(&[1e-30_f64, 0.01, 1e30])?;
         let leaves = grid.lengths().iter().product::<usize>();
         let found = decoded(&grid, &bytes, (3, &vec![1.0; leaves]), step, 0);
-        prop_assert_eq!(found.len(), 3 * leaves);
-    }
+        assert_eq!(found.len(), 3 * leaves);
+        Ok(())
+    })
+    .budget_ms(500);
 }
