@@ -26,8 +26,6 @@ pub mod algebra;
 mod codec;
 pub mod compress;
 pub mod domain;
-#[cfg(test)]
-mod drawn;
 pub mod evaluate;
 #[doc(hidden)]
 pub mod numeric;

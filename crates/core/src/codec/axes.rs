@@ -326,7 +326,7 @@ fn code_differences<C: BitCoder>(coder: &mut C, curved: bool, integers: &mut [i6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drawn::{any_list, list, number};
+    use crate::numeric::drawn::{any_list, list, number};
     use arbtest::arbtest;
 
     fn round_trip(axes: &[Axis]) -> usize {

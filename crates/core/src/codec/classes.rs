@@ -91,7 +91,7 @@ fn code_row<C: BitCoder>(coder: &mut C, model: &mut Model, above: &[Class], furt
 mod tests {
     use super::*;
     use crate::codec::range::{Decoder, Encoder};
-    use crate::drawn::list;
+    use crate::numeric::drawn::list;
     use arbtest::arbtest;
 
     fn round_trip(lanes: usize, classes: &[Class]) -> usize {

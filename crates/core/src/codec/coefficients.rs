@@ -216,7 +216,7 @@ impl State {
 mod tests {
     use super::*;
     use crate::codec::range::{Decoder, Encoder};
-    use crate::drawn::list;
+    use crate::numeric::drawn::list;
     use arbtest::arbtest;
 
     fn round_trip(rows: &Rows, payload: Payload, values: &[i32]) -> usize {

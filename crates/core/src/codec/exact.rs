@@ -86,7 +86,7 @@ fn code_residual<C: BitCoder>(coder: &mut C, model: &mut Model, residual: i64, l
 mod tests {
     use super::*;
     use crate::codec::range::{Decoder, Encoder};
-    use crate::drawn::list;
+    use crate::numeric::drawn::list;
     use arbtest::arbtest;
 
     fn round_trip(lanes: usize, samples: &[f32]) -> usize {

@@ -107,7 +107,7 @@ fn code_row<C: BitCoder>(coder: &mut C, model: &mut Model, [up, back, other]: [&
 mod tests {
     use super::*;
     use crate::codec::range::{Decoder, Encoder};
-    use crate::drawn::list;
+    use crate::numeric::drawn::list;
     use arbtest::arbtest;
 
     fn round_trip(grid: &ClassGrid, classes: &[Class]) -> usize {

@@ -127,7 +127,7 @@ pub(crate) fn read_provenance(r: &mut Reader<'_>, limit: usize) -> Result<String
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drawn::{any_list, list, text};
+    use crate::numeric::drawn::{any_list, list, text};
     use arbtest::arbtest;
 
     const LIMIT: usize = 1 << 16;

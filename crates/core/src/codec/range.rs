@@ -153,7 +153,7 @@ impl BitCoder for Decoder<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drawn::list;
+    use crate::numeric::drawn::list;
     use arbtest::arbtest;
 
     fn round_trip(decisions: &[(bool, u32)]) -> usize {

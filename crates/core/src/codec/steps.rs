@@ -53,7 +53,7 @@ pub(crate) fn code_flags<C: BitCoder>(coder: &mut C, flags: &mut [bool]) {
 mod tests {
     use super::*;
     use crate::codec::range::{Decoder, Encoder};
-    use crate::drawn::{any_list, list};
+    use crate::numeric::drawn::{any_list, list};
     use arbtest::arbtest;
 
     fn round_trip(lanes: usize, steps: &[i32]) -> usize {

@@ -113,7 +113,7 @@ pub(crate) fn read_text(typical: &str, r: &mut Reader<'_>, limit: usize) -> Resu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drawn::{any_list, text};
+    use crate::numeric::drawn::{any_list, text};
     use arbtest::arbtest;
 
     const LIMIT: usize = 1 << 16;

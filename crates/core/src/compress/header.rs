@@ -419,7 +419,7 @@ mod tests {
     use super::super::stated::rounded_up;
     use super::*;
     use crate::domain::{Domain, TriangleMesh, WavelengthGrid};
-    use crate::drawn::any_list;
+    use crate::numeric::drawn::any_list;
     use crate::transform::SphereBasis;
     use arbtest::arbtest;
 

@@ -6,6 +6,8 @@
 pub mod bracket;
 pub mod cholesky;
 pub(crate) mod dense;
+#[cfg(test)]
+pub(crate) mod drawn;
 pub mod exponential;
 pub(crate) mod least_squares;
 pub(crate) mod orthogonal;

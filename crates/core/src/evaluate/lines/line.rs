@@ -141,7 +141,7 @@ fn cubic(t: f64, length: f64, distances: [Option<f64>; 2]) -> [f64; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drawn::{list, number};
+    use crate::numeric::drawn::{list, number};
     use arbtest::arbtest;
 
     fn line(angles: &[f64], is_circle: bool) -> Line {

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::codec::{Decoder, Encoder};
-use crate::drawn::{any_list, list, number};
+use crate::numeric::drawn::{any_list, list, number};
 use arbtest::arbitrary::{Result, Unstructured};
 use arbtest::arbtest;
 
