@@ -77,6 +77,13 @@ impl Measured {
         let acquisition = source.acquisition;
         let projected = pipeline::project(&acquisition, request)?;
         let tensor = &projected.measurement.tensor;
+        let on_grid = tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_)));
+        let axes: Vec<String> = tensor.axes().iter().map(Axis::describe).collect();
+        let source_axes = match &acquisition.samples {
+            // A list over the scattering angle.
+            Samples::Function(_) if on_grid => axes.clone(),
+            samples => measured_on(samples),
+        };
         let number = |wanted: fn(&f32) -> bool| tensor.samples().iter().filter(|s| wanted(s)).count() as u64;
         let mut measured = Self {
             kind: "measurement",
@@ -86,8 +93,8 @@ impl Measured {
             quantity: projected.measurement.quantity,
             unit: projected.measurement.unit,
             sampling: projected.measurement.sampling,
-            source_axes: measured_on(&acquisition.samples),
-            axes: tensor.axes().iter().map(Axis::describe).collect(),
+            source_axes,
+            axes,
             shape: tensor.shape(),
             samples: tensor.len() as u64,
             masked_samples: tensor.masked() as u64,
@@ -96,7 +103,7 @@ impl Measured {
             range: tensor.range(),
             coverage: projected.coverage,
             dialect: acquisition.dialect,
-            notes: acquisition.report.notes,
+            notes: acquisition.report.notes_of(on_grid).cloned().collect(),
             metadata: acquisition.report.metadata,
         };
         // The tensor is not needed any more. What does not open is not warned of: it can be described all the same.

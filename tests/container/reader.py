@@ -316,7 +316,7 @@ def read_grid(r, form):
     azimuths = []
     if flags & 16:
         first = r.unsigned(1)
-        require(first & 7 == 6 and first >> 3 in [14, 15] + list(range(10)), "no azimuths after polar angles")
+        require(first & 7 == 6 and first >> 3 in [13, 14, 15] + list(range(10)), "no azimuths after polar angles")
         azimuths = read_list(r, first >> 3, MAX_ENTRIES)
         extent = r.unsigned(1)
         require(extent < len(EXTENTS), "an unknown extent of azimuths")
@@ -341,7 +341,7 @@ def read_axis(r):
         r.note(start, f"axis: {axis}")
         return axis
     kind, form = first & 7, first >> 3
-    forms = {0: [15], 1: [14, 15], 2: [14, 15], 5: [14, 15]}.get(kind)
+    forms = {0: [15], 1: [13, 14, 15], 2: [13, 14, 15], 5: [13, 14, 15]}.get(kind)
     require(form in forms + list(range(10)) if forms else kind in (3, 4) and form == 0, "an unknown axis")
     if kind == 0:
         number = lambda: r.number("d") if form == 15 else float(r.varint()) / power(form)
@@ -376,6 +376,8 @@ def read_list(r, form, limit):
     count = r.varint(limit)
     if form == 15:
         return [r.number("d") for _ in range(count)]
+    if form == 13:
+        return spaced(r, count)
     terms = r.unsigned(1)
     require(terms <= 13, "too long a polynomial")
     terms = [r.number("d") for _ in range(terms)]
@@ -403,6 +405,26 @@ def read_list(r, form, limit):
     if form == 14:
         return [struct.unpack("<f", struct.pack("<I", k))[0] for k in integers]
     return [k / power(form) for k in integers]
+
+
+def spaced(r, count):
+    first = r.unsigned(1)
+    rule, form = first & 15, first >> 4
+    require(rule < 3 and (form < 10 or form == 15), "an unknown spacing")
+    ends = []
+    for _ in range(2):
+        z = None if form == 15 else r.varint()
+        ends.append(r.number("d") if form == 15 else (z >> 1 ^ -(z & 1)) / power(form))
+    start, end = ends
+    last = max(count - 1, 1)
+    if rule == 1:
+        step = (end - start) / last
+        return [end if i == last else start + i * step for i in range(count)]
+    values = [end if i == last else start + i * (end - start) / last for i in range(count)]
+    if rule == 2:
+        require(all(-1 <= value <= 1 for value in values), "no cosines")
+        values = [nearest(math.degrees(math.acos(value)) * 1e9) / 1e9 for value in values]
+    return values
 
 
 def check_layout(quantity, axes):

@@ -16,6 +16,7 @@
 //!                 4 mirrored across 90° and 270°, 5 quadrant
 //! number   form d ≤ 9: a varint k, which stands for k / 10^d;  form 15: an f64
 //! list     varint count; then
+//!          form 13: u8 rule + 16 · d, two numbers of form d, signed as zigzag varints: the ends, between which a rule gives all
 //!          form 15: `count` f64
 //!          form d ≤ 9, k for k / 10^d, or form 14, k for f32 bit patterns: u8 c, and if c > 0 that many f64, Chebyshev
 //!          coefficients of a polynomial on −1 … 1; then varint length and range-coded (zigzag, Exp-Golomb), if c = 0 the
@@ -27,6 +28,7 @@ use super::error::CodecError;
 use super::model::Model;
 use super::polynomial::{MAX_DEGREE, Polynomial};
 use super::range::{BitCoder, Decoder, Encoder};
+use super::spacing::{Rule, Spacing};
 use super::symbols::{GOLOMB_SLOTS, code_golomb};
 use crate::domain::limits::{MAX_ENTRIES, MAX_WAVELENGTHS};
 use crate::domain::{
@@ -34,6 +36,7 @@ use crate::domain::{
 };
 
 const MAX_DECIMALS: u8 = 9;
+const FORM_SPACED: u8 = 13;
 const FORM_F32: u8 = 14;
 const FORM_F64: u8 = 15;
 const TRIANGLES: u8 = 0x80;
@@ -117,7 +120,7 @@ fn read_axis(r: &mut Reader<'_>) -> Result<Axis, CodecError> {
     }
     let (kind, form) = (first & 7, first >> 3);
     match (kind, form) {
-        (0..=2 | 5, 0..=MAX_DECIMALS | FORM_F64) | (1..=2 | 5, FORM_F32) | (3..=4, 0) => {}
+        (0..=2 | 5, 0..=MAX_DECIMALS | FORM_F64) | (1..=2 | 5, FORM_SPACED | FORM_F32) | (3..=4, 0) => {}
         _ => {
             return Err(
                 r.malformed(format!("axis kind {kind} in form {form}, expected kind 0 to 5 in a form of its own"))
@@ -165,7 +168,7 @@ fn read_grid(r: &mut Reader<'_>, form: u8) -> Result<DirectionGrid, CodecError> 
 fn read_azimuths(r: &mut Reader<'_>) -> Result<Azimuths, CodecError> {
     let first = r.u8("azimuths")?;
     let (kind, form) = (first & 7, first >> 3);
-    if kind != 6 || !matches!(form, 0..=MAX_DECIMALS | FORM_F32 | FORM_F64) {
+    if kind != 6 || !matches!(form, 0..=MAX_DECIMALS | FORM_SPACED | FORM_F32 | FORM_F64) {
         return Err(
             r.malformed(format!("axis kind {kind} in form {form} after polar angles, expected azimuths, kind 6"))
         );
@@ -214,6 +217,13 @@ fn write_list(w: &mut Writer, kind: u8, values: &[f64]) {
             values.iter().map(|&v| as_decimal(v, d).filter(|&k| (k as f64).abs() < LIST_LIMIT)).collect();
         Some((d, integers?))
     });
+    if decimals.is_none()
+        && let Some(spacing) = Spacing::of(values)
+    {
+        w.u8(kind | FORM_SPACED << 3);
+        w.varint(values.len() as u64);
+        return write_spacing(w, spacing);
+    }
     let single = || {
         let exact = values.iter().all(|&v| f64::from(v as f32) == v);
         // Positive f32 bit patterns shifted into the range of a list.
@@ -256,6 +266,31 @@ fn write_list(w: &mut Writer, kind: u8, values: &[f64]) {
     w.raw(&best.0);
 }
 
+fn write_spacing(w: &mut Writer, spacing: Spacing) {
+    let ends = [spacing.start, spacing.end];
+    let form = decimals_of(&ends).unwrap_or(FORM_F64);
+    w.u8(spacing.rule.code() | form << 4);
+    for end in ends {
+        match as_decimal(end, form.min(MAX_DECIMALS)) {
+            Some(integer) if form != FORM_F64 => w.varint(zigzag(integer)),
+            _ => w.f64(end),
+        }
+    }
+}
+
+fn read_spacing(r: &mut Reader<'_>, what: &'static str) -> Result<Spacing, CodecError> {
+    let first = r.u8(what)?;
+    let (rule, form) = (Rule::ALL.get(usize::from(first & 15)), first >> 4);
+    let (Some(&rule), 0..=MAX_DECIMALS | FORM_F64) = (rule, form) else {
+        return Err(r.malformed(format!("{what} spaced by rule {} between ends of form {form}", first & 15)));
+    };
+    let mut end = || match form {
+        FORM_F64 => r.f64(what),
+        _ => Ok(unzigzag(r.varint(what)?) as f64 / power_of_ten(form)),
+    };
+    Ok(Spacing { rule, start: end()?, end: end()? })
+}
+
 /// The integer of a polynomial's value.
 fn on_curve(form: u8, curve: &Polynomial, i: usize, count: usize) -> i64 {
     let value = curve.at(i, count);
@@ -272,6 +307,11 @@ fn read_list(r: &mut Reader<'_>, form: u8, limit: usize, what: &'static str) -> 
     if form == FORM_F64 {
         // Each value takes 8 bytes, so the bytes themselves bound the allocation.
         return (0..count).map(|_| r.f64(what)).collect();
+    }
+    if form == FORM_SPACED {
+        let spacing = read_spacing(r, what)?;
+        let values = (0..count).map(|i| Some(spacing.at(i, count)).filter(|value| value.is_finite()));
+        return values.collect::<Option<Vec<_>>>().ok_or_else(|| r.malformed(format!("{what} out of range")));
     }
     let coefficients = usize::from(r.u8(what)?);
     if coefficients > MAX_DEGREE + 1 {
@@ -357,6 +397,7 @@ mod tests {
             azimuths(every(180.0 / 89.0, 90), AzimuthExtent::Mirrored),
         );
         let paint = paint.unwrap().covering(0.0, 90.0).unwrap();
+        assert!(round_trip(&[Axis::Grid(paint.clone())]) <= 24);
         round_trip(&[Axis::Elevation(polar), Axis::Grid(paint), Axis::Rgb]);
         for frame in [Frame::TypeA, Frame::TypeB] {
             let listed = azimuths(vec![-30.5, 0.125, 7.0], AzimuthExtent::Sector);

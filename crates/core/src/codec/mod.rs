@@ -17,6 +17,7 @@ mod polynomial;
 mod provenance;
 mod range;
 mod residuals;
+mod spacing;
 mod steps;
 mod symbols;
 mod text;

@@ -146,8 +146,21 @@ pub(super) fn cosines(material: &Material, options: &ExportOptions) -> Result<us
     match options.side {
         Some(count) if (2..=MOST_COSINES).contains(&count) => Ok(count),
         Some(count) => setting(OptionError::Cosines { found: count, most: MOST_COSINES }),
-        None => Ok(((8_usize << (2 * outgoing_level(material))) + 1).clamp(257, 16_385)),
+        None => Ok(match own_cosines(material) {
+            Some(count) => count,
+            None => ((8_usize << (2 * outgoing_level(material))) + 1).clamp(257, 16_385),
+        }),
     }
+}
+
+/// The number of scattering angles of a material that states them at even cosines from -1 to 1, as such files do.
+fn own_cosines(material: &Material) -> Option<usize> {
+    let Axis::Grid(grid) = &material.axes()[material.layout().outgoing?] else { return None };
+    let polar = grid.polar();
+    let last = polar.len().checked_sub(1).filter(|&last| last > 0 && polar.len() <= MOST_COSINES)?;
+    let cosine = |i: usize| 1.0 - 2.0 * i as f64 / last as f64;
+    let is_even = (0..=last).all(|i| (libm::cos(polar[i].to_radians()) - cosine(i)).abs() < 1e-9);
+    (is_even && grid.azimuths().is_none()).then_some(polar.len())
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 mod damaged;
 mod examples;
 mod formats;
+mod phases;
 mod projection;
 mod recorded;
 mod restated;

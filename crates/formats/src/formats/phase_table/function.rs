@@ -30,7 +30,7 @@ pub(super) struct Curve {
     /// True where the angles are those of the file.
     pub(super) is_listed: bool,
     /// The cosines of the angles, where it is linear in them.
-    cosines: Vec<f64>,
+    pub(super) cosines: Vec<f64>,
 }
 
 /// Where an angle is in a table.

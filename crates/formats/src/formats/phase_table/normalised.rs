@@ -38,7 +38,7 @@ pub(super) fn modelled(curves: Vec<Curve>, spectral: Option<Axis>, report: &mut 
     theta.push(180.0);
     let phi = Some(Azimuths { phi: even(2 * steps, 360.0), extent: AzimuthExtent::Circle });
     if finest < OUTGOING_SPACING {
-        report.note(
+        report.note_unfolding(
             NoteKind::Assumed,
             format!(
                 "directions {OUTGOING_SPACING} degrees apart are enough, {INCOMING_SPACING} for incoming ones, though the \
@@ -62,7 +62,10 @@ pub(super) fn modelled(curves: Vec<Curve>, spectral: Option<Axis>, report: &mut 
 fn stated(curves: &[Curve], spectral: Option<&Axis>) -> Option<StatedGrid> {
     let first = curves.first().filter(|curve| curve.is_listed)?;
     let (nearest, farthest) = (first.angles[0], first.angles[first.angles.len() - 1]);
-    let polar = first.angles.iter().rev().map(|angle| decimal(180.0 - angle)).collect();
+    let is_over_cosines = !first.cosines.is_empty();
+    // Cosines have angles of no decimals: of nine, two lists of the same cosines have the same.
+    let polar = |&angle: &f64| if is_over_cosines { rounded(180.0 - angle) } else { decimal(180.0 - angle) };
+    let polar = first.angles.iter().rev().map(polar).collect();
     let covers = if first.held > 0.0 { (0.0, 180.0) } else { (decimal(180.0 - farthest), decimal(180.0 - nearest)) };
     let directions = DirectionGrid::new(Frame::Surface, polar, None).ok()?.covering(covers.0, covers.1).ok()?;
     let rows = (0..first.angles.len()).rev();
@@ -224,6 +227,11 @@ pub(super) fn normalise(
 /// The decimal number of nine places that `angle` differs from by rounding alone; `angle` itself where there is none. Decimals
 /// are coded in a tenth of the bytes.
 pub(super) fn decimal(angle: f64) -> f64 {
-    let nearest = libm::round(angle * 1e9) / 1e9;
+    let nearest = rounded(angle);
     if (nearest - angle).abs() < 1e-12 { nearest } else { angle }
+}
+
+/// To nine decimals.
+fn rounded(angle: f64) -> f64 {
+    libm::round(angle * 1e9) / 1e9
 }

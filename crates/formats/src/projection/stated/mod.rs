@@ -18,8 +18,7 @@ pub(super) fn is_wanted(samples: &Samples, request: &AxesRequest) -> Result<bool
     let is_named = request.domain.is_some();
     match samples {
         Samples::Grid(_) => Ok(wanted == DirectionDomain::Grid),
-        // By name only: else such a list is a function of two directions on triangles, for which there is a model.
-        Samples::Function(modelled) if modelled.stated.is_some() => Ok(is_named && wanted == DirectionDomain::Grid),
+        Samples::Function(modelled) if modelled.stated.is_some() => Ok(wanted == DirectionDomain::Grid),
         // Such a tensor stays as it is, whatever the default.
         Samples::OnAxes { tensor, .. } if tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_))) => {
             if is_named && wanted == DirectionDomain::Triangles { Err(DomainError::Final.into()) } else { Ok(false) }
@@ -68,7 +67,9 @@ pub(super) fn project(
     };
 
     let mut notes = Vec::new();
-    for (role, axis) in [(Role::Incoming, layout.incoming), (Role::Outgoing, layout.outgoing)] {
+    // A list over the scattering angle has an incoming direction of its own making.
+    let incoming = layout.incoming.filter(|_| acquisition.quantity != Quantity::Phase);
+    for (role, axis) in [(Role::Incoming, incoming), (Role::Outgoing, layout.outgoing)] {
         notes.extend(axis.map(|i| format!("{role}: {}, as the file states it", numbers.axes()[i].describe())));
     }
     notes.extend(left_out);

@@ -157,12 +157,12 @@ fn domains_that_do_not_fit_are_refused() {
 }
 
 #[test]
-fn lists_over_the_scattering_angle_stay_where_they_are_asked_for_by_name() {
+fn lists_over_the_scattering_angle_stay_as_they_are_and_moments_do_not() {
     let text = "scattering angle, phase function\n0,0.2\n90,0.1\n170,0.05\n180,0.04\n";
     let how = Interpretation { quantity: Some(Quantity::Phase.into()), ..Interpretation::default() };
     let how = Interpretation { normalization: Some(crate::formats::Normalization::Relative), ..how };
     let acquisition = read(text.as_bytes(), &how).unwrap();
-    let projected = project(&acquisition, &on_grid()).unwrap();
+    let projected = project(&acquisition, &AxesRequest::default()).unwrap();
     let tensor = &projected.measurement.tensor;
     assert_eq!(tensor.axes()[0], Axis::Elevation(vec![0.0]));
     // Light from +z that goes straight on leaves towards -z, theta 180.
@@ -170,10 +170,13 @@ fn lists_over_the_scattering_angle_stay_where_they_are_asked_for_by_name() {
     assert_eq!((grid.polar(), grid.azimuths(), grid.covers()), (&[0.0, 10.0, 90.0, 180.0][..], None, (0.0, 180.0)));
     let samples = tensor.samples();
     assert!((samples[3] / samples[0] - 5.0).abs() < 1e-6 && (samples[2] / samples[1] - 2.0).abs() < 1e-6);
-    let default = project(&acquisition, &AxesRequest::default()).unwrap();
-    assert!(matches!(default.measurement.tensor.axes(), [Axis::Triangles(_), Axis::Triangles(_)]));
+    let triangles = AxesRequest { domain: Some(DirectionDomain::Triangles), ..AxesRequest::default() };
+    let by_name = project(&acquisition, &triangles).unwrap();
+    assert!(matches!(by_name.measurement.tensor.axes(), [Axis::Triangles(_), Axis::Triangles(_)]));
     // Moments are no list over angles.
     let moments = read(b"1\n0.5\n0.25\n0.1\n", &how).unwrap();
+    let on_triangles = project(&moments, &AxesRequest::default()).unwrap();
+    assert!(matches!(on_triangles.measurement.tensor.axes(), [Axis::Triangles(_), Axis::Triangles(_)]));
     assert!(matches!(project(&moments, &on_grid()), Err(ProjectionError::Domain(DomainError::NoGrid))));
 }
 
