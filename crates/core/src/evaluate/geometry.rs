@@ -4,12 +4,13 @@ use super::directions::Pairs;
 use super::error::{Argument, EvaluateError, QueryError, unfit};
 use super::incoming::Nodes;
 use super::located::OUTSIDE;
-use super::lookup::{MeshLookup, Stencil, elevation_stencil, nearest_elevation};
+use super::lookup::{MeshLookup, Stencil, elevation_stencil};
 use super::place::Place;
 use crate::domain::vector::{self, Vector};
 use crate::domain::{
     Axis, Direction, DirectionGrid, Domain, Layout, Measurement, Quantity, Sampling, Unit, WavelengthGrid,
 };
+use crate::numeric::bracket::nearest;
 use std::sync::Arc;
 
 /// The axes of a material, and the tables that find directions on them.
@@ -223,7 +224,7 @@ impl Geometry {
     /// The entry of the incoming axis for `wi` in the piecewise constant sense; 0 where there is no such axis.
     #[inline(always)]
     pub(super) fn incoming_entry(&self, wi: Option<Direction>) -> Result<usize, EvaluateError> {
-        self.look_up(wi, || 0, MeshLookup::locate, nearest_elevation, |entry| entry)
+        self.look_up(wi, || 0, MeshLookup::locate, nearest, |entry| entry)
     }
 
     /// The entries of the incoming axis for `wi` in the sense of means around vertices; entry 0 where there is no such axis.

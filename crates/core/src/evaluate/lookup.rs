@@ -230,12 +230,6 @@ impl MeshLookup {
     }
 }
 
-/// The entry nearest to `theta` (degrees) on a strictly increasing axis of elevations; of two, the lower.
-pub(super) fn nearest_elevation(values: &[f64], theta: f64) -> usize {
-    let Bracket { below, t, .. } = Bracket::held(values, theta);
-    if t > 0.5 { below + 1 } else { below }
-}
-
 /// Where `theta` (degrees) lies between the elevations of an axis, held at its ends.
 pub(super) fn elevation_stencil(values: &[f64], theta: f64) -> Stencil {
     let Bracket { below, t, .. } = Bracket::held(values, theta);
@@ -325,6 +319,7 @@ fn rings(corners: &[[u32; 3]], vertices: usize, areas: &[f64]) -> (Vec<u32>, Vec
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numeric::bracket::nearest;
     use rand::RngExt;
     use rand_pcg::Pcg32;
 
@@ -446,7 +441,7 @@ mod tests {
         assert_eq!(at(60.0), [(2, 1.0)]);
         assert_eq!(at(20.0), [(1, 1.0)]);
         assert_eq!(at(30.0), [(1, 0.75), (2, 0.25)]);
-        let nearest = [0.0, 14.0, 15.0, 16.0, 39.0, 41.0, 90.0].map(|theta| nearest_elevation(&values, theta));
-        assert_eq!(nearest, [0, 0, 0, 1, 1, 2, 2]);
+        let entries = [0.0, 14.0, 15.0, 16.0, 39.0, 41.0, 90.0].map(|theta| nearest(&values, theta));
+        assert_eq!(entries, [0, 0, 0, 1, 1, 2, 2]);
     }
 }

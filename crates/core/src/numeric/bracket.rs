@@ -1,5 +1,8 @@
 //! Linear interpolation in increasing lists: the two entries around a value, and their weights.
 
+/// Entries of a list that is counted rather than searched, at most.
+const SHORT: usize = 16;
+
 /// Entries around a value, and the weight of the upper one; that of the lower is `1 − t`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bracket {
@@ -15,7 +18,7 @@ impl Bracket {
     /// Finds `x` in strictly increasing `values`, the first and the last of which hold beyond them; the first for a NaN.
     #[inline]
     pub fn held(values: &[f64], x: f64) -> Self {
-        let above = values.partition_point(|&v| v <= x);
+        let above = count_up_to(values, x);
         if above == 0 || above == values.len() {
             let end = above.saturating_sub(1);
             return Self { below: end, above: end, t: 0.0 };
@@ -42,6 +45,28 @@ impl Bracket {
         };
         Self { t, ..self }
     }
+}
+
+/// The number of entries of increasing `values` that are at most `x`.
+#[inline]
+pub fn count_up_to(values: &[f64], x: f64) -> usize {
+    let is_below = |&v: &f64| v <= x;
+    if values.len() <= SHORT {
+        // A search would guess which half wrongly every other time.
+        values.iter().filter(|v| is_below(v)).count()
+    } else {
+        values.partition_point(is_below)
+    }
+}
+
+/// The entry of increasing `values` that is nearest to `x`: of two as near the first, as for an empty list and a NaN.
+#[inline]
+pub fn nearest(values: &[f64], x: f64) -> usize {
+    let Some(last) = values.len().checked_sub(1) else { return 0 };
+    let above = count_up_to(values, x);
+    let (below, above) = (above.saturating_sub(1), above.min(last));
+    let is_past_middle = x - values[below] > 0.5 * (values[above] - values[below]);
+    below + (above - below) * usize::from(is_past_middle)
 }
 
 /// Returns the polyline through `(xs, ys)` at `x`, 0 outside of strictly increasing `xs`.
@@ -78,6 +103,21 @@ mod tests {
         assert_eq!(Bracket::held(&NODES, f64::NAN), at(0, 0, 0.0));
         assert_eq!(Bracket::held(&[7.0], 9.0), at(0, 0, 0.0));
         assert_eq!(Bracket::held(&[], 9.0), at(0, 0, 0.0));
+    }
+
+    #[test]
+    fn the_nearest_entry_is_found() {
+        let long: Vec<f64> = (0..40).map(|i| f64::from(i * i)).collect();
+        for (x, wanted) in
+            [(-3.0, 0), (0.5, 0), (0.75, 0), (0.76, 1), (2.0, 1), (2.1, 2), (3.0, 2), (9.0, 2), (f64::NAN, 0)]
+        {
+            assert_eq!(nearest(&NODES, x), wanted, "{x}");
+        }
+        assert_eq!(
+            (nearest(&long, 30.4), nearest(&long, 30.5), nearest(&long, 30.6), nearest(&long, 1e9)),
+            (5, 5, 6, 39)
+        );
+        assert_eq!((nearest(&[7.0], 9.0), nearest(&[], 9.0)), (0, 0));
     }
 
     #[test]
