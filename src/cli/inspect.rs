@@ -205,6 +205,8 @@ struct Material {
     basis: String,
     kept_coefficients: Option<u64>,
     ratio_coefficients: Option<f64>,
+    /// Quantiser step of the coefficients; `null` for policies other than `rd`.
+    step: Option<f64>,
     ratio_bytes: f64,
     floor: f64,
     /// Share of straight lines between stated directions; `null` where they are not on a grid of angles.
@@ -250,6 +252,7 @@ impl Material {
             basis: summary.basis,
             kept_coefficients: summary.kept_coefficients,
             ratio_coefficients: summary.kept_coefficients.map(|kept| samples / kept.max(1) as f64),
+            step: summary.step,
             ratio_bytes: 4.0 * samples / bytes.len() as f64,
             floor: summary.floor,
             straight_lines: summary.straight_lines,

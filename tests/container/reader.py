@@ -506,6 +506,7 @@ def read_header(r):
         start, h.pyramid_length = r.at, r.varint()
         r.note(start, f"length of chunk {'P' if h.flags & PREDICTED else 'G'} {h.pyramid_length}")
     h.step = h.light_step = h.correction_step = h.floor = F(0)
+    h.negative_bound = None
     if h.policy == RD:
         h.step = np.array([r.unsigned(2) << 16], np.uint32).view(F)[0]
         require(h.step > 0 and np.isfinite(h.step), "a step that is no positive number")
@@ -513,7 +514,9 @@ def read_header(r):
     for flag, name in [(LIGHT, "light_step"), (CORRECTIONS, "correction_step"), (FLOOR, "floor")]:
         if h.flags & flag:
             setattr(h, name, F(r.number("f")))
-            require(getattr(h, name) > 0, f"a {name} that is no positive number")
+            signed = flag == LIGHT and h.flags & GRIDDED and h.flags & CLASSES
+            size = abs(getattr(h, name)) if signed else getattr(h, name)
+            require(size > 0, f"a {name} that is no positive number")
             r.note(r.at - 4, f"{name.replace('_', ' ')} {getattr(h, name):.9g}")
     h.factor = 1.0
     if h.flags & FACTOR:
@@ -2347,7 +2350,7 @@ def coarse_model(model, weights, kept, left_out):
     return np.array([planes])
 
 
-def coarse_samples(h, classes, shape, kept, lines, first, values):
+def coarse_samples(h, classes, shape, kept, lines, first, values, bound):
     """Samples of a level from the values of its nodes."""
     rows = [0]
     for i, (count, _, entries, _) in enumerate(lines):
@@ -2369,6 +2372,8 @@ def coarse_samples(h, classes, shape, kept, lines, first, values):
         with np.errstate(invalid="ignore"):
             shares = (signs / measured).astype(F)[rows]
             samples = np.where(np.isnan(shares), F(np.nan), samples * shares).astype(F)
+        if bound is not None:
+            samples = np.maximum(samples, -finish(h, np.array([bound], F))[0])
     return samples.reshape(-1)
 
 
@@ -2381,7 +2386,7 @@ def decode_grid(h, classes, basis, r, level=None):
     require(kind < 3 and form & 9 != 9 and bool(form & 8) == bool(h.flags & LEVELS), "an unknown form of a grid chunk")
     random, has_bound, learns = form & 1, form & 2, not form & 4
     r.note(start, f"form of the grid chunk {form}")
-    bound = F(r.number("f")) if has_bound else None
+    bound = h.negative_bound = F(r.number("f")) if has_bound else None
     levels = r.levels = read_grid_levels(r, h) if form & 8 else []
     r.levels_at = r.at
     require(level is None or level < len(levels), "there is no such level")
@@ -2447,7 +2452,7 @@ def decode_grid(h, classes, basis, r, level=None):
         values = basis.synthesise(planes)
     if level is not None:
         lines = coarse_lines(shape, kept, order[:left_out])
-        return coarse_samples(h, classes, shape, kept, lines, first, values)
+        return coarse_samples(h, classes, shape, kept, lines, first, values, bound)
     logs = values[rows].reshape(-1)
     if bound is not None and classes is not None:
         logs = np.where(classes == NEGATIVE, np.minimum(logs, bound), logs).astype(F)
@@ -2579,8 +2584,17 @@ class Material:
             count, inner = h.axes[at].count, math.prod(axis.count for axis in h.axes[at + 1 :])
             data = chunk.take(chunk.left(), "range-coded: steps of the light")
             steps = np.array(decode_steps(data, h.count // count, inner)).reshape(-1, 1, inner)
-            lit = (logs.reshape(-1, count, inner) + steps.astype(F) * h.light_step).reshape(-1)
-            logs = np.where(classes == NEGATIVE, logs, lit) if h.flags & GRIDDED and classes is not None else lit
+            if h.light_step > 0:
+                shifts = steps.astype(F) * h.light_step
+                dark = np.zeros_like(shifts)
+            else:
+                half, odd = (steps >> 1).astype(F), steps % 2 == 1
+                shifts = np.where(odd, F(0), half * -h.light_step)
+                dark = np.where(odd, half * (-h.light_step / F(16)), F(0))
+            lit, dark = ((logs.reshape(-1, count, inner) + shift).reshape(-1) for shift in (shifts, dark))
+            if h.negative_bound is not None:
+                dark = np.where(np.repeat(steps % 2 == 1, count, 1).reshape(-1), np.minimum(dark, h.negative_bound), dark)
+            logs = np.where(classes == NEGATIVE, dark, lit) if h.flags & GRIDDED and classes is not None else lit
         if h.flags & CORRECTIONS:
             chunk = self.chunks["R"]
             data = chunk.take(chunk.left(), "range-coded: corrections")

@@ -7,7 +7,7 @@ use super::classes::{apply_classes, classes_of};
 use super::exponential::add_corrections;
 use super::header::{Header, finish_of, plan_of};
 use super::kept_coefficients::coefficients_of;
-use super::light::Light;
+use super::light::{Correcting, Light};
 use super::metadata::metadata_of;
 use super::metadata_chunk::metadata_kind;
 use super::policy::Policy;
@@ -188,7 +188,8 @@ pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecErr
             let chunks = (payload(ChunkKind::Basis), coded);
             let mut samples = predictive::decode_block(&header.axes, classes.as_deref(), header.step, chunks, block)?;
             if let Some((light, steps)) = light_of(&header, payload(ChunkKind::Light)) {
-                light.add(header.light_step, &steps[block * light.inner()..][..light.inner()], None, &mut samples);
+                let how = Correcting { step: header.light_step, classes: None, bound: f32::MAX };
+                light.add(how, &steps[block * light.inner()..][..light.inner()], &mut samples);
             }
             header.values().finish(&mut samples);
             finish_samples(classes.as_deref().map(|classes| &classes[own]), &mut samples)?;
@@ -202,7 +203,9 @@ pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecErr
                 let mut samples = gridded::decode_block(&header.axes, classes.as_deref(), fineness, chunks, block)?;
                 let own = classes.as_deref().map(|classes| &classes[own]);
                 if let Some((light, steps)) = light_of(&header, payload(ChunkKind::Light)) {
-                    light.add(header.light_step, &steps[block * light.inner()..][..light.inner()], own, &mut samples);
+                    let bound = gridded::negative_bound(coded)?.unwrap_or(f32::MAX);
+                    let how = Correcting { step: header.light_step, classes: own, bound };
+                    light.add(how, &steps[block * light.inner()..][..light.inner()], &mut samples);
                 }
                 header.values().finish(&mut samples);
                 finish_samples(own, &mut samples)?;
@@ -329,7 +332,10 @@ pub(crate) fn samples_behind<'a>(
                 fixed_logs(header, classes.as_deref(), coefficients)?
             };
             if let Some((light, steps)) = light_of(header, chunk(ChunkKind::Light)) {
-                light.add(header.light_step, &steps, classes.as_deref().filter(|_| header.gridded), &mut logs);
+                let bound = if header.gridded { gridded::negative_bound(payload(ChunkKind::Grid))? } else { None };
+                let classes = classes.as_deref().filter(|_| header.gridded);
+                let how = Correcting { step: header.light_step, classes, bound: bound.unwrap_or(f32::MAX) };
+                light.add(how, &steps, &mut logs);
             }
             if header.correction_step != 0.0 {
                 let mut steps = vec![0_i32; count];

@@ -270,6 +270,34 @@ fn any_grid_chunk_decodes_or_is_refused() {
 }
 
 #[test]
+fn negative_samples_keep_to_the_largest_of_the_file_in_levels_and_under_a_bound_of_the_light() {
+    let half = Some((every(15.0, 13), AzimuthExtent::Mirrored));
+    let axes = [Axis::Elevation(every(10.0, 8)), grid(Frame::Surface, every(5.0, 18), half), Axis::Rgb];
+    let m = with_samples(&measured(Quantity::Brdf, &axes, 0.2), |samples| {
+        let mut size = 1_u32;
+        let mut negative = || {
+            size = size.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            -3e-4 * (size >> 8) as f32 / (1 << 24) as f32
+        };
+        samples.iter().enumerate().map(|(i, &s)| if i % 702 > 300 { negative() } else { 1e-3 * s }).collect()
+    });
+    let least = m.tensor.samples().iter().copied().fold(0.0, f32::min);
+    for albedo_error in [None, Some(0.01)] {
+        let settings = Settings { albedo_error, ..settings(Target::ErL2(0.01), Policy::Rd) };
+        let file = check(&m, &settings);
+        let levels = levels(&file.bytes).unwrap();
+        assert!(levels.len() > 1);
+        for level in levels {
+            let coarse = decode_level(&file.bytes, level.level).unwrap().measurement.tensor;
+            let found = coarse.samples().iter().copied().fold(0.0, f32::min);
+            assert!((least..0.0).contains(&found), "level {}: {found}", level.level);
+        }
+        let light = file.light.unwrap().largest;
+        assert_eq!(light <= 0.01, albedo_error.is_some(), "{light}");
+    }
+}
+
+#[test]
 fn a_level_that_leaves_out_more_halvings_than_there_are_is_refused() {
     let file = include_bytes!("../../../../tests/container/golden/spot.wlm");
     assert!(levels(file).unwrap().len() > 1);

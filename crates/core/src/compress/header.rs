@@ -68,7 +68,7 @@ pub(crate) struct Header {
     /// Whether samples are approximated rather than logarithms.
     pub(crate) linear: bool,
     pub(crate) step: f32,
-    /// The step of the light chunk, 0 without one.
+    /// The step of the light chunk, 0 without one; negative where odd steps are those of negative samples, see `light`.
     pub(crate) light_step: f32,
     pub(crate) correction_step: f32,
     pub(crate) has_classes: bool,
@@ -288,8 +288,10 @@ impl Header {
         if !(step > 0.0 && step.is_finite()) {
             return Err(r.malformed(format!("step is {step}, expected a positive number")));
         }
+        // The sign of the step of the light says which samples of a grid take it.
+        let signed = gridded && flags.has(Flags::CLASSES);
         for (what, flag, value) in [
-            ("step of the light", Flags::LIGHT, light_step),
+            ("step of the light", Flags::LIGHT, if signed { light_step.abs() } else { light_step }),
             ("correction step", Flags::CORRECTIONS, correction_step),
             ("floor", Flags::FLOOR, floor),
         ] {
@@ -379,6 +381,7 @@ impl Header {
             basis: basis_of(&self.axes, &self.transforms, self.klt),
             kept_coefficients: (self.policy != Policy::Lossless).then_some(self.kept),
             floor: f64::from(self.floor),
+            step: (self.policy == Policy::Rd).then(|| f64::from(self.step)),
             straight_lines: ends_on_grid(&self.axes).then(|| f64::from(self.straight_lines) / 255.0),
             factor: self.factor,
             errors: self.errors,

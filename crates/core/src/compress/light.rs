@@ -68,18 +68,21 @@ impl Light {
         sums
     }
 
-    /// Adds `step · k` to the logarithms of every block and entry, without those that are `bounded`: negative samples.
-    pub(crate) fn add(&self, step: f32, steps: &[i32], bounded: Option<&[Class]>, logs: &mut [f32]) {
+    /// Adds corrections to the logarithms of every block and entry.
+    pub(crate) fn add(&self, how: Correcting<'_>, steps: &[i32], logs: &mut [f32]) {
         let block = self.weights.len() * self.inner;
         for (number, (logs, steps)) in logs.chunks_exact_mut(block).zip(steps.chunks_exact(self.inner)).enumerate() {
             if steps.iter().all(|&k| k == 0) {
                 continue;
             }
-            let classes = bounded.map(|classes| &classes[number * block..]);
+            let classes = how.classes.map(|classes| &classes[number * block..]);
             for (first, row) in (0..).step_by(self.inner).zip(logs.chunks_exact_mut(self.inner)) {
                 for (lane, (log, &k)) in row.iter_mut().zip(steps).enumerate() {
-                    if classes.is_none_or(|classes| classes[first + lane] != Class::Negative) {
-                        *log += k as f32 * step;
+                    let (of_negative, shift) = shift(how.step, k);
+                    let is_negative = classes.is_some_and(|classes| classes[first + lane] == Class::Negative);
+                    if is_negative == of_negative {
+                        *log += shift;
+                        *log = if is_negative { log.min(how.bound) } else { *log };
                     }
                 }
             }
@@ -100,36 +103,102 @@ impl Light {
     }
 
     /// The steps of the logarithm that take the light of `decoded` within `bound` of that of `original`; 0 where it is. With
-    /// `bounded` negative samples stay as they are.
+    /// a negative step the negative samples of a block take the correction if they can, as they keep no error, else the
+    /// positive ones.
     pub(crate) fn steps(
         &self,
         bound: f64,
-        step: f32,
-        bounded: bool,
+        (step, largest_negative): (f32, f32),
         (original, decoded): (&[f32], &[f32]),
     ) -> Vec<i32> {
         let (wanted, found) = (self.sums(original), self.sums(decoded));
-        let fixed = if bounded {
-            let negative: Vec<f32> = decoded.iter().map(|&s| if s < 0.0 { s } else { 0.0 }).collect();
-            self.sums(&negative)
-        } else {
-            vec![0.0; found.len()]
-        };
-        wanted
-            .iter()
-            .zip(&found)
-            .zip(&fixed)
-            .map(|((&wanted, &found), &fixed)| {
-                let ratio = (wanted - fixed) / (found - fixed);
-                let usable = wanted > 0.0 && found - fixed > 0.0 && ratio.is_finite();
-                // Half of the bound is left to rounding and to what comes after.
-                if !usable || (found / wanted - 1.0).abs() <= 0.9 * bound {
-                    0
-                } else {
-                    libm::round(libm::log(ratio) / f64::from(step)).clamp(-1e6, 1e6) as i32
+        let of_block = |entry: usize, wanted: f64, found: f64| {
+            if wanted <= 0.0 || (found / wanted - 1.0).abs() <= NEAR * bound {
+                return 0;
+            }
+            let mut negative = Negative { samples: Vec::new(), largest: f64::from(largest_negative) };
+            if step < 0.0 {
+                negative.samples = self.negative_of(entry, decoded);
+            }
+            let fixed = negative.light(0.0);
+            let positive = found + fixed;
+            if fixed > 0.0 {
+                let fine = -f64::from(step) / PARTS;
+                let k = negative.nearest(positive - wanted, fine);
+                let reached = positive - negative.light(f64::from(k) * fine);
+                if k != 0 && (reached / wanted - 1.0).abs() <= NEAR * bound {
+                    return 2 * k + 1;
                 }
-            })
-            .collect()
+            }
+            let ratio = (wanted + fixed) / positive;
+            let is_usable = positive > 0.0 && ratio.is_finite();
+            let k =
+                if is_usable { libm::round(libm::log(ratio) / f64::from(step.abs())).clamp(-1e6, 1e6) } else { 0.0 };
+            if step < 0.0 { 2 * k as i32 } else { k as i32 }
+        };
+        let all = wanted.into_iter().zip(found).enumerate();
+        all.map(|(entry, (wanted, found))| of_block(entry, wanted, found)).collect()
+    }
+
+    /// Weights and sizes of the negative samples that an entry of the sums adds up.
+    fn negative_of(&self, entry: usize, samples: &[f32]) -> Vec<(f64, f64)> {
+        let first = entry / self.inner * self.weights.len() * self.inner + entry % self.inner;
+        let own = samples[first..].iter().step_by(self.inner).zip(&self.weights);
+        own.filter(|(sample, _)| **sample < 0.0).map(|(&sample, &weight)| (weight, f64::from(-sample))).collect()
+    }
+}
+
+/// Corrections of the light: their step, and the negative samples that keep no error.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Correcting<'a> {
+    /// Step of a logarithm; negative where odd steps are those of negative samples, see [`shift`].
+    pub(crate) step: f32,
+    /// Classes of samples on a grid of angles. A positive step leaves negative samples there as they are.
+    pub(crate) classes: Option<&'a [Class]>,
+    /// Largest logarithm of a negative sample.
+    pub(crate) bound: f32,
+}
+
+/// Negative samples of a block: weights and sizes, and the largest size that a decoder gives any.
+struct Negative {
+    samples: Vec<(f64, f64)>,
+    largest: f64,
+}
+
+impl Negative {
+    /// Size of the light of all with this shift of their logarithms.
+    fn light(&self, shift: f64) -> f64 {
+        let factor = libm::exp(shift);
+        self.samples.iter().map(|(weight, size)| weight * (factor * size).min(self.largest)).sum()
+    }
+
+    /// The number of steps, among those that float32 holds, with which the light is nearest to `wanted` from below.
+    fn nearest(&self, wanted: f64, step: f64) -> i32 {
+        let most = (MOST_SHIFT / step) as i32;
+        let (mut low, mut high) = (-most, most);
+        while high - low > 1 {
+            let middle = low + (high - low) / 2;
+            if self.light(f64::from(middle) * step) <= wanted { low = middle } else { high = middle }
+        }
+        low
+    }
+}
+
+/// Part of a bound that light may be off without a correction: the rest is left to rounding.
+const NEAR: f64 = 0.9;
+/// Steps of negative samples are this much finer: their light may be many times that of their block.
+const PARTS: f64 = 16.0;
+/// Largest shift of the logarithms of negative samples, which makes them nothing or the largest.
+const MOST_SHIFT: f64 = 20.0;
+
+/// What `k` steps add to a logarithm, and whether to those of negative samples. A negative step stands for one of its size,
+/// of which an even k is twice the steps of the samples that are not negative, an odd one twice those of the others, 16 times as
+/// fine, and 1.
+fn shift(step: f32, k: i32) -> (bool, f32) {
+    match (step < 0.0, k & 1) {
+        (false, _) => (false, k as f32 * step),
+        (true, 0) => (false, (k >> 1) as f32 * -step),
+        (true, _) => (true, (k >> 1) as f32 * (-step / PARTS as f32)),
     }
 }
 
@@ -214,10 +283,10 @@ fn azimuth_weights(grid: &DirectionGrid) -> Vec<f64> {
     weights
 }
 
-/// The step of the logarithm for a bound of the light's relative error; `bounded` where negative samples stay as they are.
-pub(crate) fn step_of(bound: f64, bounded: bool) -> f32 {
+/// The step of the logarithm for a bound of the light's relative error; negative for samples with a sign, see [`shift`].
+pub(crate) fn step_of(bound: f64, signed: bool) -> f32 {
     // Rounding to the nearest step leaves half a step; of positive samples alone, which are more than all.
-    let part = if bounded { 0.5 } else { 1.6 };
+    let part = if signed { -0.5 } else { 1.6 };
     (part * libm::log1p(bound)) as f32
 }
 

@@ -63,17 +63,17 @@ impl Noise {
         };
         if wanted < cliff * self.relative {
             return Some(format!(
-                "{name} {wanted} lies below the noise of the samples, whose standard deviation is about {}: the file spends \
+                "{name} {wanted} lies below the noise of the samples, whose standard deviation is about {:.2} %: the file spends \
                  its bytes on noise, about one bit a sample more for every halving of the error; ask for {name} {} or more",
-                two_digits_up(self.relative),
+                100.0 * self.relative,
                 two_digits_up(enough * self.relative),
             ));
         }
         (wanted < cliff * self.common).then(|| {
             format!(
                 "{name} {wanted} lies below the noise that whole spectra have in common, whose standard deviation is \
-                 about {}: every direction's own error costs bytes; ask for {name} {} or more",
-                two_digits_up(self.common),
+                 about {:.2} %: every direction's own error costs bytes; ask for {name} {} or more",
+                100.0 * self.common,
                 two_digits_up(enough * self.common),
             )
         })

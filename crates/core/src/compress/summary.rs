@@ -20,6 +20,9 @@ pub struct Summary {
     pub basis: String,
     /// Coefficients that are not zero; `None` for lossless.
     pub kept_coefficients: Option<u64>,
+    /// Quantiser step of normalised coefficients, in natural logarithms or, for targets of absolute errors, in the unit of a
+    /// sample: what [`Target::Step`](super::Target::Step) takes. `None` for policies other than `rd`.
+    pub step: Option<f64>,
     /// Absolute floor, 0 if none was declared.
     pub floor: f64,
     /// Share of straight lines between stated directions, 0 (cubics of logarithms) to 1, where the last directions are a grid of

@@ -1,5 +1,6 @@
 //! What a user asks for, whole: bytes of a measurement and a request in, a compressed material with its report out.
 
+mod as_planes;
 mod digest;
 mod error;
 mod fit;

@@ -52,6 +52,8 @@ pub struct Report {
     pub kept_coefficients: Option<u64>,
     /// Samples per kept coefficient.
     pub ratio_coefficients: Option<f64>,
+    /// Quantiser step of the coefficients, in natural logarithms or in the unit of a sample; `None` for policies other than `rd`.
+    pub step: Option<f64>,
     /// Bytes of the float32 tensor per byte of the file.
     pub ratio_bytes: f64,
     /// Errors of the decoded file at the samples that the measurement states; of scattered samples those of the evaluated
@@ -150,6 +152,7 @@ pub(super) fn report(
         bytes: compressed.bytes.len() as u64,
         kept_coefficients: summary.kept_coefficients,
         ratio_coefficients: summary.kept_coefficients.map(|kept| samples / kept.max(1) as f64),
+        step: summary.step,
         ratio_bytes: 4.0 * samples / compressed.bytes.len() as f64,
         errors: at_samples.unwrap_or(summary.errors),
         errors_at: errors_at(acquisition, &summary.axes),

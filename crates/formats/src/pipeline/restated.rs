@@ -1,6 +1,7 @@
 //! Measurements on the grid of their file, written as the file that they came from: angles, keywords, header and
 //! multipliers are its own.
 
+use super::as_planes::as_planes;
 use super::origin::Origin;
 use super::relabelled::relabelled;
 use crate::compress::Numbers;
@@ -48,6 +49,8 @@ pub(super) fn restate_as(
     format: ExportFormat,
     digits: Digits,
 ) -> Result<Restated, ExportError> {
+    let planes = as_planes(measurement, format);
+    let (measurement, numbers) = planes.as_ref().map_or((measurement, numbers), |planes| (planes, None));
     if ExportFormat::of_name(origin.format) == Ok(format) || origin.metadata.is_empty() {
         return restate_own(measurement, numbers, origin, format, digits);
     }
@@ -95,7 +98,7 @@ fn restate_own(
     let found = read_again(&bytes, measurement, format)?;
     let request = AxesRequest { domain: Some(DirectionDomain::Grid), ..AxesRequest::default() };
     let found = projection::project(&found, &request).map_err(|_| off_grid())?.measurement;
-    if (found.unit, found.tensor.axes()) != (measurement.unit, measurement.tensor.axes()) {
+    if found.unit != measurement.unit || !are_same(found.tensor.axes(), measurement.tensor.axes()) {
         return Err(off_grid());
     }
     let mut errors = ErrorAccumulator::default();
@@ -107,6 +110,18 @@ fn restate_own(
         _ => None,
     };
     Ok(Restated { bytes, format, filled, errors: errors.finish(), lamp, lost: Vec::new() })
+}
+
+/// Returns true for axes of the same angles. What a grid says of directions beyond them is the format's.
+fn are_same(axes: &[Axis], others: &[Axis]) -> bool {
+    let is_same = |(axis, other): (&Axis, &Axis)| match (axis, other) {
+        (Axis::Grid(a), Axis::Grid(b)) => {
+            (a.frame(), a.polar(), a.azimuths()) == (b.frame(), b.polar(), b.azimuths())
+                && a.is_polar_mirrored() == b.is_polar_mirrored()
+        }
+        _ => axis == other,
+    };
+    axes.len() == others.len() && axes.iter().zip(others).all(is_same)
 }
 
 /// The formats that are written on the grid of their source.

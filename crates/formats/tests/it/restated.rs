@@ -284,6 +284,34 @@ fn luminaires_of_one_format_are_written_as_the_other() {
 }
 
 #[test]
+fn luminaires_of_laboratory_tables_are_written_on_their_own_angles() {
+    for (last, extent) in [(345, ""), (180, "# phi_o_extent: mirrored\n")] {
+        let mut text = "# radiometric-csv: 1\n# quantity: edf\n# value_unit: W/sr\n# angle_unit: deg\n".to_owned();
+        text += &format!("{extent}theta,phi,value\n");
+        for theta in (90..=180).step_by(5) {
+            for phi in (0..=last).step_by(15) {
+                let value = f64::from(theta - 85) * (2.0 + f64::from(phi).to_radians().cos());
+                text += &format!("{theta},{phi},{value:.5}\n");
+            }
+        }
+        let material = compressed(text.as_bytes(), Target::ErL2(0.01), true);
+        let file = exported(&material, ExportFormat::Lm63);
+        assert!(10 * file.bytes.len() <= 13 * text.len(), "{} of {}", file.bytes.len(), text.len());
+        let written = on_grid(&read(&file.bytes, &Interpretation::default()).unwrap());
+        let source = on_grid(&read(text.as_bytes(), &Interpretation::default()).unwrap());
+        let (planes, own) = (directions(&written), directions(&source));
+        assert_eq!(planes.polar().len(), own.polar().len());
+        let same = source.tensor.samples().iter().enumerate().map(|(entry, &value)| {
+            let at = planes.nearest(own.direction(entry)).unwrap();
+            (value, written.tensor.samples()[at])
+        });
+        let (stated, found): (Vec<f32>, Vec<f32>) = same.unzip();
+        let errors = ErrorReport::measure(&stated, &found, 0.0);
+        assert!(errors.er_l2 <= 0.01, "{}", errors.er_l2);
+    }
+}
+
+#[test]
 fn files_that_the_angles_or_the_options_do_not_fit_are_sampled_anew() {
     let lamp = compressed(&fs::read(root().join("data/aerolamp.ies")).unwrap(), Target::ErL2(0.01), false);
     // Without provenance the format of the file is that asked for, with the least of keywords.

@@ -241,7 +241,10 @@ fn strides_visit_everything_once() {
 fn only_promises_below_the_noise_are_warned_of() {
     let noise = Noise { relative: 0.003, uncertainty: 1e-5, common: 0.0, coefficients: 1000 };
     let text = noise.warning(Target::ErL2(0.001)).unwrap();
-    assert!(text.contains("er_l2 0.001 ") && text.contains("about 0.003:") && text.contains("er_l2 0.0032 "), "{text}");
+    assert!(
+        text.contains("er_l2 0.001 ") && text.contains("about 0.30 %:") && text.contains("er_l2 0.0032 "),
+        "{text}"
+    );
     assert_eq!(noise.warning(Target::ErL2(0.0031)), None);
     let text = noise.warning(Target::MaxRelativeError(0.008)).unwrap();
     assert!(text.contains("max_relative_error 0.015 or more"), "{text}");

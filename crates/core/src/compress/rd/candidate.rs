@@ -5,7 +5,7 @@ use super::super::effort::Tally;
 use super::super::error::CompressError;
 use super::super::exponential::add_corrections;
 use super::super::header::Header;
-use super::super::light::{self, Light};
+use super::super::light::{self, Correcting, Light};
 use super::super::parts::Parts;
 use super::super::policy::Policy;
 use super::super::rows::lanes;
@@ -88,9 +88,9 @@ impl<'a> Candidate<'a> {
             }
         };
         let layer = Counted::new(layer, tally, measurement.tensor.len());
-        let bounded = layer.is_gridded() && plane.counts.negative_samples > 0;
+        let signed = layer.is_gridded() && plane.counts.negative_samples > 0;
         let light = settings.albedo_error.and_then(|bound| {
-            Light::of(measurement.quantity, axes).map(|light| (light, light::step_of(bound, bounded)))
+            Light::of(measurement.quantity, axes).map(|light| (light, light::step_of(bound, signed)))
         });
         let closest = Cell::new(f64::INFINITY);
         Ok(Self { measurement, settings, plane, layer, light, floor, closest, sizes: Sizes::default() })
@@ -110,8 +110,9 @@ impl<'a> Candidate<'a> {
         self.layer.approximate(fineness, values);
         if let Some((light, step)) = &self.light {
             let steps = self.light_steps(light, *step, values);
-            let bounded = self.plane.coded.filter(|_| self.layer.is_gridded()).map(|_| self.plane.classes);
-            light.add(*step, &steps, bounded, values);
+            let classes = self.plane.coded.filter(|_| self.layer.is_gridded()).map(|_| self.plane.classes);
+            let bound = self.layer.negative_bound().unwrap_or(f32::MAX);
+            light.add(Correcting { step: *step, classes, bound }, &steps, values);
         }
     }
 
@@ -131,8 +132,9 @@ impl<'a> Candidate<'a> {
         if self.plane.coded.is_some() {
             apply_classes(self.plane.classes, &mut samples);
         }
-        let bounded = self.layer.is_gridded() && self.plane.counts.negative_samples > 0;
-        light.steps(self.settings.albedo_error.unwrap_or(1.0), step, bounded, (self.original(), &samples))
+        let mut largest = [self.layer.negative_bound().unwrap_or(0.0)];
+        self.plane.values.finish(&mut largest);
+        light.steps(self.settings.albedo_error.unwrap_or(1.0), (step, largest[0]), (self.original(), &samples))
     }
 
     /// The chunk of the light's corrections.

@@ -22,7 +22,7 @@ mod planes;
 mod quantised;
 
 pub(crate) use coarser::{decode_level, levels_of, with_errors, with_levels};
-pub(crate) use decode::{decode, decode_block, has_levels, is_random};
+pub(crate) use decode::{decode, decode_block, has_levels, is_random, negative_bound};
 pub(crate) use lattice::Shape;
 
 use super::super::setting_error::SettingError;
@@ -91,7 +91,7 @@ pub(crate) struct GridLayer<'a> {
     axes: Vec<Axis>,
     classes: Option<&'a [Class]>,
     /// Bound of the logarithms of negative samples.
-    largest_negative: Option<f32>,
+    negative_bound: Option<f32>,
     form: Form,
     planes: Planes,
     transforms: Vec<AxisTransform>,
@@ -150,7 +150,7 @@ impl<'a> GridLayer<'a> {
         let mut layer = Self {
             axes: axes.to_vec(),
             classes,
-            largest_negative: classes.and_then(|classes| largest_negative(classes, values)),
+            negative_bound: classes.and_then(|classes| largest_negative(classes, values)),
             transforms: vec![AxisTransform::Identity; axes.len()],
             sources: None,
             last: LastCoded::default(),
@@ -248,10 +248,10 @@ impl<'a> GridLayer<'a> {
             self.pyramid(k).code(encoder, quantiser, (count, vectors), sources.get(k), 0)
         };
         let mut w = Writer::default();
-        let flags = [self.form.random, self.largest_negative.is_some(), !self.form.learns];
+        let flags = [self.form.random, self.negative_bound.is_some(), !self.form.learns];
         let flags = flags.iter().rev().fold(0, |form, &flag| form << 1 | u8::from(flag));
         w.u8(flags | GridModel::form(self.model.as_ref()));
-        if let Some(largest) = self.largest_negative {
+        if let Some(largest) = self.negative_bound {
             w.f32(largest);
         }
         let (mut planes, details) = if self.form.random {
@@ -281,7 +281,7 @@ impl FirstLayer for GridLayer<'_> {
     fn approximate(&self, fineness: Fineness, logs: &mut [f32]) {
         let coded = self.coded(fineness);
         self.planes.synthesise(coded.basis.as_ref(), &coded.planes, logs);
-        bound_negative(self.largest_negative, self.classes, logs);
+        bound_negative(self.negative_bound, self.classes, logs);
     }
 
     fn chunks(&self, fineness: Fineness) -> Vec<(ChunkKind, Vec<u8>)> {
@@ -302,5 +302,9 @@ impl FirstLayer for GridLayer<'_> {
 
     fn is_gridded(&self) -> bool {
         true
+    }
+
+    fn negative_bound(&self) -> Option<f32> {
+        self.negative_bound
     }
 }

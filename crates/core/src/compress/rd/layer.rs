@@ -40,6 +40,10 @@ pub(crate) trait FirstLayer {
     fn is_gridded(&self) -> bool {
         false
     }
+    /// The largest logarithm that a decoder gives a negative sample; `None` where there are none, or no bound.
+    fn negative_bound(&self) -> Option<f32> {
+        None
+    }
 }
 
 /// Coefficients in fixed bases on all axes.
@@ -158,6 +162,10 @@ impl FirstLayer for Counted<'_> {
 
     fn is_gridded(&self) -> bool {
         self.layer.is_gridded()
+    }
+
+    fn negative_bound(&self) -> Option<f32> {
+        self.layer.negative_bound()
     }
 }
 

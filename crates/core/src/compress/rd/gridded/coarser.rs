@@ -44,7 +44,7 @@ pub(crate) fn with_levels(
     if opened.streams.is_some() || !opened.levels.is_empty() {
         return Ok(None);
     }
-    let head = if opened.largest_negative.is_some() { 5 } else { 1 };
+    let head = if opened.negative_bound.is_some() { 5 } else { 1 };
     let stream = &chunks.1[head..];
     let weights = opened.planes.weights(classes);
     let pyramid = opened.planes.pyramid(&opened.order, &weights, 0);
@@ -123,10 +123,17 @@ fn samples(
     planes.synthesise_rows(opened.basis.as_ref(), (&nodes, unit), &rows, &mut samples);
     finish.finish(&mut samples);
     if let Some(classes) = classes {
+        // Magnitudes of negative samples are not coded: only their bound is known.
+        let least = opened.negative_bound.map_or(f32::MIN, |bound| {
+            let mut magnitude = [bound];
+            finish.finish(&mut magnitude);
+            -magnitude[0]
+        });
         let shares = planes.shares(classes, &lines);
         for (row, samples) in rows.iter().zip(samples.chunks_exact_mut(n)) {
             for (sample, &share) in samples.iter_mut().zip(&shares[*row as usize * n..]) {
-                *sample = if share.is_nan() { f32::NAN } else { *sample * share };
+                let mean = *sample * share;
+                *sample = if mean < least { least } else { mean };
             }
         }
     }

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 pub(super) struct Opened<'a> {
     pub(super) quantiser: Quantiser,
     /// Bound of the logarithms of negative samples.
-    pub(super) largest_negative: Option<f32>,
+    pub(super) negative_bound: Option<f32>,
     pub(super) planes: Planes,
     pub(super) basis: Option<Basis>,
     pub(super) order: Vec<u8>,
@@ -51,8 +51,8 @@ impl<'a> Opened<'a> {
         let Flags { random, has_negative, learns, model, .. } = flags;
         let quantiser = quantiser(step, is_linear, learns);
         let mut bound = r.clone();
-        let largest_negative =
-            if has_negative { Some(bound.f32("largest logarithm of a negative sample")?) } else { None };
+        let negative_bound =
+            if has_negative { Some(bound.f32("bound of the logarithms of negative samples")?) } else { None };
         let levels = flags.levels(&mut r, length)?;
         let form = (random, basis.is_some());
         let open = |decoder: &mut Decoder<'a>| {
@@ -86,24 +86,14 @@ impl<'a> Opened<'a> {
             };
             let mut decoder = Decoder::new(stream);
             let (planes, order, model) = open(&mut decoder)?;
-            return Ok(Self {
-                quantiser,
-                largest_negative,
-                planes,
-                basis,
-                order,
-                model,
-                levels,
-                decoder,
-                streams: None,
-            });
+            return Ok(Self { quantiser, negative_bound, planes, basis, order, model, levels, decoder, streams: None });
         }
         let length = r.size(usize::MAX >> 1, "length of a stream")?;
         let (planes, order, model) = open(&mut Decoder::new(r.take(length, "opening of a grid")?))?;
         let streams = Streams::read(&mut r, false, planes.streams())?;
         Ok(Self {
             quantiser,
-            largest_negative,
+            negative_bound,
             planes,
             basis,
             order,
@@ -154,7 +144,7 @@ pub(crate) fn decode(
     }
     let mut values = vec![0.0; planes.rows() * planes.length()];
     planes.synthesise(opened.basis.as_ref(), &decoded, &mut values);
-    bound_negative(opened.largest_negative, classes, &mut values);
+    bound_negative(opened.negative_bound, classes, &mut values);
     if let Some(finish) = finish {
         finish.finish(&mut values);
     }
@@ -192,8 +182,15 @@ pub(crate) fn decode_block(
     let mut values = vec![0.0; rows.len() * planes.length()];
     planes.synthesise_rows(opened.basis.as_ref(), (&decoded, planes.unit()), &rows, &mut values);
     let own = classes.map(|classes| &classes[entry * values.len()..][..values.len()]);
-    bound_negative(opened.largest_negative, own, &mut values);
+    bound_negative(opened.negative_bound, own, &mut values);
     Ok(values)
+}
+
+/// The largest logarithm of a negative sample, where a chunk states it.
+pub(crate) fn negative_bound(coded: &[u8]) -> Result<Option<f32>, CodecError> {
+    let mut r = Reader::new(coded, 0);
+    let flags = Flags::read(&mut r)?;
+    if flags.has_negative { r.f32("bound of the logarithms of negative samples").map(Some) } else { Ok(None) }
 }
 
 /// Returns true where incoming entries are decoded by themselves.
@@ -239,7 +236,7 @@ impl Flags {
     /// Reads what follows the flags up to the stream of a chunk that ends at the offset `end`: the levels.
     pub(super) fn levels(self, r: &mut Reader<'_>, end: usize) -> Result<Vec<GridLevel>, CodecError> {
         if self.has_negative {
-            r.f32("largest logarithm of a negative sample")?;
+            r.f32("bound of the logarithms of negative samples")?;
         }
         if self.has_levels { index::read(r, end) } else { Ok(Vec::new()) }
     }
