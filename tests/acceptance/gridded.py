@@ -27,13 +27,15 @@ class Samples:
 
     `wi`, `wo`: angles in degrees, [rows, 2], or None; `values`: float64, [rows, channels], NaN = missing; `spectral`:
     wavelengths in nm, "rgb", or None; `places`: rows of the same place are the same direction, stated several times.
+    `grids`: of each block of rows, its axes from the slowest on and their lengths; none where the rows are a mere list.
     """
 
-    def __init__(self, wi, wo, values, spectral=None, places=None):
+    def __init__(self, wi, wo, values, spectral=None, places=None, grids=()):
         self.wi = None if wi is None else np.asarray(wi, np.float64)
         self.wo = None if wo is None else np.asarray(wo, np.float64)
         self.values = np.asarray(values, np.float64).reshape(len(values), -1)
         self.spectral = spectral
+        self.grids = grids
         self.places = places or [place(side(self.wi, i), side(self.wo, i)) for i in range(len(self.values))]
 
     def expected(self):
@@ -142,16 +144,17 @@ def lm63(data):
         kind = 3
     native = [(h, v) for h in horizontal for v in vertical]
     values = [factor * next(numbers) for _ in native]
+    grids = [{"phi_o": len(horizontal), "theta_o": len(vertical)}]
     if kind == 1:
         wo = [(180.0 - gamma, c) for c, gamma in native]
-        return Samples(None, wo, values)
+        return Samples(None, wo, values, grids=grids)
     if kind == 2:
         directions = [type_b(h, v) for h, v in native]
         places = [(h, 0.0 if abs(h) == 90.0 else v % 360.0) for h, v in native]
     else:
         directions = [type_a(v, h) for h, v in native]
         places = [(v, 0.0 if abs(v) == 90.0 else h % 360.0) for h, v in native]
-    return Samples(None, [angles(d) for d in directions], values, places=places)
+    return Samples(None, [angles(d) for d in directions], values, places=places, grids=grids)
 
 
 def trigonometry(angle):
@@ -211,7 +214,7 @@ def eulumdat(data):
         raise ValueError(f"{len(numbers)} intensities for {len(c)} planes of {gammas}")
     factor = conversion * (lumens / 1000.0 if lumens > 0 else 1.0)
     wo = [(180.0 - g, plane) for plane in c for g in gamma]
-    return Samples(None, wo, [factor * n for n in numbers])
+    return Samples(None, wo, [factor * n for n in numbers], grids=[{"phi_o": len(c), "theta_o": len(gamma)}])
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -237,7 +240,7 @@ def mbsdf(data, quantity=None):
         at += 12 + values.nbytes
     wanted = [quantity] if quantity in ("brdf", "btdf") else sorted(blocks)
     channels = max(blocks[name].shape[3] for name in wanted)
-    wi, wo, rows = [], [], []
+    wi, wo, rows, grids = [], [], [], []
     for name in wanted:
         values = blocks[name]
         n, _, m, _ = values.shape
@@ -247,7 +250,8 @@ def mbsdf(data, quantity=None):
         wi += [(i, 0.0) for i in theta for _ in range(n * m)]
         wo += [(o, p) for _ in theta for o in out for p in phi]
         rows.append(np.broadcast_to(values.reshape(n * n * m, -1), (n * n * m, channels)))
-    return Samples(wi, wo, np.concatenate(rows), "rgb" if channels == 3 else None)
+        grids.append({"theta_i": n, "theta_o": n, "phi_o": m})
+    return Samples(wi, wo, np.concatenate(rows), "rgb" if channels == 3 else None, grids=grids)
 
 
 # Values of a reflectance factor are π times a BRDF.
@@ -362,7 +366,7 @@ def array(values, manifest):
     rows = values.astype(np.float64).reshape(-1, last or 1)
     rows = scaled(rows, manifest["quantity"], mesh.get("theta_o"), manifest.get("cosine_included", False))
     side_of = lambda s: pairs(mesh.get("theta_" + s), mesh.get("phi_" + s))
-    return Samples(side_of("i"), side_of("o"), rows, spectral)
+    return Samples(side_of("i"), side_of("o"), rows, spectral, grids=[{name: len(known[name]) for name in order}])
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -394,7 +398,8 @@ def compress(base, path, target, **options):
         time.sleep(0.1)
         job = json.loads(call(f"{base}/v1/jobs/{job['id']}"))
     if job["state"] != "succeeded":
-        raise RuntimeError(f"{path}: job {job}")
+        why = job["problem"]["detail"] if job["problem"] else job["state"]
+        raise RuntimeError(f"{os.path.basename(path)}: {why}")
     return job
 
 

@@ -33,6 +33,7 @@ class Luminaires(unittest.TestCase):
     def test_type_c_and_its_factors(self):
         found = gridded.lm63(ies(1, [0, 90], [0, 180, 360], [1, 2, 3, 4, 5, 6]))
         self.assertEqual(found.wo.tolist(), [[180, 0], [90, 0], [180, 180], [90, 180], [180, 360], [90, 360]])
+        self.assertEqual(found.grids, [{"phi_o": 3, "theta_o": 2}])
         self.assertEqual(found.values[:, 0].tolist(), [1, 2, 3, 4, 5, 6])
         # Nadir three times, C0 and C360 at the horizon.
         self.assertEqual(found.expected()[:, 0].tolist(), [3, 4, 3, 4, 3, 4])
@@ -147,6 +148,9 @@ class Fixtures(unittest.TestCase):
             samples = gridded.read(os.path.join(ROOT, path))
             self.assertEqual(samples.values.shape, (rows or len(samples.values), channels), path)
             self.assertGreater(len(samples.values), 3, path)
+            if not path.endswith(".csv"):
+                counts = [math.prod(grid.values()) for grid in samples.grids]
+                self.assertEqual(sum(counts), len(samples.values), path)
 
     def test_lamps_contradict_themselves_by_less_than_a_fifth_of_a_per_cent_at_their_poles(self):
         for name in ("aerolamp", "ushio_b1", "nukit_lantern"):

@@ -23,12 +23,10 @@ rate_bound.py says.
 import argparse
 import csv
 import glob
-import hashlib
 import importlib.metadata
 import json
 import math
 import os
-import resource
 import subprocess
 import sys
 import time
@@ -42,14 +40,12 @@ import gen  # noqa: E402
 import others  # noqa: E402
 import plot_rd  # noqa: E402
 import rate_bound  # noqa: E402
+import search  # noqa: E402
 import tables  # noqa: E402
+from search import FIELDS, processor  # noqa: E402
 from tables import smallest  # noqa: E402
 
 ROOT = gen.ROOT
-LARGE = 10e6
-HOPELESS = 1.5
-FIELDS = """array samples digest target group peer setting bytes er_l1 er_l2 max_relative encode_mb_s decode_mb_s
-seconds note noise bound_bytes over_bound""".split()
 FLOOR = 1e-3
 RATIOS = [4, 8, 16, 32, 64, 128, 256, 512]  # of the paper's policies; 32 times as much for arrays above 10 MB
 
@@ -142,178 +138,17 @@ def make(name, options):
     return project(options.binary, find(files[0], places), extra, path)
 
 
-class Truth:
-    """An array, and the errors of what stands for it."""
+class Array(search.Truth):
+    """An array in a .npy with its manifest beside it."""
 
     def __init__(self, name, path):
-        self.name, self.path = name, path
-        self.values = np.ascontiguousarray(np.load(path), np.float32)
         with open(path[:-4] + ".axes.json") as file:
-            self.axes = others.axes_of(json.load(file))
-        self.digest = hashlib.sha256(self.values.tobytes()).hexdigest()[:16]
-        self.scored = np.flatnonzero(self.values.reshape(-1) > 0)
-        self.wanted = self.values.reshape(-1)[self.scored].astype(np.float64)
-        self.megabytes = self.values.nbytes / 1e6
-        self.large = self.values.nbytes > LARGE
-        clean = np.where(self.values > 0, self.values, np.float32(0))  # what peers get; NaN becomes 0
-        self.for_peers = {"linear": clean, "log": np.log(np.maximum(clean, np.float32(self.wanted.min())))}
-        self.rms = float(np.sqrt((clean.astype(np.float64) ** 2).mean()))
-        self.noise = None  # as wavelume estimates it; nothing without the program
+            super().__init__(name, np.load(path), others.axes_of(json.load(file)))
+        self.path, self.noise = path, None  # the noise as wavelume estimates it; nothing without the program
 
     def listen(self, binary):
         floor = FLOOR if self.name.endswith("_floor") else 0.0
         self.noise = rate_bound.estimate(binary, self.path, self.values, floor)
-
-    def errors(self, found):
-        """er(L1), er(L2) and the largest relative error, as fractions."""
-        relative = np.abs(found.reshape(-1)[self.scored].astype(np.float64) - self.wanted) / self.wanted
-        with np.errstate(over="ignore"):
-            return float(relative.mean()), float(np.sqrt((relative**2).mean())), float(relative.max())
-
-    def row(self, target, group, peer, setting, **more):
-        base = {"array": self.name, "samples": self.values.size, "digest": self.digest, "target": f"{target:g}"}
-        return {**dict.fromkeys(FIELDS, ""), **base, "group": group, "peer": peer, "setting": setting, **more}
-
-
-# ---- peers: the smallest file within a target
-
-
-def processor():
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time() + children.ru_utime + children.ru_stime
-
-
-class Family:
-    """One peer on one layout and domain of one array, and every encoding of it so far."""
-
-    def __init__(self, truth, peer, layout, domain):
-        self.truth, self.peer, self.setting, self.domain = truth, peer, f"{layout} {domain}", domain
-        self.layout = others.Layout(truth.values.shape, truth.axes, layout == "grid")
-        start = processor()
-        self.x = self.layout.forward(truth.for_peers[domain])
-        self.state = peer.prepare(self.x, truth.axes)
-        self.prepared = processor() - start
-        self.tried = {}
-
-    def measure(self, knob):
-        """Encodes, decodes and scores at a knob: a dictionary of what came out."""
-        if knob in self.tried:
-            return self.tried[knob]
-        truth, start = self.truth, processor()
-        b = self.peer.encode(self.x, truth.axes, self.state, knob)
-        encoded = processor()
-        y = self.peer.decode(b, self.layout.out, truth.axes)
-        y = self.layout.inverse(np.exp(y) if self.domain == "log" else y)
-        decoded = processor()
-        er_l1, er_l2, largest = truth.errors(y)
-        speed = lambda seconds: truth.megabytes / max(seconds, 1e-4)
-        self.tried[knob] = {
-            "bytes": len(b), "er_l1": er_l1, "er_l2": er_l2 if math.isfinite(er_l2) else math.inf, "max_relative": largest,
-            "encode_mb_s": speed(encoded - start + self.prepared), "decode_mb_s": speed(decoded - encoded),
-        }  # fmt: skip
-        return self.tried[knob]
-
-    def search(self, target, budget):
-        if self.peer.steps:
-            self.bisect(target, self.peer.steps(self.x))
-        else:
-            self.close_in(target, budget)
-
-    def bisect(self, target, steps):
-        """The coarsest step within the target."""
-        low, high = 0, len(steps) - 1
-        while low < high:
-            middle = (low + high) // 2
-            if self.measure(steps[middle])["er_l2"] <= target:
-                high = middle
-            else:
-                low = middle + 1
-        self.measure(steps[low])
-
-    def close_in(self, target, budget):
-        """Log-log interpolation of the error in the knob, between the nearest knobs on both sides."""
-        unit = 1.0 if self.domain == "log" else self.truth.rms * 0.1
-        for _ in range(budget):
-            inside = [(k, t["er_l2"]) for k, t in self.tried.items() if t["er_l2"] <= target]
-            outside = [(k, t["er_l2"]) for k, t in self.tried.items() if t["er_l2"] > target]
-            below, above = max(inside, default=None), min(outside, default=None)
-            if below and (below[1] >= 0.98 * target or above and above[0] < below[0] * 1.01):
-                return
-            if below and above and above[0] > below[0]:
-                share = 0.5
-                if 0 < below[1] < above[1] < math.inf:
-                    share = math.log(0.995 * target / below[1]) / math.log(above[1] / below[1])
-                knob = below[0] * (above[0] / below[0]) ** min(max(share, 0.1), 0.9)
-            elif above:
-                knob = above[0] * max(0.9 * target / above[1], 1 / 16)
-            elif below:
-                knob = below[0] * min(0.99 * target / max(below[1], 1e-9), 16)
-            else:
-                knob = target * unit
-            self.measure(knob)
-
-    def best(self, target):
-        within = [(t["bytes"], k) for k, t in self.tried.items() if t["er_l2"] <= target]
-        return (*min(within), self) if within else None
-
-
-def run_peers(truth, targets, peers, missing, log):
-    """One row a peer and target, best setting; and one a peer that did not run, with its reason."""
-    rows = []
-    for peer in peers:
-        start, candidates, failed = time.perf_counter(), {}, []
-        if truth.large and peer.slow:
-            rows.append(truth.row(0, peer.group, peer.name, "", note="too slow for an array above 10 MB"))
-            continue
-        grids = any(axis.kind == "triangles" and n >= 256 for axis, n in zip(truth.axes, truth.values.shape))
-        layouts = [layout for layout in peer.layouts if layout == "array" or grids]
-        domains = peer.domains
-        if truth.large:
-            layouts, domains = layouts[-1:], domains[-1:]
-        families = []
-        for layout in layouts:
-            for domain in domains:
-                try:
-                    families.append(Family(truth, peer, layout, domain))
-                except Exception as why:  # a peer's failure is a result, whatever it raised
-                    failed.append(f"{layout} {domain}: {type(why).__name__}: {why}")
-        every = list(families)
-        for target in sorted(targets, reverse=True):
-            found = []
-            for family in list(families):
-                try:
-                    family.search(target / 100, 4 if truth.large else 6)
-                    found.append(family.best(target / 100))
-                except Exception as why:
-                    failed.append(f"{family.setting}: {type(why).__name__}: {why}")
-                    families.remove(family)
-            found = [one for one in found if one]
-            if found:
-                candidates[target] = min(found, key=lambda one: one[0])
-                hopeless = [one[2] for one in found if one[0] > HOPELESS * candidates[target][0]]
-                families = [family for family in families if family not in hopeless]
-        for target in targets:  # what was tried for a tighter target also counts
-            found = [one for one in (family.best(target / 100) for family in every) if one]
-            if found:
-                candidates[target] = min(found, key=lambda one: one[0])
-            else:
-                rows.append(
-                    truth.row(
-                        target,
-                        peer.group,
-                        peer.name,
-                        "",
-                        note="; ".join(failed) or "error not reached in the encodings allowed",
-                    )
-                )
-                continue
-            _, knob, family = candidates[target]
-            setting = f"{family.setting} {knob:.6g}"
-            rows.append(truth.row(target, peer.group, peer.name, setting, **family.tried[knob]))
-        seconds = time.perf_counter() - start
-        print(f"  {peer.name:16s} {seconds:6.1f} s  " + "; ".join(failed), file=log, flush=True)
-    rows += [truth.row(0, "packaged", name, "", note=f"not installed: {why}") for name, why in missing.items()]
-    return rows
 
 
 # ---- wavelume
@@ -429,7 +264,7 @@ def figures(options, names, rows):
         if name not in (*GOALS, *POINTWISE_GOALS, *AGAINST_PEERS):
             continue
         try:
-            truth = Truth(name, make(name, options))
+            truth = Array(name, make(name, options))
         except Refused as why:
             print(f"| {name} | | | | | | | | {why} |")
             cells += len(list(goals_of(name, stored, 0.0)))
@@ -516,7 +351,7 @@ def main():
         every |= set(targets)
         print(name, file=sys.stderr, flush=True)
         try:
-            truth = Truth(name, make(name, options))
+            truth = Array(name, make(name, options))
         except Refused as why:
             print(f"  not made: {why}", file=sys.stderr)
             absent = {"array": name, "target": "0", "group": "wavelume", "peer": "array", "note": f"not made: {why}"}
@@ -527,7 +362,7 @@ def main():
                 rows.append(row)
         if stale(truth):
             print("  the stored results are of an array with other bits", file=sys.stderr)
-        rows += run_peers(truth, targets, peers, missing, sys.stderr)
+        rows += search.run(truth, targets, peers, missing, sys.stderr)
         if options.binary:
             truth.listen(options.binary)
             for target in targets:

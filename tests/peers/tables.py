@@ -7,11 +7,18 @@ MARGIN, MARGIN_BELOW = 1.5, 1.1  # times smaller than the best peer, above and b
 SHOWN = (1.0, 2.0, 5.0)
 
 
-def smallest(rows, name, target, group=None):
-    """(bytes, peer) of the smallest entry of an array at a target, without wavelume's own; or nothing."""
+def best_row(rows, name, target, group=None):
+    """The row with the fewest bytes of an array at a target in %, without wavelume's own; or nothing."""
     groups = (group,) if group else ("packaged", "recipe")
     fits = [row for row in rows if row["array"] == name and float(row["target"]) == target and row["group"] in groups]
-    return min(((int(row["bytes"]), row["peer"]) for row in fits if row["bytes"] != ""), default=None)
+    fits = [row for row in fits if row["bytes"] != ""]
+    return min(fits, key=lambda row: (int(row["bytes"]), row["peer"]), default=None)
+
+
+def smallest(rows, name, target, group=None):
+    """(bytes, peer) of the best row, or nothing."""
+    row = best_row(rows, name, target, group)
+    return row and (int(row["bytes"]), row["peer"])
 
 
 def at(rows, name, target):
@@ -39,6 +46,20 @@ def cells_of_noise(row):
         return ["–", "–", "–"]
     least, over = int(row["bound_bytes"]), row["over_bound"]
     return [f"{found:.3g} %", f"{least:,}", f"{float(over):.1f}" if over != "" else "–"]
+
+
+def silent(rows):
+    """Markdown lines about what did not run, or did not reach its error, and why; nothing where all did."""
+    where_of = {}
+    for row in rows:
+        if row["note"] and row["bytes"] == "":
+            where = row["array"] + (f" at {row['target']} %" if row["target"] != "0" else "")
+            where_of.setdefault((row["peer"], row["note"]), []).append(where)
+    every, lines = set(names_in(rows)), []
+    for (peer, note), where in where_of.items():
+        all_of_several = len(every) > 1 and set(where) == every
+        lines.append(f"* {peer}, {note}: {'every array' if all_of_several else '; '.join(dict.fromkeys(where))}")
+    return ["", "Not run, or not reached:", "", *lines] if lines else []
 
 
 def markdown(rows, targets):
@@ -74,14 +95,7 @@ def markdown(rows, targets):
             if found:
                 cells = [f"{int(found[peer]['bytes']):,}" if peer in found else "–" for peer in peers]
                 out.append(f"| {name} | " + " | ".join(cells) + " |")
-    silent = {}
-    for row in rows:
-        if row["note"] and row["bytes"] == "":
-            where = row["array"] + (f" at {row['target']} %" if row["target"] != "0" else "")
-            silent.setdefault((row["peer"], row["note"]), []).append(where)
-    if silent:
-        out += ["", "Not run, or not reached:", ""]
-        out += [f"* {peer}, {note}: {', '.join(dict.fromkeys(where))}" for (peer, note), where in silent.items()]
+    out += silent(rows)
     return "\n".join(out) + "\n"
 
 
