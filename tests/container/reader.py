@@ -2382,8 +2382,8 @@ def decode_grid(h, classes, basis, r, level=None):
     require(basis is None or shape.length > 1, "a basis chunk without a last axis behind the directions")
     basis = None if basis is None else Basis(basis, h.axes, shape.rows, h.step, gridded=True)
     start, form = r.at, r.unsigned(1)
-    kind = form >> 4
-    require(kind < 3 and form & 9 != 9 and bool(form & 8) == bool(h.flags & LEVELS), "an unknown form of a grid chunk")
+    kind, weighs = form >> 4 & 3, form & 64
+    require(kind < 3 and form < 128 and form & 9 != 9 and form & 66 != 66 and bool(form & 8) == bool(h.flags & LEVELS), "an unknown form of a grid chunk")
     random, has_bound, learns = form & 1, form & 2, not form & 4
     r.note(start, f"form of the grid chunk {form}")
     bound = h.negative_bound = F(r.number("f")) if has_bound else None
@@ -2412,7 +2412,8 @@ def decode_grid(h, classes, basis, r, level=None):
         # [incoming entries, vectors, leaves] as the planes of units.
         model = model if random else model.transpose(1, 0, 2).reshape(1, vectors, leaves)
     lanes = lanes_of(shape.length)
-    live = None if classes is None else (classes == POSITIVE).reshape(shape.rows, shape.length)
+    alive = (POSITIVE, NEGATIVE) if weighs else (POSITIVE,)
+    live = None if classes is None else np.isin(classes, alive).reshape(shape.rows, shape.length)
 
     def weights(unit, lane):
         found = []
@@ -2592,7 +2593,9 @@ class Material:
                 shifts = np.where(odd, F(0), half * -h.light_step)
                 dark = np.where(odd, half * (-h.light_step / F(16)), F(0))
             lit, dark = ((logs.reshape(-1, count, inner) + shift).reshape(-1) for shift in (shifts, dark))
-            if h.negative_bound is not None:
+            if h.negative_bound is None:
+                dark = lit if h.light_step > 0 else logs.reshape(-1)
+            else:
                 dark = np.where(np.repeat(steps % 2 == 1, count, 1).reshape(-1), np.minimum(dark, h.negative_bound), dark)
             logs = np.where(classes == NEGATIVE, dark, lit) if h.flags & GRIDDED and classes is not None else lit
         if h.flags & CORRECTIONS:

@@ -203,8 +203,9 @@ pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecErr
                 let mut samples = gridded::decode_block(&header.axes, classes.as_deref(), fineness, chunks, block)?;
                 let own = classes.as_deref().map(|classes| &classes[own]);
                 if let Some((light, steps)) = light_of(&header, payload(ChunkKind::Light)) {
-                    let bound = gridded::negative_bound(coded)?.unwrap_or(f32::MAX);
-                    let how = Correcting { step: header.light_step, classes: own, bound };
+                    let bound = gridded::negative_bound(coded)?;
+                    let classes = own.filter(|_| bound.is_some());
+                    let how = Correcting { step: header.light_step, classes, bound: bound.unwrap_or(f32::MAX) };
                     light.add(how, &steps[block * light.inner()..][..light.inner()], &mut samples);
                 }
                 header.values().finish(&mut samples);
@@ -333,7 +334,7 @@ pub(crate) fn samples_behind<'a>(
             };
             if let Some((light, steps)) = light_of(header, chunk(ChunkKind::Light)) {
                 let bound = if header.gridded { gridded::negative_bound(payload(ChunkKind::Grid))? } else { None };
-                let classes = classes.as_deref().filter(|_| header.gridded);
+                let classes = classes.as_deref().filter(|_| bound.is_some());
                 let how = Correcting { step: header.light_step, classes, bound: bound.unwrap_or(f32::MAX) };
                 light.add(how, &steps, &mut logs);
             }

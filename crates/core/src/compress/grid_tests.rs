@@ -160,8 +160,13 @@ fn a_size_is_kept_and_a_floor_helps() {
     assert!(file.bytes.len() <= 250 && file.summary.errors.er_l2 < 0.05, "{:?}", file.summary.errors);
     for target in [Target::ErL2(0.01), Target::Bytes(400)] {
         let floored = Settings { floor: Some(0.05), ..settings(target, Policy::Rd) };
-        let file = check(&hurt(m.clone()), &floored);
-        assert!(file.summary.errors.max_absolute_error_unscored <= file.summary.floor);
+        // Negative samples of any size lie below the floor, too.
+        let negative =
+            with_samples(&m, |s| (0..s.len()).map(|i| if i % 7 == 3 { -0.6 * s[i] } else { s[i] }).collect());
+        for m in [hurt(m.clone()), negative] {
+            let file = check(&m, &floored);
+            assert!(file.summary.errors.max_absolute_error_unscored <= file.summary.floor);
+        }
     }
 }
 

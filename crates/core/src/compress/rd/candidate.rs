@@ -74,6 +74,8 @@ impl<'a> Candidate<'a> {
             Scheme::Gridded { shape, klt, learns, model, step } => {
                 let form = Form {
                     klt: *klt,
+                    // Below a floor the error of a sample is at most the floor, of a negative one, too.
+                    weighs_negative: floor > 0.0 && plane.classes.contains(&Class::Negative),
                     learns: *learns,
                     model: *model,
                     is_linear: plane.values.is_linear(),
@@ -88,7 +90,7 @@ impl<'a> Candidate<'a> {
             }
         };
         let layer = Counted::new(layer, tally, measurement.tensor.len());
-        let signed = layer.is_gridded() && plane.counts.negative_samples > 0;
+        let signed = layer.negative_bound().is_some();
         let light = settings.albedo_error.and_then(|bound| {
             Light::of(measurement.quantity, axes).map(|light| (light, light::step_of(bound, signed)))
         });
@@ -110,9 +112,9 @@ impl<'a> Candidate<'a> {
         self.layer.approximate(fineness, values);
         if let Some((light, step)) = &self.light {
             let steps = self.light_steps(light, *step, values);
-            let classes = self.plane.coded.filter(|_| self.layer.is_gridded()).map(|_| self.plane.classes);
-            let bound = self.layer.negative_bound().unwrap_or(f32::MAX);
-            light.add(Correcting { step: *step, classes, bound }, &steps, values);
+            let bound = self.layer.negative_bound();
+            let classes = bound.map(|_| self.plane.classes);
+            light.add(Correcting { step: *step, classes, bound: bound.unwrap_or(f32::MAX) }, &steps, values);
         }
     }
 
@@ -172,7 +174,8 @@ impl<'a> Candidate<'a> {
         if !logs.iter().all(|log| log.is_finite()) {
             return None;
         }
-        let (values, floor, is_gridded) = (self.plane.values, self.floor, self.layer.is_gridded());
+        let (values, floor) = (self.plane.values, self.floor);
+        let is_bounded = self.layer.negative_bound().is_some();
         let mut corrections: Vec<i32> = self
             .original()
             .par_iter()
@@ -180,8 +183,8 @@ impl<'a> Candidate<'a> {
             .zip(self.plane.classes)
             .map(|((&s, &value), &class)| {
                 let wanted = values.wanted(s, class, floor);
-                // On grids negative samples are bounded, not scored.
-                if wanted.is_nan() || is_gridded && class == Class::Negative {
+                // On grids negative samples may be bounded, not approximated.
+                if wanted.is_nan() || is_bounded && class == Class::Negative {
                     return 0;
                 }
                 let k = libm::round((wanted - f64::from(value)) / f64::from(steps.correction));

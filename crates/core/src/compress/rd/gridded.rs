@@ -2,7 +2,7 @@
 //! closed loop.
 //!
 //! ```text
-//! grid chunk   u8 s + 2 · n + 4 · f + 8 · l + 16 · m: f without least squares; n: f32 the largest logarithm of a negative
+//! grid chunk   u8 s + 2 · n + 4 · f + 8 · l + 16 · m + 64 · w: f without least squares; n: f32 the largest logarithm of a negative
 //!              sample; l: coarser levels, as in `index`; m the kind of the model, 0 if there is none; then
 //!              s = 0: one range-coded stream: what repeats, as in `lattice`; the order of halvings; the model's coefficients;
 //!                     the pyramid of what the model misses
@@ -10,7 +10,8 @@
 //!                     that is kept, in order, as in `streams`
 //! ```
 //! Planes are coefficients in the data's own basis where there is a basis chunk, else the entries of the last axis: of three,
-//! the second, the third and the first. Negative samples cost nothing: they take what is predicted, at most the largest of them.
+//! the second, the third and the first. Negative samples cost nothing: they take what is predicted, at most the largest
+//! of them (n). Where what lies below a floor is to be kept within it they weigh like positive ones (w).
 
 mod coarser;
 mod decode;
@@ -79,6 +80,8 @@ pub(super) struct Form {
     pub(super) is_linear: bool,
     /// Every incoming entry is a stream of its own.
     pub(super) random: bool,
+    /// Negative samples are approximated like positive ones.
+    pub(super) weighs_negative: bool,
     /// Least squares predict beside the fixed filters.
     pub(super) learns: bool,
     pub(super) model: Behind,
@@ -121,12 +124,13 @@ impl<'a> GridLayer<'a> {
         let same = |a: usize, b: usize| {
             let [a, b] = [a, b].map(|at| {
                 let class = classes.map_or(Class::Positive, |classes| classes[at]);
-                (class, if class == Class::Positive { values[at].to_bits() } else { 0 })
+                let weighs = class == Class::Positive || form.weighs_negative && class == Class::Negative;
+                (class, if weighs { values[at].to_bits() } else { 0 })
             });
             a == b
         };
         let mut opening = Encoder::default();
-        let planes = Planes::code(&mut opening, shape, (form.random, form.klt), Some(&same));
+        let planes = Planes::code(&mut opening, shape, (form.random, form.klt, form.weighs_negative), Some(&same));
         let kept = planes.leaves_of(values);
         let spectra = form.klt.then(|| planes.spectra(classes, &kept, ANALYSED));
         let klt = spectra.map(|spectra| components(&spectra, length, MAX_GRID_RANK)).transpose()?;
@@ -150,7 +154,9 @@ impl<'a> GridLayer<'a> {
         let mut layer = Self {
             axes: axes.to_vec(),
             classes,
-            negative_bound: classes.and_then(|classes| largest_negative(classes, values)),
+            negative_bound: classes
+                .filter(|_| !form.weighs_negative)
+                .and_then(|classes| largest_negative(classes, values)),
             transforms: vec![AxisTransform::Identity; axes.len()],
             sources: None,
             last: LastCoded::default(),
@@ -250,7 +256,8 @@ impl<'a> GridLayer<'a> {
         let mut w = Writer::default();
         let flags = [self.form.random, self.negative_bound.is_some(), !self.form.learns];
         let flags = flags.iter().rev().fold(0, |form, &flag| form << 1 | u8::from(flag));
-        w.u8(flags | GridModel::form(self.model.as_ref()));
+        let weighs = if self.form.weighs_negative { decode::WEIGHS_NEGATIVE } else { 0 };
+        w.u8(flags | GridModel::form(self.model.as_ref()) | weighs);
         if let Some(largest) = self.negative_bound {
             w.f32(largest);
         }

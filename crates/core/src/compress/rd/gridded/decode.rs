@@ -54,7 +54,7 @@ impl<'a> Opened<'a> {
         let negative_bound =
             if has_negative { Some(bound.f32("bound of the logarithms of negative samples")?) } else { None };
         let levels = flags.levels(&mut r, length)?;
-        let form = (random, basis.is_some());
+        let form = (random, basis.is_some(), flags.weighs_negative);
         let open = |decoder: &mut Decoder<'a>| {
             let planes = Planes::code(decoder, shape.clone(), form, None);
             let order = code_order(decoder, planes.grid(), &[]);
@@ -206,6 +206,9 @@ pub(crate) fn has_levels(coded: &[u8]) -> Result<bool, CodecError> {
 /// Flag of a grid chunk with coarser levels.
 pub(super) const LEVELS: u8 = 8;
 
+/// Flag of a grid chunk in which negative samples weigh like positive ones.
+pub(super) const WEIGHS_NEGATIVE: u8 = 64;
+
 /// The first byte of a grid chunk.
 #[derive(Clone, Copy)]
 #[allow(clippy::struct_excessive_bools, reason = "each is a flag of the file")]
@@ -214,6 +217,7 @@ pub(super) struct Flags {
     pub(super) has_negative: bool,
     learns: bool,
     has_levels: bool,
+    weighs_negative: bool,
     model: Option<ChartKind>,
 }
 
@@ -221,7 +225,8 @@ impl Flags {
     pub(super) fn read(r: &mut Reader<'_>) -> Result<Self, CodecError> {
         let form = r.u8("form of a grid chunk")?;
         let model = GridModel::kind_of(form, r)?;
-        if form & LEVELS != 0 && form & 1 != 0 {
+        let has_both = |a: u8, b: u8| form & a != 0 && form & b != 0;
+        if form & 128 != 0 || has_both(LEVELS, 1) || has_both(WEIGHS_NEGATIVE, 2) {
             return Err(r.malformed(format!("form {form} of a grid chunk is unknown")));
         }
         Ok(Self {
@@ -229,6 +234,7 @@ impl Flags {
             has_negative: form & 2 != 0,
             learns: form & 4 == 0,
             has_levels: form & LEVELS != 0,
+            weighs_negative: form & WEIGHS_NEGATIVE != 0,
             model,
         })
     }

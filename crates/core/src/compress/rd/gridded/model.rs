@@ -5,8 +5,9 @@ use super::planes::Planes;
 use crate::codec::{BitCoder, CodecError, Reader};
 use std::ops::Range;
 
-/// Place of the model's kind in the first byte of a grid chunk.
+/// Place of the model's kind in the first byte of a grid chunk, and of its bits.
 const AT: u8 = 4;
+const KINDS: u8 = 3;
 
 /// A model of the planes of a grid.
 pub(super) struct GridModel {
@@ -36,7 +37,7 @@ impl GridModel {
 
     /// The kind that the first byte of a grid chunk names.
     pub(super) fn kind_of(form: u8, r: &Reader<'_>) -> Result<Option<ChartKind>, CodecError> {
-        match form >> AT {
+        match form >> AT & KINDS {
             0 => Ok(None),
             code => match ChartKind::from_code(code) {
                 Some(kind) if kind != ChartKind::Zonal => Ok(Some(kind)),

@@ -28,6 +28,8 @@ pub(super) struct Planes {
     random: bool,
     /// Vectors are those of a basis, not entries of rows.
     klt: bool,
+    /// Negative samples weigh like positive ones.
+    weighs_negative: bool,
     /// Leaf that each row of the tensor equals.
     rows: Vec<u32>,
     /// First row that equals each leaf.
@@ -39,7 +41,7 @@ impl Planes {
     pub(super) fn code<C: BitCoder>(
         coder: &mut C,
         shape: Shape,
-        (random, klt): (bool, bool),
+        (random, klt, weighs_negative): (bool, bool, bool),
         same: Option<&dyn Fn(usize, usize) -> bool>,
     ) -> Self {
         let lattice = Lattice::code(coder, shape, same);
@@ -47,7 +49,7 @@ impl Planes {
         let first = lattice.first_rows(&rows);
         let grid = lattice.grid(random);
         let unit = grid.lengths().iter().product();
-        Self { lattice, grid, unit, random, klt, rows, first }
+        Self { lattice, grid, unit, random, klt, weighs_negative, rows, first }
     }
 
     pub(super) fn lattice(&self) -> &Lattice {
@@ -101,7 +103,7 @@ impl Planes {
         let stride = leaves.len().div_ceil(most) | 1;
         let is_live = |&leaf: &usize| {
             let row = self.first[leaf] as usize;
-            let live = |class: &Class| *class == Class::Positive;
+            let live = |class: &Class| self.weighs(*class);
             self.rows[row] as usize == leaf && classes.is_none_or(|classes| classes[row * n..][..n].iter().any(live))
         };
         let found: Vec<f32> = (0..self.leaves())
@@ -128,10 +130,15 @@ impl Planes {
         Cow::Owned(transposed(&turned, self.unit, n).into_owned())
     }
 
-    /// Weights of leaves: 1 where a sample is positive, 0 elsewhere (it takes what is predicted) and for copies within a pole.
+    fn weighs(&self, class: Class) -> bool {
+        class == Class::Positive || self.weighs_negative && class == Class::Negative
+    }
+
+    /// Weights of leaves: 1 where a sample is positive (or negative, if these weigh), 0 elsewhere (it takes what is predicted)
+    /// and for copies within a pole.
     pub(super) fn weights(&self, classes: Option<&[Class]>) -> Weights {
         let n = self.length();
-        let live = |class: &Class| *class == Class::Positive;
+        let live = |class: &Class| self.weighs(*class);
         let weight = |leaf: usize, lane: Option<usize>| {
             let row = self.first[leaf] as usize;
             let is_own = self.rows[row] as usize == leaf;
