@@ -20,7 +20,7 @@ TARGETS = [0.002, 0.005, 0.01, 0.02, 0.05, 0.1]
 USED, COARSER, SAVED = 0.97, 1.02, 0.003
 LEAST_SAMPLES = 2000
 RESOLUTION = 1e-4  # of an error that a header states
-LARGEST_STEP = 10.0  # that the program takes
+LARGEST_STEP = 64.0  # that the program takes
 
 
 def compress(binary, path, out, *options):

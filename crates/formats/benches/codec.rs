@@ -5,9 +5,11 @@
 //! ratios are of the same moment; on a shared machine the best is nearer to the truth than the mean.
 #![allow(clippy::print_stdout, reason = "a bench prints its figures")]
 
+mod timing;
+
 use std::hint::black_box;
 use std::path::Path;
-use std::time::Instant;
+use timing::least;
 use wavelume_core::compress::{Compressed, Policy, Settings, Target, compress, decode};
 use wavelume_core::domain::{Measurement, Silent};
 use wavelume_formats::formats::{self, Interpretation};
@@ -37,21 +39,6 @@ fn encoded(measurement: &Measurement, target: Target) -> Compressed {
         random_access: false,
     };
     compress(measurement, &settings, &Silent).unwrap_or_else(|e| unreachable!("{e}"))
-}
-
-/// Times in ms: by the clock, and of the processor where the system tells (Linux): what a busy machine leaves comparable.
-type Times = [f64; 2];
-
-fn least(best: &mut Times, work: impl FnOnce()) {
-    let processor = || -> Option<f64> {
-        let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-        Some(text.split_whitespace().next()?.parse::<f64>().ok()? / 1e6)
-    };
-    let (start, before) = (Instant::now(), processor());
-    work();
-    let after = processor();
-    best[0] = best[0].min(start.elapsed().as_secs_f64() * 1e3);
-    best[1] = best[1].min(after.zip(before).map_or(f64::NAN, |(after, before)| after - before));
 }
 
 fn main() {

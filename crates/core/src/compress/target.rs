@@ -68,6 +68,8 @@ impl Bound {
 const MOST_RELATIVE: f64 = 10.0;
 /// Steps below this are below what float32 logarithms hold.
 pub(crate) const LEAST_STEP: f64 = 1e-6;
+/// Steps of the loosest targets, of whose coefficients one is left.
+const MOST_STEP: f64 = 64.0;
 /// From black to white.
 const MOST_DELTA_E: f64 = 100.0;
 
@@ -105,8 +107,8 @@ impl Target {
             Self::Ratio(ratio) if !(ratio >= 1.0 && ratio.is_finite()) => {
                 refuse("ratio", ratio, "at least 1 sample per coefficient")
             }
-            Self::Step(step) if !(LEAST_STEP..=MOST_RELATIVE).contains(&step) => {
-                refuse("step", step, "0.000001 to 10, in natural logarithms")
+            Self::Step(step) if !(LEAST_STEP..=MOST_STEP).contains(&step) => {
+                refuse("step", step, "0.000001 to 64, in natural logarithms")
             }
             _ => Ok(()),
         }

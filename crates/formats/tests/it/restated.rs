@@ -1,6 +1,7 @@
 //! What comes back is what went in: files read, kept on their own grid, written again and read again.
 
 use crate::root;
+use std::fmt::Write as _;
 use std::fs;
 use std::path::PathBuf;
 use wavelume_core::compress::Target;
@@ -287,11 +288,14 @@ fn luminaires_of_one_format_are_written_as_the_other() {
 fn luminaires_of_laboratory_tables_are_written_on_their_own_angles() {
     for (last, extent) in [(345, ""), (180, "# phi_o_extent: mirrored\n")] {
         let mut text = "# radiometric-csv: 1\n# quantity: edf\n# value_unit: W/sr\n# angle_unit: deg\n".to_owned();
-        text += &format!("{extent}theta,phi,value\n");
+        text += extent;
+        text += "theta,phi,value\n";
         for theta in (90..=180).step_by(5) {
             for phi in (0..=last).step_by(15) {
-                let value = f64::from(theta - 85) * (2.0 + f64::from(phi).to_radians().cos());
-                text += &format!("{theta},{phi},{value:.5}\n");
+                // One value at nadir.
+                let around = f64::from(180 - theta) / 90.0 * f64::from(phi).to_radians().cos();
+                let value = f64::from(theta - 85) * (2.0 + around);
+                writeln!(text, "{theta},{phi},{value:.5}").unwrap();
             }
         }
         let material = compressed(text.as_bytes(), Target::ErL2(0.01), true);

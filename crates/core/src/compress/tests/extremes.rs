@@ -82,7 +82,7 @@ fn targets() -> Vec<Target> {
         Target::Bytes(1 << 40),
         Target::Step(1e-5),
         Target::Step(1.0),
-        Target::Step(10.0),
+        Target::Step(64.0),
         Target::Auto,
         Target::Lossless,
     ]

@@ -336,7 +336,7 @@ fn a_step_needs_a_quantiser_and_a_size() {
         (Target::Step(0.0), Policy::Rd),
         (Target::Step(-1.0), Policy::Rd),
         (Target::Step(f64::NAN), Policy::Rd),
-        (Target::Step(11.0), Policy::Rd),
+        (Target::Step(65.0), Policy::Rd),
     ] {
         let refused = compress(&m, &settings(target, policy), &Silent);
         assert!(matches!(refused, Err(CompressError::Setting(_))), "{target:?}");

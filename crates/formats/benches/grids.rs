@@ -1,0 +1,135 @@
+//! Times of measurements on their own grids of angles: a lamp, a car paint and a table of 4.4 million samples, compressed to
+//! er(L2) 1 %, decoded, opened, and evaluated at 20,000 directions one by one and in one batch.
+//!
+//! `cargo bench -p wavelume-formats --bench grids`. One core; the least of several runs, by the clock and of the processor.
+#![allow(clippy::print_stdout, reason = "a bench prints its figures")]
+
+mod timing;
+
+use std::hint::black_box;
+use std::path::Path;
+use timing::{Times, least};
+use wavelume_core::compress::{Policy, Settings, Target, compress, decode};
+use wavelume_core::domain::{
+    Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Frame, Measurement, Quantity, Sampling, Silent, Tensor,
+};
+use wavelume_core::evaluate::{Directions, Interpolation, Material, Pairs, Place};
+use wavelume_formats::formats::{self, Interpretation};
+use wavelume_formats::projection::{self, AxesRequest};
+
+const FILES: [&str; 2] = ["data/aerolamp.ies", "data/carpaint_blue.mbsdf"];
+const QUERIES: usize = 20_000;
+
+fn measurement(path: &str) -> Measurement {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(path);
+    let bytes = std::fs::read(&path).unwrap_or_else(|e| unreachable!("{}: {e}", path.display()));
+    let acquisition = formats::read(&bytes, &Interpretation::default()).unwrap_or_else(|e| unreachable!("{e}"));
+    let projected = projection::project(&acquisition, &AxesRequest::default());
+    projected.unwrap_or_else(|e| unreachable!("{e}")).measurement
+}
+
+/// A fraction that looks random.
+fn fraction(i: usize) -> f64 {
+    let mixed = (i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    (((mixed >> 32) ^ mixed) & 0xFFFF_FFFF) as f64 / 4_294_967_296.0
+}
+
+/// A glossy BRDF with 1 % of noise on 45 × 90 × 360 directions, in three channels.
+fn large() -> Measurement {
+    let azimuths = Azimuths { angles: (0..360).map(f64::from).collect(), extent: AzimuthExtent::Circle };
+    let polar = (0..90).map(f64::from).collect();
+    let grid = DirectionGrid::new(Frame::Surface, polar, Some(azimuths)).unwrap_or_else(|e| unreachable!("{e}"));
+    let directions: Vec<[f64; 3]> = (0..grid.len()).map(|i| grid.direction(i).xyz()).collect();
+    let elevations: Vec<f64> = (0..45).map(|i| 2.0 * f64::from(i)).collect();
+    let mut samples = Vec::with_capacity(elevations.len() * directions.len() * 3);
+    for &theta in &elevations {
+        let [x, _, z] = Direction::from_degrees(theta, 0.0).xyz();
+        for wo in &directions {
+            let h = [x + wo[0], wo[1], z + wo[2]];
+            let slope = (h[0] * h[0] + h[1] * h[1]) / (h[2] * h[2] + 1e-9);
+            let lobe = 4.0 / ((1.0 + 40.0 * slope) * (1.0 + 40.0 * slope));
+            for base in [0.05, 0.1, 0.2] {
+                samples.push(((base + lobe) * (1.0 + 0.034 * (fraction(samples.len()) - 0.5))) as f32);
+            }
+        }
+    }
+    let tensor = Tensor::new(vec![Axis::Elevation(elevations), Axis::Grid(grid), Axis::Rgb], samples);
+    let tensor = tensor.unwrap_or_else(|e| unreachable!("{e}"));
+    let unit = Quantity::Brdf.default_unit();
+    Measurement::new(Quantity::Brdf, unit, Sampling::Point, tensor).unwrap_or_else(|e| unreachable!("{e}"))
+}
+
+fn compressed(measurement: &Measurement) -> Vec<u8> {
+    let settings = Settings {
+        target: Target::ErL2(0.01),
+        policy: Policy::Rd,
+        basis: "auto".to_owned(),
+        floor: None,
+        albedo_error: None,
+        straight_lines: 0,
+        metadata: None,
+        random_access: false,
+    };
+    compress(measurement, &settings, &Silent).unwrap_or_else(|e| unreachable!("{e}")).bytes
+}
+
+/// Coordinates of directions on the side of the surface that is measured, or all around a lamp.
+fn coordinates(first: usize, has_incoming: bool) -> [Vec<f32>; 3] {
+    let direction = |i: usize| {
+        let (z, phi) = (fraction(2 * i + first), 360.0 * fraction(2 * i + 1 + first));
+        let z = if has_incoming { z } else { 2.0 * z - 1.0 };
+        Direction::from_degrees(z.acos().to_degrees(), phi).xyz()
+    };
+    std::array::from_fn(|k| (0..QUERIES).map(|i| direction(i)[k] as f32).collect())
+}
+
+fn main() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    pool.unwrap_or_else(|e| unreachable!("{e}")).install(|| {
+        for path in FILES {
+            times(path, &measurement(path), 6);
+        }
+        times("4.4 million samples", &large(), 1);
+    });
+}
+
+fn times(name: &str, measurement: &Measurement, runs: usize) {
+    let samples = measurement.tensor.len();
+    let bytes = compressed(measurement);
+    let material = Material::open(&bytes).unwrap_or_else(|e| unreachable!("{e}"));
+    let has_incoming = measurement.quantity != Quantity::Edf;
+    let (wi, wo) = (coordinates(0, has_incoming), coordinates(1 << 20, has_incoming));
+    let directions = |of: &[Vec<f32>; 3]| -> Vec<Option<Direction>> {
+        let [x, y, z] = of.each_ref().map(|c| c.iter().map(|&c| f64::from(c)));
+        x.zip(y).zip(z).map(|((x, y), z)| Direction::new(x, y, z)).collect()
+    };
+    let (each_wi, each_wo) = (directions(&wi), directions(&wo));
+    let mut out = vec![0.0; QUERIES * material.lambdas()];
+    let mut best: [Times; 5] = [[f64::INFINITY; 2]; 5];
+    for run in 0..runs.max(3) {
+        if run < runs {
+            least(&mut best[0], || drop(black_box(compressed(black_box(measurement)))));
+        }
+        least(&mut best[1], || drop(black_box(decode(black_box(&bytes)))));
+        least(&mut best[2], || drop(black_box(Material::open(black_box(&bytes)))));
+        least(&mut best[3], || {
+            for (i, out) in out.chunks_exact_mut(material.lambdas()).enumerate() {
+                let place = Place { index: &[], wi: each_wi[i].filter(|_| has_incoming), wo: each_wo[i] };
+                let _ = black_box(material.evaluate(place, Interpolation::Smooth, out));
+            }
+        });
+        least(&mut best[4], || {
+            let [of_wi, of_wo] = [&wi, &wo].map(|[x, y, z]| Some(Directions::new(x, y, z)));
+            let pairs = Pairs { index: &[], wi: of_wi.filter(|_| has_incoming), wo: of_wo };
+            let _ = black_box(material.spectra(pairs, Interpolation::Smooth, &mut out));
+        });
+    }
+    println!("{name}: {samples} samples, {} bytes, one core", bytes.len());
+    for (what, [clock, processor]) in ["compress to er(L2) 0.01", "decode", "open"].iter().zip(best) {
+        println!("  {what}: {clock:.1} ms, {processor:.1} ms of the processor");
+    }
+    for (what, [clock, processor]) in ["evaluate one by one", "evaluate in a batch"].iter().zip(&best[3..]) {
+        let each = |ms: f64| 1e6 * ms / QUERIES as f64;
+        println!("  {what}: {:.0} ns, {:.0} ns of the processor a direction", each(*clock), each(*processor));
+    }
+}
