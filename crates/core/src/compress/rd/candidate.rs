@@ -74,8 +74,7 @@ impl<'a> Candidate<'a> {
             Scheme::Gridded { shape, klt, learns, model, step } => {
                 let form = Form {
                     klt: *klt,
-                    // Below a floor the error of a sample is at most the floor, of a negative one, too.
-                    weighs_negative: floor > 0.0 && plane.classes.contains(&Class::Negative),
+                    weighs_negative: plane.weighs_negative,
                     learns: *learns,
                     model: *model,
                     is_linear: plane.values.is_linear(),

@@ -14,6 +14,8 @@ pub(super) struct ClassPlane<'a> {
     /// The classes chunk, where there is one.
     pub(super) coded: Option<&'a (ChunkKind, Vec<u8>)>,
     pub(super) counts: ErrorReport,
+    /// Negative samples on grids of angles are approximated like positive ones.
+    pub(super) weighs_negative: bool,
     /// The standard deviation of the relative noise, where it is asked for and can be told.
     pub(super) noise: Option<f64>,
 }

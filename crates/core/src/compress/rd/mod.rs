@@ -56,12 +56,21 @@ pub(crate) fn compress(
     floor: f32,
     (progress, tally): (&dyn Progress, &Tally),
 ) -> Result<Compressed, CompressError> {
-    let attempt = |below| compress_with(measurement, settings, bases, (floor, below), (progress, tally));
-    let clipped = attempt(Below::Clipped);
-    let values = Values::of(settings.target, measurement.tensor.samples());
+    let with =
+        |below, negative| compress_with(measurement, settings, bases, (floor, below, negative), (progress, tally));
+    let samples = measurement.tensor.samples();
+    let values = Values::of(settings.target, samples);
     if floor <= 0.0 || values.is_linear() || gridded::Shape::of(measurement.tensor.axes()).is_none() {
-        return clipped;
+        return with(Below::Clipped, Negative::Bounded);
     }
+    let has_negative = samples.iter().any(|&s| values.class_of(s, floor) == Class::Negative);
+    let attempt = |below| match with(below, Negative::Bounded) {
+        Ok(file) if file.summary.errors.max_absolute_error_unscored <= f64::from(floor) => Ok(file),
+        Err(CompressError::Cancelled(cancelled)) => Err(CompressError::Cancelled(cancelled)),
+        _ if has_negative => with(below, Negative::Weighed),
+        failed => failed,
+    };
+    let clipped = attempt(Below::Clipped);
     let dark = attempt(Below::Zero);
     let (Ok(first), Ok(second)) = (&clipped, &dark) else { return clipped.or(dark) };
     let by_size = matches!(settings.target, Target::Bytes(_) | Target::Ratio(_) | Target::Auto);
@@ -82,11 +91,20 @@ enum Below {
     Zero,
 }
 
+/// Treatment of negative samples that lie further below 0 than the floor.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Negative {
+    /// They take what is predicted, up to the largest of them, which may miss them by more than the floor.
+    Bounded,
+    /// They are approximated like positive ones.
+    Weighed,
+}
+
 fn compress_with(
     measurement: &Measurement,
     settings: &Settings,
     bases: &[SpectralBasis],
-    (floor, below): (f32, Below),
+    (floor, below, negative): (f32, Below, Negative),
     (progress, tally): (&dyn Progress, &Tally),
 ) -> Result<Compressed, CompressError> {
     let axes = measurement.tensor.axes();
@@ -107,7 +125,9 @@ fn compress_with(
         Target::Auto => estimate(measurement, floor).map(|noise| noise.relative),
         _ => None,
     };
-    let plane = ClassPlane { values, classes: &classes, coded: classes_coded.as_ref(), counts, noise };
+    let coded = classes_coded.as_ref();
+    let weighs_negative = negative == Negative::Weighed;
+    let plane = ClassPlane { values, classes: &classes, coded, counts, weighs_negative, noise };
     let work = |scheme: &Scheme| Candidate::new(measurement, plane, scheme, settings, (floor, tally));
     let schemes = schemes(measurement, plane, bases, settings, floor)?;
     progress.step(0.05)?;
