@@ -392,6 +392,14 @@ impl Lines {
     /// Interpolates in a patch: along each row, then across the rows.
     #[inline(always)]
     fn patch<const SIZE: usize>(&self, table: usize, patch: &Patch, lambda: usize) -> Part<SIZE> {
+        if !self.values.is_logarithmic() {
+            // Straight lines, for which the four samples around are enough.
+            let row = |r: usize| {
+                let [one, two] = [1, 2].map(|column| self.node(table, patch.places[r][column], lambda));
+                straight(&one, &two, patch.along[r].t)
+            };
+            return straight(&row(1), &row(2), patch.across.t);
+        }
         let row = |r: usize| {
             let places = patch.places[r];
             self.mixed(places.map(|place| self.node(table, place, lambda)), &patch.along[r])
@@ -411,19 +419,28 @@ impl Lines {
             let sum = cubic[0] * before.number[l] + cubic[1] * low + cubic[2] * high + cubic[3] * after.number[l];
             mixed.number[l] = sum.max(low.min(high) - room).min(low.max(high) + room);
         }
-        if self.values.is_whole() && self.values.is_logarithmic() {
+        if self.values.is_whole() {
             return mixed;
         }
+        // A cubic where all four have light, else a straight line.
+        let mut line = straight(one, two, t);
         for l in 0..SIZE {
-            let straight = |of: fn(&Part<SIZE>) -> &[f32; SIZE]| (1.0 - t) * of(one)[l] + t * of(two)[l];
-            mixed.live[l] = straight(|part| &part.live);
-            mixed.known[l] = straight(|part| &part.known);
-            let is_cubic = self.values.is_logarithmic() && parts.iter().all(|part| part.live[l] == 1.0);
-            if !is_cubic {
-                let sum = (1.0 - t) * one.live[l] * one.number[l] + t * two.live[l] * two.number[l];
-                mixed.number[l] = if mixed.live[l] > 0.0 { sum / mixed.live[l] } else { 0.0 };
+            if parts.iter().all(|part| part.live[l] == 1.0) {
+                line.number[l] = mixed.number[l];
             }
         }
-        mixed
+        line
     }
+}
+
+/// Two parts along a straight line, each by the share of light that it stands for.
+#[inline(always)]
+fn straight<const SIZE: usize>(one: &Part<SIZE>, two: &Part<SIZE>, t: f32) -> Part<SIZE> {
+    let between = |one: &[f32; SIZE], two: &[f32; SIZE]| std::array::from_fn(|l| (1.0 - t) * one[l] + t * two[l]);
+    let live: [f32; SIZE] = between(&one.live, &two.live);
+    let number = std::array::from_fn(|l| {
+        let sum = (1.0 - t) * one.live[l] * one.number[l] + t * two.live[l] * two.number[l];
+        if live[l] > 0.0 { sum / live[l] } else { 0.0 }
+    });
+    Part { number, live, known: between(&one.known, &two.known) }
 }
