@@ -5,41 +5,16 @@
 //! ratios are of the same moment; on a shared machine the best is nearer to the truth than the mean.
 #![allow(clippy::print_stdout, reason = "a bench prints its figures")]
 
-mod timing;
+mod common;
 
+use common::{encoded, least, measurement};
 use std::hint::black_box;
-use std::path::Path;
-use timing::least;
-use wavelume_core::compress::{Compressed, Policy, Settings, Target, compress, decode};
-use wavelume_core::domain::{Measurement, Silent};
-use wavelume_formats::formats::{self, Interpretation};
-use wavelume_formats::projection::{self, AxesRequest};
+use wavelume_core::compress::{Target, decode};
+use wavelume_core::domain::Measurement;
 
 /// A gloss lobe on a diffuse ground, which every symmetry of the mesh leaves as it is; and one that none does.
 const SURFACES: [(&str, &str); 2] =
     [("gloss", "data/virtual/plastic.json"), ("aniso", "data/virtual/brushed_copper.json")];
-
-fn measurement(path: &str) -> Measurement {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(path);
-    let document = std::fs::read(&path).unwrap_or_else(|e| unreachable!("{}: {e}", path.display()));
-    let acquisition = formats::read(&document, &Interpretation::default()).unwrap_or_else(|e| unreachable!("{e}"));
-    let projected = projection::project(&acquisition, &AxesRequest::default());
-    projected.unwrap_or_else(|e| unreachable!("{e}")).measurement
-}
-
-fn encoded(measurement: &Measurement, target: Target) -> Compressed {
-    let settings = Settings {
-        target,
-        policy: Policy::Rd,
-        basis: "auto".to_owned(),
-        floor: None,
-        albedo_error: None,
-        straight_lines: 0,
-        metadata: None,
-        random_access: false,
-    };
-    compress(measurement, &settings, &Silent).unwrap_or_else(|e| unreachable!("{e}"))
-}
 
 fn main() {
     let runs = std::env::var("RUNS").ok().and_then(|runs| runs.parse().ok()).unwrap_or(12);

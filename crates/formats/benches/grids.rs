@@ -4,29 +4,18 @@
 //! `cargo bench -p wavelume-formats --bench grids`. One core; the least of several runs, by the clock and of the processor.
 #![allow(clippy::print_stdout, reason = "a bench prints its figures")]
 
-mod timing;
+mod common;
 
+use common::{Times, encoded, least, measurement};
 use std::hint::black_box;
-use std::path::Path;
-use timing::{Times, least};
-use wavelume_core::compress::{Policy, Settings, Target, compress, decode};
+use wavelume_core::compress::{Target, decode};
 use wavelume_core::domain::{
-    Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Frame, Measurement, Quantity, Sampling, Silent, Tensor,
+    Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Frame, Measurement, Quantity, Sampling, Tensor,
 };
 use wavelume_core::evaluate::{Directions, Interpolation, Material, Pairs, Place};
-use wavelume_formats::formats::{self, Interpretation};
-use wavelume_formats::projection::{self, AxesRequest};
 
 const FILES: [&str; 2] = ["data/aerolamp.ies", "data/carpaint_blue.mbsdf"];
 const QUERIES: usize = 20_000;
-
-fn measurement(path: &str) -> Measurement {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(path);
-    let bytes = std::fs::read(&path).unwrap_or_else(|e| unreachable!("{}: {e}", path.display()));
-    let acquisition = formats::read(&bytes, &Interpretation::default()).unwrap_or_else(|e| unreachable!("{e}"));
-    let projected = projection::project(&acquisition, &AxesRequest::default());
-    projected.unwrap_or_else(|e| unreachable!("{e}")).measurement
-}
 
 /// A fraction that looks random.
 fn fraction(i: usize) -> f64 {
@@ -60,17 +49,7 @@ fn large() -> Measurement {
 }
 
 fn compressed(measurement: &Measurement) -> Vec<u8> {
-    let settings = Settings {
-        target: Target::ErL2(0.01),
-        policy: Policy::Rd,
-        basis: "auto".to_owned(),
-        floor: None,
-        albedo_error: None,
-        straight_lines: 0,
-        metadata: None,
-        random_access: false,
-    };
-    compress(measurement, &settings, &Silent).unwrap_or_else(|e| unreachable!("{e}")).bytes
+    encoded(measurement, Target::ErL2(0.01)).bytes
 }
 
 /// Coordinates of directions on the side of the surface that is measured, or all around a lamp.

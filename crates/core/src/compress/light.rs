@@ -191,9 +191,9 @@ const PARTS: f64 = 16.0;
 /// Largest shift of the logarithms of negative samples, which makes them nothing or the largest.
 const MOST_SHIFT: f64 = 20.0;
 
-/// What `k` steps add to a logarithm, and whether to those of negative samples. A negative step stands for one of its size,
-/// of which an even k is twice the steps of the samples that are not negative, an odd one twice those of the others, 16 times as
-/// fine, and 1.
+/// Change of a logarithm by the correction `k`; true with it where the change is for negative samples. A negative step stands
+/// for one of its size: an even k is then twice the steps of samples that are not negative; an odd k is twice those of negative
+/// samples, each a sixteenth as large, plus 1.
 fn shift(step: f32, k: i32) -> (bool, f32) {
     match (step < 0.0, k & 1) {
         (false, _) => (false, k as f32 * step),
