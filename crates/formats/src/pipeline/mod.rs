@@ -3,6 +3,7 @@
 mod digest;
 mod error;
 mod fit;
+mod incidences;
 mod light;
 mod on_grid;
 mod origin;
@@ -19,6 +20,7 @@ mod sparse;
 pub use digest::digest;
 pub use error::PipelineError;
 pub use fit::FitReport;
+pub use incidences::IncidenceReport;
 pub use on_grid::{OnGrid, export_on_grid};
 pub use origin::Origin;
 pub use outcome::{Outcome, compress, project};
