@@ -174,7 +174,7 @@ impl Negative {
 
     /// The number of steps, among those that float32 holds, with which the light is nearest to `wanted` from below.
     fn nearest(&self, wanted: f64, step: f64) -> i32 {
-        let most = (MOST_SHIFT / step) as i32;
+        let most = (MOST_SHIFT / step).min(MOST_STEPS) as i32;
         let (mut low, mut high) = (-most, most);
         while high - low > 1 {
             let middle = low + (high - low) / 2;
@@ -190,6 +190,8 @@ const NEAR: f64 = 0.9;
 const PARTS: f64 = 16.0;
 /// Largest shift of the logarithms of negative samples, which makes them nothing or the largest.
 const MOST_SHIFT: f64 = 20.0;
+/// Most steps of that shift: float32 holds every integer up to it.
+const MOST_STEPS: f64 = (1 << 24) as f64;
 
 /// Change of a logarithm by the correction `k`; true with it where the change is for negative samples. A negative step stands
 /// for one of its size: an even k is then twice the steps of samples that are not negative; an odd k is twice those of negative
@@ -294,6 +296,19 @@ pub(crate) fn step_of(bound: f64, signed: bool) -> f32 {
 mod tests {
     use super::*;
     use crate::domain::Azimuths;
+
+    #[test]
+    fn steps_of_negative_samples_stay_integers_of_float32() {
+        let negative = Negative { samples: vec![(1.0, 1.0), (2.0, 0.5)], largest: 2.0 };
+        for step in [1e-3, 1e-9, 1e-300] {
+            for wanted in [0.0, 1.5, 2.0, 1e9] {
+                let k = negative.nearest(wanted, step);
+                assert!(k.unsigned_abs() <= 1 << 24, "{step} {wanted}: {k}");
+            }
+        }
+        let k = negative.nearest(3.0, 1e-4);
+        assert!((negative.light(f64::from(k) * 1e-4) / 3.0 - 1.0).abs() < 1e-4);
+    }
 
     #[test]
     fn weights_of_angles_are_those_of_the_sphere() {
