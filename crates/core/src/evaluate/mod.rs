@@ -100,6 +100,8 @@ pub use wavelength_sampler::WavelengthSampler;
 #[cfg(test)]
 mod batch_tests;
 #[cfg(test)]
+mod between_tests;
+#[cfg(test)]
 mod mixture_tests;
 #[cfg(test)]
 mod stated_tests;
