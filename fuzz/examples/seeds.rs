@@ -6,7 +6,7 @@
 use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
-use wavelume_core::compress::{Policy, Settings, Target, compress};
+use wavelume_core::compress::{Between, Divisor, Policy, Settings, Target, compress};
 use wavelume_core::domain::{
     Axis, AzimuthExtent, Azimuths, DirectionGrid, Domain, Frame, Measurement, Quantity, Sampling, Silent, Tensor,
     TriangleMesh, WavelengthGrid,
@@ -148,6 +148,14 @@ fn grids() -> Outcome<Vec<Vec<u8>>> {
         Settings { random_access: true, albedo_error: Some(1e-3), ..plain(Target::ErL2(0.1)) },
         Settings { floor: Some(0.1), ..plain(Target::ErL2(0.05)) },
         Settings { basis: "klt".to_owned(), ..plain(Target::ErL2(0.02)) },
+        Settings {
+            between: Between { divisor: Divisor::Masking { roughness: 0.2 }, cubic: false, retro: true },
+            ..plain(Target::ErL2(0.2))
+        },
+        Settings {
+            between: Between { divisor: Divisor::Cosines, cubic: true, retro: false },
+            ..plain(Target::Lossless)
+        },
     ];
     let mut files = Vec::new();
     for (quantity, axes) in kinds {
@@ -170,14 +178,22 @@ fn materials(root: &Path) -> Outcome<Vec<Vec<u8>>> {
         floor: None,
         albedo_error: None,
         straight_lines: 0,
+        between: Between::default(),
         random_access: false,
         metadata: metadata.then(|| r#"{"generator":"seeds"}"#.to_owned()),
     };
     let floored = Settings { floor: Some(0.2), ..settings(Target::ErL2(0.03), Policy::Rd, "haar", false) };
     let lit = Settings { albedo_error: Some(1e-4), ..settings(Target::ErL2(0.05), Policy::Rd, "klt", false) };
+    let model = Divisor::Model { roughness: 0.2, reflectance: 0.04, base: 0.3 };
+    let between = |cubic| Settings {
+        between: Between { divisor: model, cubic, retro: false },
+        ..settings(Target::ErL2(0.05), Policy::Rd, "auto", false)
+    };
     let random = |target| Settings { random_access: true, ..settings(target, Policy::Rd, "auto", false) };
     let wanted = [
         lit,
+        between(false),
+        between(true),
         random(Target::ErL2(0.02)),
         random(Target::RelativeRmse(0.02)),
         settings(Target::MaxAbsoluteError(0.01), Policy::Rd, "auto", false),

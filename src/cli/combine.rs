@@ -7,7 +7,7 @@ use super::query::{self, List};
 use super::report::{axes_lines, coefficient_line, error_lines, sample_lines};
 use super::request::{TargetArgs, ThreadsArgs};
 use crate::algebra::{self, Combined, Method, Operand, OperandReport, Recompress};
-use crate::compress::{Policy, Settings};
+use crate::compress::{Between, Policy, Settings};
 use crate::domain::{Axis, ErrorReport, Quantity, Silent, Unit};
 use crate::pipeline::digest;
 use serde::Serialize;
@@ -83,6 +83,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         floor: None,
         albedo_error: None,
         straight_lines: 0,
+        between: Between::default(),
         metadata: (!args.no_metadata)
             .then(|| json!({ "generator": concat!("wavelume ", env!("CARGO_PKG_VERSION")) }).to_string()),
         random_access: false,

@@ -9,7 +9,8 @@
 use std::fs;
 use std::path::PathBuf;
 use wavelume_core::compress::{
-    Numbers, Policy, Settings, Target, compress_numbers, decode, decode_block, decode_level, decode_numbers, levels,
+    Between, Numbers, Policy, Settings, Target, compress_numbers, decode, decode_block, decode_level, decode_numbers,
+    levels,
 };
 use wavelume_core::domain::{
     Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Domain, Frame, Measurement, Outside, Quantity, Sampling,
@@ -107,6 +108,7 @@ fn golden(name: &'static str, quantity: Quantity, tensor: Tensor, target: Target
         floor: None,
         albedo_error: None,
         straight_lines: 0,
+        between: Between::default(),
         metadata: None,
         random_access: false,
     };

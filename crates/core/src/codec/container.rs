@@ -33,6 +33,8 @@ const CHECKSUM: usize = 4;
 pub(crate) enum ChunkKind {
     /// What the material is, and its error report.
     Header,
+    /// Interpolation between incidences.
+    Between,
     /// Positive, negative, zero or masked.
     Classes,
     /// The data's own spectral basis.
@@ -64,6 +66,7 @@ impl ChunkKind {
     fn letter(self) -> u8 {
         match self {
             Self::Header => b'H',
+            Self::Between => b'V',
             Self::Classes => b'C',
             Self::Basis => b'B',
             Self::Pyramid => b'P',
@@ -80,6 +83,7 @@ impl ChunkKind {
     fn name(self) -> &'static str {
         match self {
             Self::Header => "header chunk",
+            Self::Between => "interpolation chunk",
             Self::Classes => "classes chunk",
             Self::Basis => "basis chunk",
             Self::Pyramid => "pyramid chunk",

@@ -3,6 +3,7 @@
 //! Every operation is specified, so that a reader in another language can be bit-exact: f32 additions and multiplications
 //! in the order written here and in `transform`, and the `exponential` of this room in f64, rounded once to f32.
 
+use super::between::Between;
 use super::classes::{apply_classes, classes_of};
 use super::exponential::add_corrections;
 use super::header::{Header, finish_of, plan_of};
@@ -94,7 +95,8 @@ pub fn levels(bytes: &[u8]) -> Result<Vec<LevelInfo>, CodecError> {
 ///
 /// Chunks that are whole are verified; the one that the prefix cuts has no checksum. Labels are in the metadata at the end.
 pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
-    let (header, container) = Container::prefix(bytes, announced)?;
+    let (mut header, container) = Container::prefix(bytes, announced)?;
+    read_between(&mut header, &container)?;
     let grid = if header.grid_levels { Some(container.require(ChunkKind::Grid)?) } else { None };
     let finest = match grid {
         Some(chunk) => gridded::levels_of(chunk.reader(), chunk.offset + chunk.length)?.0.len() as u8,
@@ -268,7 +270,23 @@ pub fn payload_digest(bytes: &[u8]) -> Result<blake3::Hash, CodecError> {
 }
 
 pub(crate) fn open(bytes: &[u8]) -> Result<(Header, Container<'_>), CodecError> {
-    Container::read(bytes, announced)
+    let (mut header, container) = Container::read(bytes, announced)?;
+    read_between(&mut header, &container)?;
+    Ok((header, container))
+}
+
+/// Reads the interpolation between incidences into a header that announces it.
+fn read_between(header: &mut Header, container: &Container<'_>) -> Result<(), CodecError> {
+    if header.between.is_none() {
+        return Ok(());
+    }
+    let mut r = container.require(ChunkKind::Between)?.reader();
+    let between = Between::read(&mut r)?;
+    if !between.fits(header.quantity, &header.axes) {
+        return Err(r.malformed("an interpolation between incidences that does not fit quantity and axes"));
+    }
+    header.between = Some(between);
+    Ok(())
 }
 
 /// The header and the chunks that follow it.

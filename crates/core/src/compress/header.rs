@@ -12,7 +12,8 @@
 //!         512 the last directions are the grid of the grid chunk (policy 0, not flag 2; there is no coefficients chunk then);
 //!         1024 functions between stated directions have a share of straight lines (the last directions are a grid);
 //!         2048 the grid chunk states coarser levels (flag 512);
-//!         4096 samples are a factor times the numbers of the exact chunk (policy 2)
+//!         4096 samples are a factor times the numbers of the exact chunk (policy 2);
+//!         8192 there is an interpolation chunk (an axis of incoming directions)
 //! axes    as in `codec`'s axes
 //! flag 1024: u8 the share of straight lines in 255ths, 1 … 255
 //! not policy 2, not flags 2, 512: varint a transform for each axis (flag 1: but the last):
@@ -30,6 +31,7 @@
 //! flag 64: varint  zero, negative, below-floor and masked samples; all others are scored
 //! ```
 
+use super::between::Between;
 use super::metadata_chunk::metadata_kind;
 use super::policy::Policy;
 use super::rd::gridded::Shape as GridShape;
@@ -61,6 +63,8 @@ pub(crate) struct Header {
     pub(crate) gridded: bool,
     /// Share of straight lines between stated directions, in 255ths.
     pub(crate) straight_lines: u8,
+    /// Interpolation between incidences, where the interpolation chunk states it.
+    pub(crate) between: Option<Between>,
     /// The grid chunk states coarser levels.
     pub(crate) grid_levels: bool,
     /// The length of the payload of the pyramid chunk or of a grid chunk with levels, 0 without one.
@@ -96,7 +100,8 @@ impl Flags {
     const STRAIGHT: u16 = 1024;
     const LEVELS: u16 = 2048;
     const FACTOR: u16 = 4096;
-    const ALL: u16 = 8191;
+    const BETWEEN: u16 = 8192;
+    const ALL: u16 = 16_383;
 
     fn of(header: &Header) -> Self {
         let e = &header.errors;
@@ -115,6 +120,7 @@ impl Flags {
             (Self::STRAIGHT, header.straight_lines > 0),
             (Self::LEVELS, header.grid_levels),
             (Self::FACTOR, header.factor != 1.0),
+            (Self::BETWEEN, header.between.is_some()),
         ];
         Self(flags.into_iter().filter(|(_, set)| *set).map(|(flag, _)| flag).sum())
     }
@@ -184,6 +190,7 @@ impl Header {
             predicted: false,
             gridded: false,
             straight_lines: 0,
+            between: None,
             grid_levels: false,
             pyramid_length: 0,
             linear: false,
@@ -310,6 +317,8 @@ impl Header {
             predicted,
             gridded,
             straight_lines,
+            // Its chunk is not read yet.
+            between: flags.has(Flags::BETWEEN).then(Between::default),
             grid_levels,
             pyramid_length,
             linear: flags.has(Flags::LINEAR),
@@ -354,6 +363,7 @@ impl Header {
     pub(crate) fn announced(&self) -> Vec<Announced> {
         let lossless = self.policy == Policy::Lossless;
         let all = [
+            (ChunkKind::Between, self.between.is_some()),
             (ChunkKind::Classes, self.has_classes),
             (ChunkKind::Basis, self.klt),
             (ChunkKind::Pyramid, self.predicted),
@@ -383,6 +393,7 @@ impl Header {
             floor: f64::from(self.floor),
             step: (self.policy == Policy::Rd).then(|| f64::from(self.step)),
             straight_lines: ends_on_grid(&self.axes).then(|| f64::from(self.straight_lines) / 255.0),
+            between: self.between.unwrap_or_default(),
             factor: self.factor,
             errors: self.errors,
             metadata,
@@ -440,6 +451,7 @@ mod tests {
             predicted: true,
             gridded: false,
             straight_lines: 0,
+            between: None,
             grid_levels: false,
             pyramid_length: 300,
             step: 0.015_625,
@@ -500,7 +512,9 @@ mod tests {
         assert!(exact.write().len() <= 11);
         let multiplied = Header { factor: 0.93, ..exact.clone() };
         assert_eq!(multiplied.write().len(), exact.write().len() + 9);
-        for header in [plain, full, exact, multiplied] {
+        // Its parameters are in a chunk of their own.
+        let between = Header { between: Some(Between::default()), ..plain.clone() };
+        for header in [plain, full, exact, multiplied, between] {
             let bytes = header.write();
             let back = read(&bytes).unwrap();
             for (stated, error) in [

@@ -62,6 +62,7 @@ pub(crate) fn compress(
         floor,
         factor,
         straight_lines: settings.straight_lines,
+        between: settings.between.stated(),
         ..Header::of(measurement, Policy::Lossless)
     };
     let chunks = classes.into_iter().chain([(ChunkKind::Exact, encoder.finish())]).collect();

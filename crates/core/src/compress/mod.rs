@@ -6,6 +6,7 @@
 //!   coefficients, the kept ones exact.
 //! * `lossless`: every bit of every sample, and of the numbers that a file states beside one factor.
 
+mod between;
 mod classes;
 mod compressed;
 mod decode;
@@ -48,6 +49,7 @@ mod values;
 mod with_metadata;
 
 pub use crate::codec::CodecError as DecodeError;
+pub use between::{Between, Divisor};
 pub use compressed::{Compressed, Ranked};
 pub(crate) use decode::with_level_errors;
 pub use decode::{

@@ -22,6 +22,7 @@ pub(super) fn assemble(parts: &Parts, metadata: Option<&str>) -> Vec<u8> {
     let pyramid_length = parts.chunk(kind).map_or(0, <[u8]>::len);
     let header = Header { pyramid_length, ..parts.header.clone() };
     let mut chunks = vec![(ChunkKind::Header, header.write())];
+    chunks.extend(header.between.map(|between| (ChunkKind::Between, between.write())));
     chunks.extend(parts.chunks.iter().cloned());
     if let Some(text) = metadata {
         chunks.push(metadata_chunk(&parts.header.axes, text));

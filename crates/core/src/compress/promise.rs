@@ -29,6 +29,9 @@ pub(crate) fn check(measurement: &Measurement, settings: &Settings) -> Result<()
     if settings.straight_lines > 0 && !ends_on_grid(measurement.tensor.axes()) {
         return Err(SettingError::StraightLines);
     }
+    if !settings.between.is_default() && !settings.between.fits(measurement.quantity, measurement.tensor.axes()) {
+        return Err(SettingError::Between);
+    }
     if let Some(bound) = settings.albedo_error {
         check_albedo(measurement, settings, bound)?;
     }

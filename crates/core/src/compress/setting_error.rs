@@ -54,6 +54,12 @@ pub enum SettingError {
          cubic, or the directions on the grid of the file (domain grid)"
     )]
     StraightLines,
+    /// An interpolation between incidences that the measurement cannot have.
+    #[error(
+        "interpolation between incidences: divisors and the direction back to the source are for BRDFs of several incoming \
+         directions, cubics for incoming elevations; leave it at its default"
+    )]
+    Between,
     /// Metadata that are not a JSON object.
     #[error("metadata is no JSON object, expected text such as {{\"name\": \"value\"}}")]
     MetadataObject,

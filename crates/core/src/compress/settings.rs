@@ -1,5 +1,6 @@
 //! Settings of a compression, and what is wrong with them whatever the measurement.
 
+use super::between::Between;
 use super::policy::Policy;
 use super::setting_error::{RdOption, SettingError};
 use super::spectral_basis::SpectralBasis;
@@ -29,6 +30,8 @@ pub struct Settings {
     /// With any, the last directions have to be a grid of angles. `evaluate::straight_lines_for_flux` finds the share that
     /// keeps the flux of a luminaire.
     pub straight_lines: u8,
+    /// Interpolation between incidences; `evaluate::interpolation_between` finds the one that predicts them best.
+    pub between: Between,
 }
 
 impl Default for Settings {
@@ -43,6 +46,7 @@ impl Default for Settings {
             metadata: None,
             random_access: false,
             straight_lines: 0,
+            between: Between::default(),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Summary of a material: everything that its header says.
 
+use super::between::Between;
 use super::policy::Policy;
 use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
 
@@ -28,6 +29,8 @@ pub struct Summary {
     /// Share of straight lines between stated directions, 0 (cubics of logarithms) to 1, where the last directions are a grid of
     /// angles.
     pub straight_lines: Option<f64>,
+    /// Interpolation between incidences.
+    pub between: Between,
     /// A sample is this times a number of the file that was measured, where both were kept (lossless only); else 1.
     pub factor: f64,
     /// The errors of the decoded file against its input tensor (each rounded up by at most 0.007 % when read from a file).

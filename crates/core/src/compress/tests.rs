@@ -85,6 +85,7 @@ pub(super) fn hurt(mut m: Measurement) -> Measurement {
 pub(super) fn settings(target: Target, policy: Policy) -> Settings {
     Settings {
         straight_lines: 0,
+        between: Between::default(),
         target,
         policy,
         basis: "auto".to_owned(),

@@ -360,6 +360,7 @@ impl<'a> Work<'a> {
         let plan = (self.settings.policy, self.transforms.as_slice());
         let mut parts = parts_of(self.measurement, plan, self.floor, self.classes.clone(), &self.rows, kept);
         parts.header.straight_lines = self.settings.straight_lines;
+        parts.header.between = self.settings.between.stated();
         parts
     }
 }

@@ -6,7 +6,27 @@ use super::planes::Planes;
 use super::reconstruct::Cells;
 use super::samples::Samples;
 use super::smooth::Smooth;
+use crate::compress::Between;
 use crate::domain::{Measurement, Quantity, Sampling};
+
+/// The way from one incidence to the next, as far as a user or a file names it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Course {
+    /// The alignment; without it the best is found.
+    pub(super) alignment: Option<Alignment>,
+    pub(super) between: Between,
+}
+
+impl Course {
+    /// The alignments that compete.
+    pub(super) fn candidates(&self, quantity: Quantity) -> Vec<Alignment> {
+        match self.alignment {
+            Some(alignment) => vec![alignment],
+            None if self.between.retro => vec![Alignment::Rotation],
+            None => candidates(quantity),
+        }
+    }
+}
 
 /// How samples are kept for queries.
 #[derive(Debug)]
@@ -18,10 +38,9 @@ pub(super) enum Form {
 }
 
 impl Form {
-    /// The form of a measurement; without an alignment by name the best is found.
-    pub(super) fn of(measurement: Measurement, geometry: &Geometry, alignment: Option<Alignment>) -> Self {
-        let candidates = alignment.map_or_else(|| candidates(measurement.quantity), |alignment| vec![alignment]);
-        if let Some((planes, smooth)) = planes(&measurement, geometry, &candidates) {
+    /// The form of a measurement.
+    pub(super) fn of(measurement: Measurement, geometry: &Geometry, course: Course) -> Self {
+        if let Some((planes, smooth)) = planes(&measurement, geometry, course) {
             return Self::Planes { planes: Box::new(planes), smooth: Box::new(smooth) };
         }
         Self::Samples(Samples::new(measurement.tensor.into_samples(), geometry.shape()))
@@ -42,8 +61,8 @@ impl Form {
     }
 }
 
-/// How lobes may go from one incoming direction to the next.
-pub(super) fn candidates(quantity: Quantity) -> Vec<Alignment> {
+/// How lobes may go from one incoming direction to the next, where nobody names it and the file does not state it.
+fn candidates(quantity: Quantity) -> Vec<Alignment> {
     match quantity {
         Quantity::Brdf | Quantity::Bsdf => vec![Alignment::None, Alignment::HalfVector, Alignment::TurnedHalfVector],
         Quantity::Btdf | Quantity::Phase => vec![Alignment::None, Alignment::Rotation],
@@ -52,11 +71,13 @@ pub(super) fn candidates(quantity: Quantity) -> Vec<Alignment> {
 }
 
 /// Planes and their smooth tables, where a few planes hold the samples.
-fn planes(measurement: &Measurement, geometry: &Geometry, candidates: &[Alignment]) -> Option<(Planes, Smooth)> {
+fn planes(measurement: &Measurement, geometry: &Geometry, course: Course) -> Option<(Planes, Smooth)> {
     let lookup = geometry.mesh()?;
     let planes = Planes::of(measurement.tensor.samples(), geometry.lambdas())?;
     let cells = Cells::new(lookup.mesh(), measurement.sampling == Sampling::Average);
     let (nodes, entries) = (geometry.nodes(), geometry.entries());
-    let smooth = Smooth::new(&planes, &cells, lookup, nodes, entries, candidates, measurement.quantity.has_cosine())?;
+    let candidates = course.candidates(measurement.quantity);
+    let has_cosine = measurement.quantity.has_cosine();
+    let smooth = Smooth::new(&planes, &cells, lookup, nodes, entries, &candidates, &course.between, has_cosine)?;
     Some((planes, smooth))
 }

@@ -1,9 +1,9 @@
 //! The function of a material at one place: its geometry and its form together.
 
 use super::error::EvaluateError;
-use super::form::Form;
+use super::form::{Course, Form};
 use super::geometry::Geometry;
-use super::incoming::{Alignment, Around, Nodes};
+use super::incoming::{Around, Nodes};
 use super::place::{Interpolation, Place};
 use super::planes::Planes;
 use super::smooth::{Seen, Smooth};
@@ -19,9 +19,9 @@ pub(super) struct Function {
 }
 
 impl Function {
-    /// The function of a measurement with this geometry; without an alignment by name the best is found.
-    pub(super) fn new(measurement: Measurement, geometry: Geometry, alignment: Option<Alignment>) -> Self {
-        let form = Form::of(measurement, &geometry, alignment);
+    /// The function of a measurement with this geometry.
+    pub(super) fn new(measurement: Measurement, geometry: Geometry, course: Course) -> Self {
+        let form = Form::of(measurement, &geometry, course);
         Self { geometry, form }
     }
 

@@ -35,6 +35,9 @@ pub(super) struct Geometry {
     is_alone: bool,
 }
 
+/// Degrees within which an elevation counts as a stated one.
+const ROUNDING: f64 = 1e-6;
+
 #[derive(Debug)]
 enum Incoming {
     None,
@@ -303,6 +306,12 @@ impl Geometry {
             Incoming::Elevations(_) => direction.cos_theta() >= 0.0,
             Incoming::Grid(grid) => grid.angles(direction).is_some(),
         }
+    }
+
+    /// Returns true where incoming directions are elevations and `direction` is further from the normal than the last of them.
+    pub(super) fn is_past_last(&self, direction: Direction) -> bool {
+        let Incoming::Elevations(values) = &self.incoming else { return false };
+        values.last().is_some_and(|&last| direction.theta_degrees() > last + ROUNDING)
     }
 
     /// Whether `direction` is inside the outgoing domain.

@@ -24,7 +24,7 @@ pub fn state_levels(bytes: Vec<u8>, measurement: &Measurement) -> Result<Vec<u8>
     for info in coarser {
         let decoded = decode_level(&bytes, info.level)?;
         let floor = decoded.summary.floor;
-        let level = Material::of(decoded.measurement)?.with_summary(decoded.summary);
+        let level = Material::decoded(decoded)?;
         errors.push(er_l2(&stated, &level, measurement, floor)?);
     }
     Ok(with_level_errors(&bytes, &errors)?)

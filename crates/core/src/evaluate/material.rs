@@ -4,7 +4,7 @@ use super::albedo::{Albedos, Side};
 use super::carrying::trees_of_mean;
 use super::directions::{Directions, Pairs};
 use super::error::{Argument, EvaluateError, Need, QueryError, unfit};
-use super::form::Form;
+use super::form::{Course, Form};
 use super::function::Function;
 use super::geometry::Geometry;
 use super::incoming::Alignment;
@@ -19,7 +19,7 @@ use super::trees::Trees;
 use super::turning::Turning;
 use super::warp::SampleOptions;
 use super::wavelength_sampler::WavelengthSampler;
-use crate::compress::{self, LevelInfo, Summary};
+use crate::compress::{self, Between, Decoded, LevelInfo, Summary};
 use crate::domain::{Axis, Direction, Layout, Measurement, Quantity, Unit, WavelengthGrid};
 use std::sync::{Arc, OnceLock};
 
@@ -71,15 +71,13 @@ struct Cells {
 impl Material {
     /// Opens a compressed material: bytes that were read, or a memory map of the file.
     pub fn open(bytes: &[u8]) -> Result<Self, EvaluateError> {
-        let decoded = compress::decode(bytes)?;
-        Ok(Self::of(decoded.measurement)?.with_summary(decoded.summary))
+        Self::decoded(compress::decode(bytes)?)
     }
 
     /// Opens a level of a compressed material: all of its file, or as many of its first bytes as [`compress::levels`] says
     /// that the level needs.
     pub fn open_level(bytes: &[u8], level: u8) -> Result<Self, EvaluateError> {
-        let decoded = compress::decode_level(bytes, level)?;
-        Ok(Self::of(decoded.measurement)?.with_summary(decoded.summary))
+        Self::decoded(compress::decode_level(bytes, level)?)
     }
 
     /// The levels that [`Material::open_level`] opens.
@@ -89,22 +87,31 @@ impl Material {
 
     /// Uses a measurement as it is; the alignment between incoming directions is found.
     pub fn of(measurement: Measurement) -> Result<Self, EvaluateError> {
-        Self::aligned(measurement, None)
+        Self::on_course(measurement, Course::default())
     }
 
     /// Uses a measurement with a chosen alignment between incoming directions.
     pub fn with_alignment(measurement: Measurement, alignment: Alignment) -> Result<Self, EvaluateError> {
-        Self::aligned(measurement, Some(alignment))
+        Self::on_course(measurement, Course { alignment: Some(alignment), ..Course::default() })
     }
 
-    fn aligned(measurement: Measurement, alignment: Option<Alignment>) -> Result<Self, EvaluateError> {
+    /// Uses a measurement with a chosen interpolation between incidences; where it does not fit the measurement, with that of
+    /// [`Material::of`].
+    pub fn with_between(measurement: Measurement, between: Between) -> Result<Self, EvaluateError> {
+        Self::on_course(measurement, Course { between, ..Course::default() })
+    }
+
+    fn on_course(measurement: Measurement, mut course: Course) -> Result<Self, EvaluateError> {
+        if !course.between.fits(measurement.quantity, measurement.tensor.axes()) {
+            course.between = Between::default();
+        }
         let geometry = Geometry::new(&measurement)?;
         let body = if geometry.is_grid() {
-            let stated = Box::new(Stated::new(&measurement, geometry, alignment));
+            let stated = Box::new(Stated::new(&measurement, geometry, course));
             Body::Grid { stated, cells: OnceLock::new() }
         } else {
             let albedos = Albedos::new(&measurement, &geometry);
-            let function = Function::new(measurement, geometry, alignment);
+            let function = Function::new(measurement, geometry, course);
             Body::Cells(Cells { function, trees: OnceLock::new(), albedos })
         };
         Ok(Self { body, summary: None })
@@ -132,8 +139,8 @@ impl Material {
             Body::Cells(_) => Ok(self),
             Body::Grid { stated, cells } => {
                 let made = cells.get_or_init(|| {
-                    let alignment = stated.lines().alignment();
-                    Self::aligned(stated.cell_averages()?, Some(alignment)).map(Box::new)
+                    let (alignment, between) = (Some(stated.lines().alignment()), stated.lines().between());
+                    Self::on_course(stated.cell_averages()?, Course { alignment, between }).map(Box::new)
                 });
                 made.as_deref().map_err(Clone::clone)
             }
@@ -149,13 +156,14 @@ impl Material {
         if let Body::Cells(cells) = &self.body { Some(cells) } else { None }
     }
 
-    /// This material with the header of the file that it comes from.
-    pub(super) fn with_summary(self, summary: Summary) -> Self {
+    /// The material of a decoded file, with its header.
+    pub(super) fn decoded(Decoded { measurement, summary }: Decoded) -> Result<Self, EvaluateError> {
+        let material = Self::with_between(measurement, summary.between)?;
         let material = match summary.straight_lines {
-            Some(share) if share > 0.0 => self.with_straight_lines(share as f32),
-            _ => self,
+            Some(share) if share > 0.0 => material.with_straight_lines(share as f32),
+            _ => material,
         };
-        Self { summary: Some(summary), ..material }
+        Ok(Self { summary: Some(summary), ..material })
     }
 
     /// What was measured.
@@ -192,6 +200,12 @@ impl Material {
     /// The wavelengths in nm, if the spectral axis has any.
     pub fn wavelengths(&self) -> Option<Vec<f64>> {
         self.geometry().grid().map(WavelengthGrid::values)
+    }
+
+    /// Returns true where an incoming direction lies past the last elevation that was measured: what is evaluated there is
+    /// extrapolated from that elevation.
+    pub fn is_extrapolated(&self, wi: Option<Direction>) -> bool {
+        wi.is_some_and(|wi| self.geometry().is_past_last(wi))
     }
 
     /// What the opened form is made of.

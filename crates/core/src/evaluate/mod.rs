@@ -39,6 +39,7 @@
 mod albedo;
 mod arrived;
 mod background;
+mod between;
 mod blocks;
 mod carried;
 mod carrying;
@@ -82,6 +83,7 @@ mod warp;
 mod wavelength_sampler;
 
 pub use albedo::Side;
+pub use between::{LeftOut, interpolation_between};
 pub use chosen::{Chosen, ChosenSample, Drawings};
 pub use directions::{Directions, Pairs};
 pub use error::{Argument, Buffer, EvaluateError, Need, QueryError};
@@ -99,8 +101,6 @@ pub use wavelength_sampler::WavelengthSampler;
 
 #[cfg(test)]
 mod batch_tests;
-#[cfg(test)]
-mod between_tests;
 #[cfg(test)]
 mod mixture_tests;
 #[cfg(test)]

@@ -18,6 +18,8 @@ pub(super) trait Number:
     fn larger(self, other: Self) -> Self;
     fn smaller(self, other: Self) -> Self;
     fn size(self) -> Self;
+    /// The square root, correctly rounded.
+    fn root(self) -> Self;
     /// Writes it from place `at` on.
     fn write(self, to: &mut [f32], at: usize);
     /// The same for integers of 0 or more and below 2²³.
@@ -60,6 +62,11 @@ impl Number for f32 {
     #[inline(always)]
     fn size(self) -> Self {
         self.abs()
+    }
+
+    #[inline(always)]
+    fn root(self) -> Self {
+        self.sqrt()
     }
 
     #[inline(always)]
@@ -111,6 +118,11 @@ impl Number for f32x4 {
     #[inline(always)]
     fn size(self) -> Self {
         self.abs()
+    }
+
+    #[inline(always)]
+    fn root(self) -> Self {
+        self.sqrt()
     }
 
     #[inline(always)]

@@ -175,6 +175,17 @@ impl Planes {
         row.iter_mut().zip(&sums[..self.count]).for_each(|(c, &sum)| *c = sum as f32);
     }
 
+    /// The row that adds 1 to the logarithm of every wavelength that has light.
+    pub(super) fn constant(&self) -> Row {
+        let mut sums = [0.0_f64; MOST_PLANES];
+        for (column, _) in
+            self.columns.chunks_exact(self.width).zip(&self.mean[..self.lambdas]).filter(|(_, mean)| **mean > DARK)
+        {
+            sums.iter_mut().zip(column).for_each(|(sum, &b)| *sum += f64::from(b));
+        }
+        sums.map(|sum| sum as f32)
+    }
+
     /// Σ over wavelengths of bᵢ bⱼ bₖ: what the product of planes j and k adds to plane i.
     pub(super) fn coupling(&self) -> Vec<f64> {
         let n = self.count;

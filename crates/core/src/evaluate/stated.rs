@@ -2,9 +2,8 @@
 
 use super::directions::Pairs;
 use super::error::{Buffer, EvaluateError, QueryError, unfit};
-use super::form::candidates;
+use super::form::Course;
 use super::geometry::Geometry;
-use super::incoming::Alignment;
 use super::lines::{Found, Incoming, Lines};
 use super::place::{Beyond, Interpolation, Place};
 use super::samples::known_sum;
@@ -27,9 +26,9 @@ pub(super) struct Stated {
 }
 
 impl Stated {
-    /// The function of a measurement with this geometry; without an alignment by name the best is found.
-    pub(super) fn new(measurement: &Measurement, geometry: Geometry, alignment: Option<Alignment>) -> Self {
-        let candidates = alignment.map_or_else(|| candidates(measurement.quantity), |alignment| vec![alignment]);
+    /// The function of a measurement with this geometry.
+    pub(super) fn new(measurement: &Measurement, geometry: Geometry, course: Course) -> Self {
+        let candidates = course.candidates(measurement.quantity);
         let incoming = match geometry.layout().incoming.map(|axis| &geometry.axes()[axis]) {
             Some(Axis::Elevation(values)) => Incoming::elevations(values),
             Some(Axis::Grid(grid)) => Incoming::grid(grid),
@@ -43,6 +42,7 @@ impl Stated {
             let has_cosine = measurement.quantity.has_cosine();
             lines.align(geometry.entries(), &candidates, |d| if has_cosine { d[2].abs() } else { 1.0 });
         }
+        lines.go(geometry.entries(), &course.between);
         let is_scattering = measurement.quantity == Quantity::Phase && is_list(&geometry);
         Self { geometry, is_scattering, lines }
     }

@@ -1,6 +1,7 @@
 //! Share of straight lines between stated directions that keeps the flux which makers of luminaires state.
 
 use super::error::EvaluateError;
+use super::form::Course;
 use super::geometry::Geometry;
 use super::stated::Stated;
 use crate::domain::{Measurement, Quantity};
@@ -33,7 +34,7 @@ pub fn straight_lines_for_flux(measurement: &Measurement) -> Result<u8, Evaluate
         return Ok(0);
     }
     let entries = geometry.entries();
-    let stated = Stated::new(measurement, geometry, None);
+    let stated = Stated::new(measurement, geometry, Course::default());
     let shares = (0..entries).map(|entry| share_of(stated.fluxes(entry)));
     Ok(shares.fold(0.0, f64::max).min(ALL) as u8)
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::time::Instant;
-use wavelume_core::compress::{Compressed, Policy, Settings, Target, compress};
+use wavelume_core::compress::{Between, Compressed, Policy, Settings, Target, compress};
 use wavelume_core::domain::{Measurement, Silent};
 use wavelume_formats::formats::{self, Interpretation};
 use wavelume_formats::projection::{self, AxesRequest};
@@ -41,6 +41,7 @@ pub(crate) fn encoded(measurement: &Measurement, target: Target) -> Compressed {
         floor: None,
         albedo_error: None,
         straight_lines: 0,
+        between: Between::default(),
         metadata: None,
         random_access: false,
     };

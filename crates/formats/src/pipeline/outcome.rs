@@ -8,9 +8,9 @@ use super::refinement::{Refined, refined, warning};
 use super::report::{Report, report};
 use super::request::{Curve, Request};
 use super::source::Source;
-use crate::compress::{self, Numbers, Settings, Target};
+use crate::compress::{self, Between, Numbers, Settings, Target};
 use crate::domain::{Axis, Progress, Silent};
-use crate::evaluate::{Material, state_levels, straight_lines_for_flux};
+use crate::evaluate::{Material, interpolation_between, state_levels, straight_lines_for_flux};
 use crate::formats::{Acquisition, Note, NoteKind};
 use crate::projection::{self, Projected};
 
@@ -107,6 +107,10 @@ fn compressed(
         straight_lines: match request.interpolation {
             Curve::Cubic => straight_lines_for_flux(&measurement).unwrap_or(0),
             Curve::Linear => u8::MAX,
+        },
+        between: match request.interpolation {
+            Curve::Cubic => interpolation_between(&measurement).unwrap_or_default(),
+            Curve::Linear => Between::default(),
         },
     };
     let stated = numbers.as_ref().map(|found| Numbers { values: found.tensor.samples(), factor: found.factor });

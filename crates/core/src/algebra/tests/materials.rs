@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::algebra::{AlgebraError, Combined, Method, Operand, Recompress, combine, dot};
-use crate::compress::{self, CompressError, Policy, Settings, Target, decode};
+use crate::compress::{self, Between, CompressError, Policy, Settings, Target, decode};
 use crate::domain::{
     Axis, Cancelled, Domain, Measurement, Progress, Quantity, Sampling, Silent, Tensor, TriangleMesh, Unit,
     WavelengthGrid,
@@ -16,6 +16,7 @@ fn settings(target: Target, policy: Policy, basis: &str) -> Settings {
         floor: None,
         albedo_error: None,
         straight_lines: 0,
+        between: Between::default(),
         metadata: Some("{}".to_owned()),
         random_access: false,
     }

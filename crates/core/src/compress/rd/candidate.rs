@@ -203,6 +203,7 @@ impl<'a> Candidate<'a> {
             predicted: self.layer.is_predicted(),
             gridded: self.layer.is_gridded(),
             straight_lines: self.settings.straight_lines,
+            between: self.settings.between.stated(),
             linear: self.plane.values.is_linear(),
             step: steps.first.step,
             light_step: self.light.as_ref().map_or(0.0, |(_, step)| *step),

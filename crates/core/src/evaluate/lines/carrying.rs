@@ -58,7 +58,7 @@ impl Lines {
     }
 
     /// The mean of three wavelengths under one incoming direction.
-    fn brightness(&self, entry: usize, node: usize, d: Vector) -> f64 {
+    pub(in crate::evaluate) fn brightness(&self, entry: usize, node: usize, d: Vector) -> f64 {
         let found = self.under(entry, node, Direction::from_unit(d));
         let last = self.values.lambdas() - 1;
         let sum: f32 = [1, 2, 3].iter().map(|quarter| self.sample(&found, quarter * last / 4)).sum();

@@ -11,7 +11,9 @@
 //! * Directions that the file states several times (all azimuths at a pole, both ends of a closed circle) have the mean of what is
 //!   stated.
 
+mod between;
 mod carrying;
+mod course;
 mod integral;
 mod line;
 mod sphere;
@@ -24,6 +26,7 @@ use super::mixed::NO_LIGHT;
 use crate::domain::vector::Vector;
 use crate::domain::{Direction, DirectionGrid, Domain};
 use crate::numeric::bracket::Bracket;
+use course::{Course, FoundBetween};
 use sphere::{Along, Patch, Sphere};
 use values::{Places, Values};
 
@@ -74,6 +77,8 @@ pub(super) struct Lines {
     alignment: Alignment,
     /// The alignments that competed, and how much the function changes under each.
     changes: Vec<(Alignment, f64)>,
+    /// How it goes from one incidence to the next, where that is not linear in logarithms.
+    course: Option<Box<Course>>,
 }
 
 /// Incoming places around a direction.
@@ -91,6 +96,14 @@ pub(super) struct Found {
     weights: [f32; AROUND],
     /// `None` where that incoming direction knows nothing: outside what the grid covers, or no outgoing axis.
     patches: [Option<Patch>; AROUND],
+    /// What a divisor or a cubic adds.
+    between: Option<FoundBetween>,
+}
+
+impl Found {
+    /// No place.
+    const NOTHING: Self =
+        Self { count: 0, tables: [0; AROUND], weights: [0.0; AROUND], patches: [None; AROUND], between: None };
 }
 
 /// Numbers of some wavelengths, with the share of light that they stand for and the share that is known.
@@ -130,7 +143,17 @@ impl Lines {
                 (0..grid.len()).chain(means).map(|entry| grid.direction(entry).xyz()).collect()
             }
         };
-        Self { incoming, directions, outgoing, values, straight: 0.0, domain, alignment, changes: Vec::new() }
+        Self {
+            incoming,
+            directions,
+            outgoing,
+            values,
+            straight: 0.0,
+            domain,
+            alignment,
+            changes: Vec::new(),
+            course: None,
+        }
     }
 
     /// This function with a share, 0..=1, of straight lines between samples.
@@ -141,6 +164,11 @@ impl Lines {
     /// Share of straight lines between samples, 0..=1.
     pub(super) fn straight(&self) -> f32 {
         self.straight
+    }
+
+    /// The outgoing directions of the quantity.
+    pub(super) fn domain(&self) -> Domain {
+        self.domain
     }
 
     /// The alignment in which lobes are carried from one incoming direction to the next.
@@ -161,15 +189,19 @@ impl Lines {
             Kind::Grid(sphere) => size_of::<Sphere>() + sphere.memory(),
         };
         let outgoing = self.outgoing.as_ref().map_or(0, |sphere| size_of::<Sphere>() + sphere.memory());
-        incoming + outgoing + self.values.memory() + size_of_val(&*self.directions)
+        let course = self.course.as_ref().map_or(0, |course| course.memory());
+        incoming + outgoing + self.values.memory() + size_of_val(&*self.directions) + course
     }
 
     /// Everything that is mixed at a place, in the smooth sense; `wi` and `wo` are turned to azimuth 0 of `wi` where incoming
     /// directions are elevations. `None` where `wi` is outside the incoming directions.
     pub(super) fn smooth(&self, entry: usize, wi: Vector, wo: Vector) -> Option<Found> {
+        if let Some(course) = &self.course {
+            return self.smooth_between(course, entry, wi, wo);
+        }
         let nodes = self.nodes(wi)?;
         let base = entry * self.values.incoming();
-        let mut found = Found { count: 0, tables: [0; AROUND], weights: [0.0; AROUND], patches: [None; AROUND] };
+        let mut found = Found::NOTHING;
         for (place, weight) in nodes.places.into_iter().zip(nodes.weights).filter(|(_, weight)| *weight > 0.0) {
             let k = found.count;
             let (there, worth) = if weight == 1.0 || self.alignment == Alignment::None {
@@ -193,6 +225,7 @@ impl Lines {
             tables: [entry * self.values.incoming() + node; AROUND],
             weights: [1.0, 0.0, 0.0, 0.0],
             patches: [patch, None, None, None],
+            between: None,
         }
     }
 
@@ -211,6 +244,7 @@ impl Lines {
             tables: [table; AROUND],
             weights: [1.0, 0.0, 0.0, 0.0],
             patches: [patch, None, None, None],
+            between: None,
         })
     }
 
@@ -335,21 +369,15 @@ impl Lines {
     /// `SIZE` samples from `lambda` on, on curved lines.
     #[inline(always)]
     fn curved<const SIZE: usize>(&self, found: &Found, lambda: usize) -> [f32; SIZE] {
+        if let Some(between) = &found.between {
+            return self.curved_between(between, found, lambda);
+        }
         let mut sums = Part { number: [0.0; SIZE], live: [0.0; SIZE], known: [0.0; SIZE] };
         let mut total = 0.0;
         for k in 0..found.count {
             let weight = found.weights[k];
             total += weight;
-            let part = match (&found.patches[k], &self.outgoing) {
-                (Some(patch), _) => self.patch::<SIZE>(found.tables[k], patch, lambda),
-                (None, None) => self.node(found.tables[k], 0, lambda),
-                (None, Some(_)) => {
-                    let outside = self.outside();
-                    let known = if outside.is_nan() { 0.0 } else { 1.0 };
-                    let live = if self.values.is_logarithmic() { 0.0 } else { known };
-                    Part { number: [0.0; SIZE], live: [live; SIZE], known: [known; SIZE] }
-                }
-            };
+            let part = self.part::<SIZE>(found, k, lambda);
             for l in 0..SIZE {
                 sums.number[l] += weight * part.live[l] * part.number[l];
                 sums.live[l] += weight * part.live[l];
@@ -367,6 +395,21 @@ impl Lines {
             let sample = self.values.sample(sums.number[l] / live);
             if live < known { sample * (live / known) } else { sample }
         })
+    }
+
+    /// What one of the incoming places around has.
+    #[inline(always)]
+    fn part<const SIZE: usize>(&self, found: &Found, k: usize, lambda: usize) -> Part<SIZE> {
+        match (&found.patches[k], &self.outgoing) {
+            (Some(patch), _) => self.patch::<SIZE>(found.tables[k], patch, lambda),
+            (None, None) => self.node(found.tables[k], 0, lambda),
+            (None, Some(_)) => {
+                let outside = self.outside();
+                let known = if outside.is_nan() { 0.0 } else { 1.0 };
+                let live = if self.values.is_logarithmic() { 0.0 } else { known };
+                Part { number: [0.0; SIZE], live: [live; SIZE], known: [known; SIZE] }
+            }
+        }
     }
 
     /// Numbers of one place, with their shares of light and of known samples.

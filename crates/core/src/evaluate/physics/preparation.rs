@@ -64,9 +64,10 @@ impl Preparation {
 impl Material {
     /// [`Material::open`], with samples changed as `preparation` says.
     pub fn open_prepared(bytes: &[u8], preparation: Preparation) -> Result<(Self, Prepared), EvaluateError> {
-        let decoded = compress::decode(bytes)?;
-        let (material, prepared) = Self::of_prepared(decoded.measurement, preparation)?;
-        Ok((material.with_summary(decoded.summary), prepared))
+        let mut decoded = compress::decode(bytes)?;
+        let (measurement, prepared) = preparation.of(decoded.measurement)?;
+        decoded.measurement = measurement;
+        Ok((Self::decoded(decoded)?, prepared))
     }
 
     /// [`Material::of`], with samples changed as `preparation` says.

@@ -6,8 +6,11 @@
 //! * Over **incoming** directions: linear between three nodes, each of which is looked up where its own lobe has what is
 //!   asked for ([`super::incoming::Alignment`]). The alignment is the one under which the function keeps its shape best from
 //!   one measured incoming direction to the next.
+//!   Where a divisor or a cubic was chosen ([`crate::compress::Between`]), it is taken (`between`).
 //! * Cells that are zero or masked have no logarithm: the share of live cells around is interpolated, too.
 
+mod between;
+mod course;
 mod moving;
 mod tables;
 #[cfg(test)]
@@ -18,10 +21,12 @@ use super::elements::{Elements, NODES, Patches};
 use super::incoming::{Alignment, Around, Nodes, Origin, carried, carried_to, carried_to_four};
 use super::kernel::{BLOCK, Vectors, vector_of};
 use super::mixed::{MOST_PLANES, Mixed, Row};
+use crate::compress::Between;
 use crate::domain::Domain;
 use crate::domain::vector::Vector;
 use crate::numeric::wide;
 use ::wide::f32x4;
+use course::{Course, Divisors};
 
 /// The tables.
 #[derive(Debug)]
@@ -44,6 +49,8 @@ pub(super) struct Smooth {
     /// Where not all cells are live: `[index entry][incoming node][outgoing node]` of live among those not masked, and of
     /// those not masked among all.
     presence: Vec<[f32; 2]>,
+    /// How it goes from one incidence to the next, where that is not linear in logarithms.
+    course: Option<Box<Course>>,
 }
 
 /// A place: the nodes around its incoming direction, and its directions.
@@ -98,6 +105,16 @@ impl Smooth {
     #[inline(always)]
     pub(super) fn nodes(&self) -> &Nodes {
         &self.nodes
+    }
+
+    /// The interpolation between incidences that was stated.
+    pub(super) fn between(&self) -> Between {
+        self.course.as_ref().map_or_else(Between::default, |course| course.stated())
+    }
+
+    /// The domain of outgoing directions.
+    pub(super) fn domain(&self) -> Domain {
+        self.domain
     }
 
     /// How lobes go from one incoming direction to the next.
@@ -157,6 +174,9 @@ impl Smooth {
     /// What stands at a place, in index entry `entry`.
     #[inline(always)]
     pub(super) fn at(&self, entry: usize, seen: &Seen) -> Mixed {
+        if let Some(course) = &self.course {
+            return self.at_between(course, entry, seen);
+        }
         let &Seen { around, wi, wo } = seen;
         let [a, b, c] = around.nodes;
         let mut patches = Patches::<4>::NOWHERE;
@@ -180,19 +200,26 @@ impl Smooth {
     pub(super) fn at_block(&self, entry: usize, seen: &mut SeenBlock, to: &mut [Mixed]) {
         let alignment = if matches!(self.nodes, Nodes::One) { Alignment::None } else { self.alignment };
         let is_whole = self.domain == Domain::Sphere;
-        if is_whole && !matches!(alignment, Alignment::None | Alignment::Rotation) {
-            // Above and below the horizon there are different ways.
+        let is_single = self.course.as_ref().is_some_and(|course| course.has_cubic() || !self.presence.is_empty());
+        if is_single || is_whole && !matches!(alignment, Alignment::None | Alignment::Rotation) {
+            // Cubics look at other nodes; above and below the horizon there are different ways.
             to.iter_mut().enumerate().for_each(|(i, to)| *to = self.at(entry, &seen.get(i)));
             return;
         }
         let count = if matches!(self.nodes, Nodes::One | Nodes::Same(_)) { 1 } else { 3 };
+        let mut divisors = Divisors::NOTHING;
         wide(
             #[inline(always)]
             || {
                 known(
                     alignment,
                     #[inline(always)]
-                    |alignment| self.look_up_block(alignment, is_whole, count, seen),
+                    |alignment| match &self.course {
+                        None => self.look_up_block(alignment, is_whole, count, seen, |_, _, _, _| ()),
+                        Some(course) => self.look_up_block(alignment, is_whole, count, seen, |i, to, there, weight| {
+                            divisors.add(course, i, to, there, weight);
+                        }),
+                    },
                 );
                 let SeenBlock { patches: [a, b, c], weights, .. } = &*seen;
                 for (i, to) in to.iter_mut().enumerate() {
@@ -201,11 +228,22 @@ impl Smooth {
                 }
             },
         );
+        if let Some(course) = &self.course {
+            self.multiply_block(course, entry, &divisors, seen, to);
+        }
     }
 
-    /// Writes the patches in which places are seen under `count` nodes around, and multiplies weights with their worth.
+    /// Writes the patches in which places are seen under `count` nodes around, and multiplies weights with their worth. `each` is
+    /// told of every place, the direction of the node, where the place is looked up there, and its weight.
     #[inline(always)]
-    fn look_up_block(&self, alignment: Alignment, is_free: bool, count: usize, seen: &mut SeenBlock) {
+    fn look_up_block(
+        &self,
+        alignment: Alignment,
+        is_free: bool,
+        count: usize,
+        seen: &mut SeenBlock,
+        mut each: impl FnMut(usize, [f32; 3], [f32; 3], f32),
+    ) {
         let mut origins = [[0.0; BLOCK]; 5];
         for i in 0..BLOCK {
             let Origin { direction: [x, y, z], azimuth: [cos, sin] } = Origin::new(vector_of(&seen.wi, i));
@@ -216,7 +254,7 @@ impl Smooth {
         let wo = seen.wo.map(|numbers| numbers.map(|x| x as f32));
         for ((patches, weights), nodes) in seen.patches.iter_mut().zip(&mut seen.weights).zip(&seen.nodes).take(count) {
             let mut to = [[0.0; BLOCK]; 5];
-            if alignment != Alignment::None {
+            if alignment != Alignment::None || self.course.is_some() {
                 for i in 0..BLOCK {
                     let Origin { direction: [x, y, z], azimuth: [cos, sin] } = self.origins[nodes[i] as usize];
                     for (to, number) in to.iter_mut().zip([x, y, z, cos, sin]) {
@@ -233,6 +271,7 @@ impl Smooth {
                     carried_to(alignment, is_free, at(&origins), at(&to), [wo[0][i], wo[1][i], wo[2][i]]);
                 self.elements.write(there, patches, i);
                 weights[i] *= worth;
+                each(i, [to[0][i], to[1][i], to[2][i]], there, weights[i]);
                 for shares in &mut patches.weights {
                     shares[i] *= weights[i];
                 }
@@ -334,6 +373,11 @@ impl Smooth {
     }
 
     pub(super) fn memory(&self) -> usize {
-        size_of_val(&*self.values) + size_of_val(&*self.presence) + size_of_val(&*self.origins) + self.nodes.memory()
+        let course = self.course.as_ref().map_or(0, |course| course.memory());
+        size_of_val(&*self.values)
+            + size_of_val(&*self.presence)
+            + size_of_val(&*self.origins)
+            + self.nodes.memory()
+            + course
     }
 }

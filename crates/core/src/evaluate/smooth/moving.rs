@@ -34,6 +34,17 @@ impl Smooth {
         )
     }
 
+    /// The mean of three wavelengths of one entry of the incoming axis, whose direction is `wi`.
+    pub(in crate::evaluate) fn brightness(
+        &self,
+        planes: &Planes,
+        (entry, incoming): (usize, usize),
+        wi: Vector,
+        wo: Vector,
+    ) -> f64 {
+        brightness(planes, &self.own(entry, incoming, wi, wo))
+    }
+
     fn measure(&self, d: Vector) -> f64 {
         if self.has_cosine { d[2].abs() } else { 1.0 }
     }

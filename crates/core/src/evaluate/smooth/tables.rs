@@ -1,6 +1,8 @@
 //! The tables of the smooth form: node values that have the averages of cells, and nodes between incoming directions.
 
 use super::Smooth;
+use super::course::Course;
+use crate::compress::{Between, Divisor};
 use crate::domain::vector::Vector;
 use crate::evaluate::elements::Elements;
 use crate::evaluate::incoming::{Alignment, Nodes, Origin, carried};
@@ -28,6 +30,7 @@ impl Smooth {
         mut nodes: Nodes,
         entries: usize,
         candidates: &[Alignment],
+        between: &Between,
         has_cosine: bool,
     ) -> Option<Self> {
         let mesh = lookup.mesh();
@@ -51,6 +54,7 @@ impl Smooth {
             values: Vec::new(),
             presence: Vec::new(),
             nodes: Nodes::One,
+            course: None,
         };
         let (tables, presence) = smooth.reconstruct(planes, cells, lookup, entries * own);
         smooth.values = tables;
@@ -67,7 +71,7 @@ impl Smooth {
         }
         smooth.alignment = best.1;
         smooth.left_out = smooth.left_out(planes, &nodes, own, entries, &directions);
-        let alike = smooth.left_out.is_some_and(|error| error < ALIKE);
+        let alike = between.divisor == Divisor::None && smooth.left_out.is_some_and(|error| error < ALIKE);
         if alike && best.1 == Alignment::Rotation {
             nodes = Nodes::Same(nodes.direction(0));
             let cell = outgoing * smooth.width;
@@ -75,10 +79,15 @@ impl Smooth {
             smooth.presence =
                 smooth.presence.chunks_exact(own * outgoing).flat_map(|c| &c[..outgoing]).copied().collect();
         }
-        smooth.add_nodes_between(&nodes, entries, &directions);
+        let mut course = Course::new(between, planes, &nodes);
+        smooth.add_nodes_between(&nodes, entries, &directions, course.as_ref());
         smooth.node_count = nodes.counts().0;
         smooth.origins = (0..smooth.node_count).map(|node| Origin::new(nodes.direction(node))).collect();
         smooth.nodes = nodes;
+        if let Some(course) = &mut course {
+            smooth.hold_past_last(course, entries, &directions);
+        }
+        smooth.course = course.map(Box::new);
         Some(smooth)
     }
 
@@ -191,7 +200,7 @@ impl Smooth {
     }
 
     /// Tables of the nodes that are no entries, from those of the entries around.
-    fn add_nodes_between(&mut self, nodes: &Nodes, entries: usize, directions: &[Vector]) {
+    fn add_nodes_between(&mut self, nodes: &Nodes, entries: usize, directions: &[Vector], course: Option<&Course>) {
         let (all, own) = nodes.counts();
         if all == own {
             return;
@@ -210,9 +219,17 @@ impl Smooth {
                         for &(source, weight) in &sources {
                             let to = nodes.direction(source);
                             let (there, worth) = carried(self.alignment, self.domain, wi, to, d);
-                            mix.add(self.looked_up(entry * own + source, there), weight * worth);
+                            let mut seen = self.looked_up(entry * own + source, there);
+                            if let Some(course) = course {
+                                course.divide(&mut seen, to, there);
+                            }
+                            mix.add(seen, weight * worth);
                         }
-                        mix.finish()
+                        let mut mixed = mix.finish();
+                        if let Some(course) = course {
+                            course.multiply(&mut mixed, wi, d);
+                        }
+                        mixed
                     })
                     .collect()
             })

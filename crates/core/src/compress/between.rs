@@ -1,0 +1,234 @@
+//! Interpolation between measured incidences, as a file states it: chunk V.
+//!
+//! ```text
+//! u8   divisor + 8 · cubic + 16 · retro; not 0
+//!      divisor: 0 none, 1 the cosines, 2 the projected areas, 3 the masking, 4 the model
+//! u16  divisors 2, 3, 4: the roughness;  each the high 16 bits of an f32
+//! u16  divisor 4: the reflectance at normal incidence
+//! u16  divisor 4: the base
+//! ```
+
+use crate::codec::{CodecError, Reader, Writer};
+use crate::domain::{Axis, Layout, Quantity};
+use serde::Serialize;
+
+/// Bits of the first byte.
+const DIVISOR: u8 = 7;
+const CUBIC: u8 = 8;
+const RETRO: u8 = 16;
+/// Bounds of a roughness; like those below they are short numbers themselves.
+const ROUGHNESS: [f32; 2] = [1.0 / 1024.0, 4.0];
+/// Bounds of a reflectance at normal incidence.
+const REFLECTANCE: [f32; 2] = [1.0 / 8192.0, 1.0];
+/// Bounds of the base beside a lobe of scale 1.
+const BASE: [f32; 2] = [0.0, 1_048_576.0];
+
+/// Function V that samples are divided by before their logarithms are interpolated between incidences; the result is multiplied
+/// by it again. With c_i and c_o the cosines of the incoming and the outgoing direction and r(c) = √(c² + a²·(1 − c²)), a the
+/// roughness:
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Divisor {
+    /// V = 1.
+    #[default]
+    None,
+    /// V = 1 / (c_i + c_o).
+    Cosines,
+    /// V = 1 / (σ(c_i)·σ(c_o)), σ(c) = c + r(c): twice the projected area of a GGX surface.
+    ProjectedAreas {
+        /// Roughness of GGX.
+        roughness: f32,
+    },
+    /// V = 1 / (c_o·r(c_i) + c_i·r(c_o)): height-correlated masking over the cosines.
+    Masking {
+        /// Roughness of GGX.
+        roughness: f32,
+    },
+    /// V = base + F·D / (c_o·r(c_i) + c_i·r(c_o)): a microfacet model, with D = a² / (h_x² + h_y² + a²·h_z²)², h the unit half
+    /// vector, and F Schlick's factor of the angle between h and the incoming direction.
+    Model {
+        /// Roughness of GGX.
+        roughness: f32,
+        /// Reflectance at normal incidence.
+        reflectance: f32,
+        /// Share of light that does not depend on directions.
+        base: f32,
+    },
+}
+
+impl Divisor {
+    /// Roughness, reflectance and base, as many as the divisor has.
+    fn parameters(self) -> Vec<f32> {
+        match self {
+            Self::None | Self::Cosines => Vec::new(),
+            Self::ProjectedAreas { roughness } | Self::Masking { roughness } => vec![roughness],
+            Self::Model { roughness, reflectance, base } => vec![roughness, reflectance, base],
+        }
+    }
+
+    /// The divisor with its numbers as a file states them: within their bounds, with the high 16 bits of an f32.
+    #[must_use]
+    pub fn stated(self) -> Self {
+        let short = |x: f32, [low, high]: [f32; 2]| {
+            f32::from_bits(x.max(low).min(high).to_bits().wrapping_add(0x7FFF) & 0xFFFF_0000)
+        };
+        match self {
+            Self::None | Self::Cosines => self,
+            Self::ProjectedAreas { roughness } => Self::ProjectedAreas { roughness: short(roughness, ROUGHNESS) },
+            Self::Masking { roughness } => Self::Masking { roughness: short(roughness, ROUGHNESS) },
+            Self::Model { roughness, reflectance, base } => Self::Model {
+                roughness: short(roughness, ROUGHNESS),
+                reflectance: short(reflectance, REFLECTANCE),
+                base: short(base, BASE),
+            },
+        }
+    }
+}
+
+/// Interpolation between measured incidences. The default is that of files without chunk V: linear in logarithms.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Between {
+    /// Function that is divided out.
+    pub divisor: Divisor,
+    /// A cubic through four incidences instead of a straight line through two.
+    pub cubic: bool,
+    /// Outgoing directions keep their place relative to the one back to the source, as the lobes of retro-reflectors do.
+    pub retro: bool,
+}
+
+impl Between {
+    /// Returns true for the interpolation of files without chunk V.
+    pub fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The interpolation with its numbers as chunk V states them; `None` where there is no such chunk.
+    pub(crate) fn stated(&self) -> Option<Self> {
+        (!self.is_default()).then(|| Self { divisor: self.divisor.stated(), ..*self })
+    }
+
+    /// Returns true where a measurement on these axes can have this interpolation: divisors and the direction back to the source
+    /// need a BRDF, a cubic needs incoming elevations.
+    pub(crate) fn fits(&self, quantity: Quantity, axes: &[Axis]) -> bool {
+        let Ok(layout) = Layout::of(quantity, axes) else { return false };
+        let Some(incoming) = layout.incoming.map(|axis| &axes[axis]) else { return false };
+        let is_reflected = quantity == Quantity::Brdf && layout.outgoing.is_some();
+        let needs_reflection = self.divisor != Divisor::None || self.retro;
+        (is_reflected || !needs_reflection) && (!self.cubic || matches!(incoming, Axis::Elevation(_)))
+    }
+
+    /// The payload of chunk V.
+    pub(crate) fn write(&self) -> Vec<u8> {
+        let divisor = match self.divisor {
+            Divisor::None => 0,
+            Divisor::Cosines => 1,
+            Divisor::ProjectedAreas { .. } => 2,
+            Divisor::Masking { .. } => 3,
+            Divisor::Model { .. } => 4,
+        };
+        let mut w = Writer::default();
+        w.u8(divisor | if self.cubic { CUBIC } else { 0 } | if self.retro { RETRO } else { 0 });
+        for parameter in self.divisor.stated().parameters() {
+            w.low_bytes(parameter.to_bits() >> 16, 2);
+        }
+        w.into_bytes()
+    }
+
+    /// Reads the payload of chunk V.
+    pub(crate) fn read(r: &mut Reader<'_>) -> Result<Self, CodecError> {
+        let first = r.u8("interpolation between incidences")?;
+        let mut number = |what: &'static str, [low, high]: [f32; 2]| {
+            let number = f32::from_bits(r.low_bytes(2, what)? << 16);
+            let is_held = number.is_sign_positive() && (low..=high).contains(&number);
+            if is_held { Ok(number) } else { Err(r.malformed(format!("{what} is {number}, expected {low} to {high}"))) }
+        };
+        let divisor = match first & DIVISOR {
+            0 => Divisor::None,
+            1 => Divisor::Cosines,
+            2 => Divisor::ProjectedAreas { roughness: number("roughness", ROUGHNESS)? },
+            3 => Divisor::Masking { roughness: number("roughness", ROUGHNESS)? },
+            4 => Divisor::Model {
+                roughness: number("roughness", ROUGHNESS)?,
+                reflectance: number("reflectance", REFLECTANCE)?,
+                base: number("base", BASE)?,
+            },
+            other => return Err(r.malformed(format!("divisor {other} is unknown"))),
+        };
+        if first == 0 || first & !(DIVISOR | CUBIC | RETRO) != 0 {
+            return Err(r.malformed(format!("interpolation {first:#04x} is unknown")));
+        }
+        r.end("interpolation between incidences")?;
+        Ok(Self { divisor, cubic: first & CUBIC != 0, retro: first & RETRO != 0 })
+    }
+}
+
+impl std::fmt::Display for Between {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(if self.cubic { "cubic" } else { "linear" })?;
+        f.write_str(if self.retro { ", about the direction back to the source" } else { "" })?;
+        match self.divisor {
+            Divisor::None => Ok(()),
+            Divisor::Cosines => f.write_str(", over 1 / (cos θi + cos θo)"),
+            Divisor::ProjectedAreas { roughness } => {
+                write!(f, ", over the projected areas of a surface of roughness {roughness:.3}")
+            }
+            Divisor::Masking { roughness } => write!(f, ", over the masking of a surface of roughness {roughness:.3}"),
+            Divisor::Model { roughness, reflectance, .. } => {
+                write!(f, ", over a microfacet model of roughness {roughness:.3} and reflectance {reflectance:.2}")
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::{Domain, TriangleMesh};
+
+    fn all() -> Vec<Between> {
+        let model = Divisor::Model { roughness: 0.123, reflectance: 0.0404, base: 0.0 };
+        let areas = Divisor::ProjectedAreas { roughness: 9.0 };
+        let divisors = [Divisor::None, Divisor::Cosines, areas, Divisor::Masking { roughness: 1e-9 }, model];
+        let ways = [(false, false), (true, false), (false, true), (true, true)];
+        let all = divisors
+            .into_iter()
+            .flat_map(|divisor| ways.map(|(cubic, retro)| Between { divisor: divisor.stated(), cubic, retro }));
+        all.filter(|between| !between.is_default()).collect()
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        for between in all() {
+            let bytes = between.write();
+            assert_eq!(Between::read(&mut Reader::new(&bytes, 0)), Ok(between));
+            for end in 0..bytes.len() {
+                assert!(Between::read(&mut Reader::new(&bytes[..end], 0)).is_err());
+            }
+            let longer = [&bytes[..], &[0]].concat();
+            assert!(Between::read(&mut Reader::new(&longer, 0)).is_err());
+        }
+    }
+
+    #[test]
+    fn unknown_codes_and_numbers_out_of_bounds_are_refused() {
+        for bytes in [&[0][..], &[5], &[32], &[129], &[2, 0, 0], &[3, 0x80, 0x7F], &[3, 0, 0xBF], &[2, 0, 0x41]] {
+            assert!(
+                matches!(Between::read(&mut Reader::new(bytes, 0)), Err(CodecError::Malformed { .. })),
+                "{bytes:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn divisors_are_for_reflection_and_cubics_for_elevations() {
+        let mesh = || Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, 1).unwrap());
+        let elevations = || vec![Axis::Elevation(vec![0.0, 30.0]), mesh()];
+        for between in all() {
+            assert!(between.fits(Quantity::Brdf, &elevations()), "{between}");
+            assert_eq!(between.fits(Quantity::Brdf, &[mesh(), mesh()]), !between.cubic, "{between}");
+            let is_plain = between.divisor == Divisor::None && !between.retro;
+            assert_eq!(between.fits(Quantity::Bsdf, &elevations()), is_plain, "{between}");
+            assert!(!between.fits(Quantity::Edf, &[mesh()]), "{between}");
+        }
+    }
+}

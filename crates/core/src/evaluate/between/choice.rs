@@ -1,0 +1,111 @@
+//! Choice of the interpolation between incidences: what predicts each of them best where it is left out.
+
+use super::fit::model;
+use super::left_out::{Errors, left_out};
+use super::tables::Tables;
+use crate::compress::{Between, Divisor, estimate_noise};
+use crate::domain::{Measurement, Quantity, Tensor};
+use crate::evaluate::error::EvaluateError;
+use crate::evaluate::incoming::Alignment;
+use crate::evaluate::material::Material;
+
+/// Fewer incidences than this are no ground for a choice.
+const LEAST_INCIDENCES: usize = 4;
+/// Pairs of incoming and outgoing entries at most: more are opened for long, and have incidences enough.
+const MOST_PAIRS: usize = 1 << 20;
+/// The cheapest way is taken of those whose errors are within this factor of the least.
+const NEARLY_BEST: f64 = 1.1;
+/// Lobes about the direction back to the source are taken where the error falls below this part of the least of the others: directions
+/// are drawn about it, too, and a divisor that fits needs no alignment.
+const MUCH_BETTER: f64 = 0.7;
+/// Errors this far apart are the same: rounding, and what the cells leave.
+const SAME: f64 = 5e-4;
+
+/// Chooses the interpolation between the incidences of a measurement: each inner incidence is left out in turn and predicted from
+/// those around it, in every way that there is. Of those nearly as good as the best the cheapest is taken, straight lines before
+/// cubics. With fewer than four incidences, or negative samples, it is that of files that state none.
+///
+/// ```
+/// use wavelume_core::domain::{Axis, Measurement, Quantity, Sampling, Tensor, Unit};
+/// use wavelume_core::evaluate::interpolation_between;
+/// let tensor = Tensor::new(vec![Axis::Rgb], vec![0.1, 0.2, 0.3])?;
+/// let colour = Measurement::new(Quantity::Spectrum, Unit::Relative, Sampling::Point, tensor)?;
+/// assert!(interpolation_between(&colour)?.is_default());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn interpolation_between(measurement: &Measurement) -> Result<Between, EvaluateError> {
+    let layout = measurement.layout()?;
+    let axes = measurement.tensor.axes();
+    let length = |axis: Option<usize>| axis.map_or(1, |axis| axes[axis].len());
+    let (incidences, outgoing) = (length(layout.incoming), length(layout.outgoing));
+    let is_signed = || measurement.tensor.samples().iter().any(|&sample| sample < 0.0);
+    if incidences < LEAST_INCIDENCES || incidences.saturating_mul(outgoing) > MOST_PAIRS || is_signed() {
+        return Ok(Between::default());
+    }
+    let grey = grey(measurement, length(layout.spectral))?;
+    let noise = estimate_noise(&grey, 0.0).map_or(0.0, |noise| noise.relative);
+    let material = Material::of(grey)?;
+    let Some(tables) = Tables::of(&material) else { return Ok(Between::default()) };
+    let errors_of = |alignment: Alignment, ways: Vec<Between>| {
+        let ways: Vec<Between> = ways.into_iter().filter(|way| way.fits(measurement.quantity, axes)).collect();
+        let errors = left_out(&tables, alignment, &ways, noise)?;
+        best(ways.into_iter().zip(errors).collect())
+    };
+    let divisors = divisors(&tables, measurement.quantity);
+    let Some((way, error)) = errors_of(tables.alignment(), candidates(&divisors, false)) else {
+        return Ok(Between::default());
+    };
+    if measurement.quantity == Quantity::Brdf && error > SAME {
+        // The model has its lobe about the mirror direction.
+        let divisors: Vec<Divisor> =
+            divisors.into_iter().filter(|divisor| !matches!(divisor, Divisor::Model { .. })).collect();
+        if let Some((retro, retro_error)) = errors_of(Alignment::Rotation, candidates(&divisors, true))
+            && retro_error < MUCH_BETTER * error
+        {
+            return Ok(retro);
+        }
+    }
+    Ok(way)
+}
+
+/// The divisors of a quantity, the cheapest first, with the numbers of the fitted model.
+fn divisors(tables: &Tables<'_>, quantity: Quantity) -> Vec<Divisor> {
+    let mut divisors = vec![Divisor::None];
+    if quantity == Quantity::Brdf {
+        divisors.push(Divisor::Cosines);
+        if let Some(model @ Divisor::Model { roughness, .. }) = model(tables) {
+            divisors.extend([Divisor::ProjectedAreas { roughness }, Divisor::Masking { roughness }, model]);
+        }
+    }
+    divisors
+}
+
+/// The ways from one incidence to the next, the cheapest first: straight lines before cubics.
+fn candidates(divisors: &[Divisor], retro: bool) -> Vec<Between> {
+    let of_order = |cubic: bool| divisors.iter().map(move |&divisor| Between { divisor, cubic, retro });
+    of_order(false).chain(of_order(true)).collect()
+}
+
+/// The first way that is nearly as good as the best, and its error.
+fn best(ways: Vec<(Between, Errors)>) -> Option<(Between, f64)> {
+    let least = ways.iter().map(|(_, error)| error.without_noise).fold(f64::INFINITY, f64::min);
+    let good = ways.into_iter().find(|(_, error)| error.without_noise <= NEARLY_BEST * least + SAME);
+    good.map(|(way, error)| (way, error.without_noise))
+}
+
+/// The mean over wavelengths of what is not masked.
+fn grey(measurement: &Measurement, lambdas: usize) -> Result<Measurement, EvaluateError> {
+    let axes = measurement.tensor.axes();
+    let has_spectrum = measurement.layout()?.spectral.is_some();
+    let axes = axes[..axes.len() - usize::from(has_spectrum)].to_vec();
+    let mean = |spectrum: &[f32]| {
+        let (sum, count) = spectrum
+            .iter()
+            .filter(|sample| !sample.is_nan())
+            .fold((0.0, 0_u32), |(sum, count), &sample| (sum + f64::from(sample), count + 1));
+        if count == 0 { f32::NAN } else { (sum / f64::from(count)) as f32 }
+    };
+    let samples = measurement.tensor.samples().chunks_exact(lambdas).map(mean).collect();
+    let tensor = Tensor::new(axes, samples)?;
+    Ok(Measurement { quantity: measurement.quantity, unit: measurement.unit, sampling: measurement.sampling, tensor })
+}

@@ -1,0 +1,124 @@
+//! Fit of the microfacet model to the light of all incidences: the numbers of the divisors.
+
+use super::Divided;
+use super::tables::Tables;
+use crate::compress::Divisor;
+use crate::domain::vector::{Vector, dot, scale, sub, unit};
+
+/// Incidences at which the model is fitted, at most, and index entries.
+const INCIDENCES: usize = 12;
+const ENTRIES: usize = 4;
+/// Slopes of half vectors at which it is fitted, and azimuths of each.
+const SLOPES: [f64; 12] = [0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.23, 0.32, 0.45, 0.65, 1.0, 1.6];
+const AZIMUTHS: u32 = 6;
+/// Heights below this are left out: there is little light.
+const LOWEST: f64 = 0.1;
+/// Directions over the whole hemisphere at which it is fitted, too, one in so many.
+const SPREAD: usize = 16;
+/// First guesses: roughness, reflectance, and base in parts of the reflectance.
+const ROUGHNESS: [f64; 12] = [0.01, 0.02, 0.035, 0.055, 0.08, 0.12, 0.17, 0.24, 0.34, 0.48, 0.68, 0.95];
+const REFLECTANCE: [f64; 4] = [0.04, 0.12, 0.4, 0.9];
+const BASE: [f64; 10] = [0.0, 1e-3, 0.01, 0.05, 0.2, 0.5, 1.0, 3.0, 10.0, 100.0];
+/// A base of nothing, on the scale of logarithms.
+const NO_BASE: f64 = 1e-9;
+/// First steps of the search, in logarithms, and how often they are halved.
+const STEPS: [f64; 3] = [0.2, 0.5, 0.7];
+const HALVINGS: u32 = 10;
+
+/// Light seen from one direction to another.
+struct Seen {
+    wi: [f32; 3],
+    wo: [f32; 3],
+    logarithm: f64,
+}
+
+/// The model nearest to the logarithms of light, but for a factor; `None` where there is next to no light.
+pub(super) fn model(tables: &Tables<'_>) -> Option<Divisor> {
+    let seen = seen(tables);
+    if seen.len() < 2 * STEPS.len() {
+        return None;
+    }
+    let mut best = ([0.0; 3], f64::INFINITY);
+    for (a, f) in ROUGHNESS.into_iter().flat_map(|a| REFLECTANCE.map(|f| (a, f))) {
+        for base in BASE.map(|base| f * base) {
+            let place = [a, f, base.max(NO_BASE)].map(libm::log);
+            let spread = variance(&seen, place);
+            if spread < best.1 {
+                best = (place, spread);
+            }
+        }
+    }
+    let mut steps = STEPS;
+    for _ in 0..HALVINGS {
+        let mut moves = true;
+        while moves {
+            moves = false;
+            for (k, step) in steps.into_iter().enumerate().flat_map(|(k, step)| [(k, step), (k, -step)]) {
+                let mut place = best.0;
+                place[k] += step;
+                // The reflectance is at most 1.
+                place[1] = place[1].min(0.0);
+                let spread = variance(&seen, place);
+                if spread < 0.999 * best.1 {
+                    (best, moves) = ((place, spread), true);
+                }
+            }
+        }
+        steps = steps.map(|step| 0.5 * step);
+    }
+    best.1.is_finite().then(|| divisor(best.0).stated())
+}
+
+fn divisor(place: [f64; 3]) -> Divisor {
+    let [roughness, reflectance, base] = place.map(|x| libm::exp(x) as f32);
+    Divisor::Model { roughness, reflectance, base }.stated()
+}
+
+/// The variance of the logarithms of light over the model.
+fn variance(seen: &[Seen], place: [f64; 3]) -> f64 {
+    let model = Divided::by(divisor(place));
+    let (mut sum, mut square) = (0.0, 0.0);
+    for Seen { wi, wo, logarithm } in seen {
+        let rest = logarithm - f64::from(model.one(*wi, *wo));
+        sum += rest;
+        square += rest * rest;
+    }
+    let count = seen.len() as f64;
+    square / count - (sum / count) * (sum / count)
+}
+
+/// Light around the mirror direction of each incidence, and over the whole hemisphere.
+fn seen(tables: &Tables<'_>) -> Vec<Seen> {
+    let incidences = tables.incidences();
+    let step = incidences.len().div_ceil(INCIDENCES).max(1);
+    let mut seen = Vec::new();
+    for entry in 0..tables.entries().min(ENTRIES) {
+        for (node, &wi) in incidences.iter().enumerate().step_by(step) {
+            let near = std::iter::once([0.0, 0.0, 1.0]).chain(half_vectors()).map(|h| mirrored(wi, h));
+            let spread = tables.outgoing().iter().step_by(SPREAD).copied();
+            for wo in near.chain(spread).filter(|wo| wo[2] > LOWEST) {
+                let light = tables.light(entry, node, wo);
+                if light > 0.0 {
+                    let [wi, wo] = [wi, wo].map(|d| d.map(|x| x as f32));
+                    seen.push(Seen { wi, wo, logarithm: libm::log(light) });
+                }
+            }
+        }
+    }
+    seen
+}
+
+/// Half vectors around the normal.
+fn half_vectors() -> impl Iterator<Item = Vector> {
+    let azimuths =
+        (0..AZIMUTHS).map(|k| libm::sincos(std::f64::consts::TAU * (f64::from(k) + 0.25) / f64::from(AZIMUTHS)));
+    let azimuths: Vec<(f64, f64)> = azimuths.collect();
+    SLOPES.into_iter().flat_map(move |slope| {
+        azimuths.clone().into_iter().map(move |(sin, cos)| unit([slope * cos, slope * sin, 1.0]))
+    })
+}
+
+/// `wi` mirrored at a half vector.
+fn mirrored(wi: Vector, h: Vector) -> Vector {
+    sub(scale(h, 2.0 * dot(wi, h)), wi)
+}

@@ -1,0 +1,152 @@
+//! Light under the measured incidences of a material, and which of them stand around one that is left out.
+
+use super::Cubic;
+use crate::compress::Between;
+use crate::domain::vector::Vector;
+use crate::domain::{Axis, DirectionGrid, Domain};
+use crate::evaluate::Material;
+use crate::evaluate::geometry::Geometry;
+use crate::evaluate::incoming::Alignment;
+use crate::evaluate::lines::Lines;
+use crate::evaluate::planes::Planes;
+use crate::evaluate::smooth::Smooth;
+
+/// Outgoing directions at which errors are measured, on one side of the horizon.
+const DIRECTIONS: u32 = 2048;
+/// Their least height: directions to 80° from the normal.
+const LOWEST: f64 = 0.173_648_177_666_930_35;
+
+/// Light of a material's incidences.
+pub(super) struct Tables<'a> {
+    form: Form<'a>,
+    geometry: &'a Geometry,
+    domain: Domain,
+    alignment: Alignment,
+    incidences: Vec<Vector>,
+    outgoing: Vec<Vector>,
+}
+
+enum Form<'a> {
+    Planes(&'a Planes, &'a Smooth),
+    Lines(&'a Lines),
+}
+
+/// Incidences that stand for one that is left out.
+pub(super) struct Others {
+    /// Entries with their weights, which add up to 1.
+    pub(super) linear: Vec<(usize, f32)>,
+    /// The two below and the two above with the weights of a cubic, where incidences are elevations.
+    pub(super) cubic: Option<([u32; 4], [f32; 4])>,
+}
+
+impl<'a> Tables<'a> {
+    /// The tables of a material with several incidences and a smooth form that goes from one to the next.
+    pub(super) fn of(material: &'a Material) -> Option<Self> {
+        let geometry = material.geometry();
+        let (form, domain, alignment) = match (material.planes(), material.stated()) {
+            (Some((_, planes, smooth)), _) => (Form::Planes(planes, smooth), smooth.domain(), smooth.alignment()),
+            (None, Some(stated)) => {
+                let lines = stated.lines();
+                (Form::Lines(lines), lines.domain(), lines.alignment())
+            }
+            (None, None) => return None,
+        };
+        let count = geometry.shape()[0];
+        if count < 2 || geometry.layout().outgoing.is_none() {
+            return None;
+        }
+        let incidences = (0..count).map(|entry| geometry.incoming_direction(entry)).collect();
+        Some(Self { form, geometry, domain, alignment, incidences, outgoing: outgoing(domain) })
+    }
+
+    pub(super) fn entries(&self) -> usize {
+        self.geometry.entries()
+    }
+
+    pub(super) fn incidences(&self) -> &[Vector] {
+        &self.incidences
+    }
+
+    /// Outgoing directions to 80° from the normal, as many in each solid angle.
+    pub(super) fn outgoing(&self) -> &[Vector] {
+        &self.outgoing
+    }
+
+    pub(super) fn domain(&self) -> Domain {
+        self.domain
+    }
+
+    pub(super) fn alignment(&self) -> Alignment {
+        self.alignment
+    }
+
+    /// The interpolation between incidences.
+    pub(super) fn between(&self) -> Between {
+        match self.form {
+            Form::Planes(_, smooth) => smooth.between(),
+            Form::Lines(lines) => lines.between(),
+        }
+    }
+
+    /// The mean of three wavelengths under a measured incidence; NaN where it is masked.
+    pub(super) fn light(&self, entry: usize, node: usize, wo: Vector) -> f64 {
+        match self.form {
+            Form::Planes(planes, smooth) => smooth.brightness(planes, (entry, node), self.incidences[node], wo),
+            Form::Lines(lines) => lines.brightness(entry, node, wo),
+        }
+    }
+
+    /// The incidences that predict one without itself; `None` at the ends, where nothing is between.
+    pub(super) fn others(&self, node: usize) -> Option<Others> {
+        let axes = self.geometry.axes();
+        match self.geometry.layout().incoming.map(|axis| &axes[axis]) {
+            Some(Axis::Elevation(angles)) => {
+                let linear = between(angles, node)?.to_vec();
+                let rest: Vec<f64> = angles.iter().enumerate().filter(|(k, _)| *k != node).map(|(_, a)| *a).collect();
+                let (entries, weights) = Cubic::new(&rest).around(node - 1, linear[1].1);
+                let restored = entries.map(|entry| if entry as usize >= node { entry + 1 } else { entry });
+                Some(Others { linear, cubic: Some((restored, weights)) })
+            }
+            Some(Axis::Grid(grid)) => Some(Others { linear: on_grid(grid, node)?, cubic: None }),
+            _ => match self.form {
+                Form::Planes(_, smooth) => Some(Others { linear: smooth.nodes().others(node)?, cubic: None }),
+                Form::Lines(_) => None,
+            },
+        }
+    }
+}
+
+/// The neighbours of an inner angle, with weights on the straight line between them.
+fn between(angles: &[f64], node: usize) -> Option<[(usize, f32); 2]> {
+    let (below, above) = (angles.get(node.checked_sub(1)?)?, angles.get(node + 1)?);
+    let t = ((angles[node] - below) / (above - below)) as f32;
+    Some([(node - 1, 1.0 - t), (node + 1, t)])
+}
+
+/// The directions of a grid above and below one; at the ends of the polar angle, those beside it.
+fn on_grid(grid: &DirectionGrid, entry: usize) -> Option<Vec<(usize, f32)>> {
+    let [_, columns] = grid.shape();
+    let (row, column) = (entry / columns, entry % columns);
+    if let Some(rows) = between(grid.polar(), row) {
+        return Some(rows.map(|(row, weight)| (row * columns + column, weight)).to_vec());
+    }
+    let beside = between(&grid.azimuths()?.angles, column)?;
+    Some(beside.map(|(column, weight)| (row * columns + column, weight)).to_vec())
+}
+
+/// Directions on a spiral (Swinbank & Purser 2006), on the sides of the horizon that a domain has.
+fn outgoing(domain: Domain) -> Vec<Vector> {
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let above = (0..DIRECTIONS).map(|k| {
+        let height = 1.0 - (1.0 - LOWEST) * (f64::from(k) + 0.5) / f64::from(DIRECTIONS);
+        let (sin, cos) = libm::sincos(golden * f64::from(k));
+        let radius = (1.0 - height * height).sqrt();
+        [radius * cos, radius * sin, height]
+    });
+    let below = above.clone().map(|[x, y, z]| [x, y, -z]);
+    match domain {
+        Domain::Hemisphere => above.collect(),
+        Domain::Lower => below.collect(),
+        Domain::Sphere => above.chain(below).collect(),
+    }
+}

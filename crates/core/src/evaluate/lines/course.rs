@@ -1,0 +1,33 @@
+//! Way of samples on a grid from one incidence to the next, where a divisor or a cubic was chosen.
+
+use crate::compress::Between;
+use crate::evaluate::between::{Cubic, Divided, FOUR};
+
+/// The way from one incidence to the next.
+#[derive(Debug)]
+pub(super) struct Course {
+    pub(super) stated: Between,
+    pub(super) divided: Divided,
+    pub(super) cubic: Option<Cubic>,
+    /// Past the last elevation: its height, and the largest logarithm of f·cos θo there by index entry and wavelength.
+    pub(super) last: Option<(f64, Vec<f32>)>,
+}
+
+/// What was found on the way from one incidence to the next.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FoundBetween {
+    /// Logarithms of the divisor at the places that are mixed, and at the place asked for.
+    pub(super) divisors: [f32; FOUR],
+    pub(super) own: f32,
+    /// Weights of a cubic, and the least worth of its places.
+    pub(super) cubic: Option<([f32; FOUR], f32)>,
+    /// Past the last incidence: the first of the entry's largest logarithms, and the logarithm of cos θo.
+    pub(super) held: Option<(usize, f32)>,
+}
+
+impl Course {
+    pub(super) fn memory(&self) -> usize {
+        let cubic = self.cubic.as_ref().map_or(0, Cubic::memory);
+        size_of::<Self>() + cubic + self.last.as_ref().map_or(0, |(_, peaks)| size_of_val(&**peaks))
+    }
+}

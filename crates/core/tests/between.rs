@@ -1,0 +1,353 @@
+//! Surfaces of known truth, measured at a few incidences and evaluated between them.
+
+#![allow(clippy::unwrap_used, reason = "a test's helper fails by panicking, like the test")]
+
+use std::f64::consts::{PI, TAU};
+use wavelume_core::compress::{Between, Divisor, Settings, Target, compress, decode_level, inspect, levels};
+use wavelume_core::domain::vector::{Vector, about_z, dot, unit};
+use wavelume_core::domain::{
+    Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Domain, Frame, Measurement, Quantity, Sampling, Silent,
+    Tensor, TriangleMesh, Unit,
+};
+use wavelume_core::evaluate::{Interpolation, Material, Place, interpolation_between};
+
+/// Value of a BRDF without the cosine.
+type Surface = fn(Vector, Vector) -> f64;
+
+/// Cosines below this count as this in the models.
+const LEAST_COSINE: f64 = 1e-3;
+
+fn half(wi: Vector, wo: Vector) -> Vector {
+    unit([wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]])
+}
+
+/// GGX with height-correlated masking and Schlick's Fresnel factor.
+fn ggx(alpha: f64, f0: f64, wi: Vector, wo: Vector) -> f64 {
+    let h = half(wi, wo);
+    let (ci, co) = (wi[2].max(LEAST_COSINE), wo[2].max(LEAST_COSINE));
+    let aa = alpha * alpha;
+    let spread = h[0] * h[0] + h[1] * h[1] + aa * h[2] * h[2];
+    let d = aa / (PI * spread * spread);
+    let masking = |c: f64| 0.5 * ((1.0 + aa * (1.0 / (c * c) - 1.0)).sqrt() - 1.0);
+    let fresnel = f0 + (1.0 - f0) * (1.0 - dot(wi, h)).powi(5);
+    d * fresnel / (1.0 + masking(ci) + masking(co)) / (4.0 * ci * co)
+}
+
+fn ward(wi: Vector, wo: Vector) -> f64 {
+    let (alpha, h) = (0.15_f64, half(wi, wo));
+    let slope = 1.0 / h[2].max(LEAST_COSINE).powi(2) - 1.0;
+    let cosines = wi[2].max(LEAST_COSINE) * wo[2].max(LEAST_COSINE);
+    (-slope / (alpha * alpha)).exp() / (4.0 * PI * alpha * alpha * cosines.sqrt()) + 0.05
+}
+
+fn phong(wi: Vector, wo: Vector) -> f64 {
+    let c = (wi[2] * wo[2] - wi[0] * wo[0] - wi[1] * wo[1]).max(0.0);
+    62.0 / TAU * c.powi(60) + 0.02
+}
+
+/// GGX with the Fresnel equations of a conductor.
+fn conductor(wi: Vector, wo: Vector) -> f64 {
+    let (n, k) = (0.2_f64, 3.5_f64);
+    let c = dot(wi, half(wi, wo)).clamp(0.0, 1.0);
+    let ss = 1.0 - c * c;
+    let t = n * n - k * k - ss;
+    let ab = (t * t + 4.0 * n * n * k * k).sqrt();
+    let a = (0.5 * (ab + t)).max(0.0).sqrt();
+    let rs = (ab + c * c - 2.0 * a * c) / (ab + c * c + 2.0 * a * c);
+    let rp = rs * (c * c * ab + ss * ss - 2.0 * a * c * ss) / (c * c * ab + ss * ss + 2.0 * a * c * ss);
+    ggx(0.15, 1.0, wi, wo) * 0.5 * (rs + rp)
+}
+
+fn two_lobes(wi: Vector, wo: Vector) -> f64 {
+    ggx(0.08, 0.3, wi, wo) + ggx(0.4, 0.3, wi, wo)
+}
+
+/// A lobe about the direction back to the source, over a base.
+fn retro(wi: Vector, wo: Vector) -> f64 {
+    0.05 + 0.4 * (-(1.0 - dot(wi, wo)) / 0.02).exp()
+}
+
+const SURFACES: [(&str, Surface); 11] = [
+    ("metal 0.05", |wi, wo| ggx(0.05, 0.9, wi, wo)),
+    ("metal 0.15", |wi, wo| ggx(0.15, 0.9, wi, wo)),
+    ("metal 0.3", |wi, wo| ggx(0.3, 0.9, wi, wo)),
+    ("dielectric 0.05", |wi, wo| ggx(0.05, 0.04, wi, wo) + 0.3 / PI),
+    ("dielectric 0.15", |wi, wo| ggx(0.15, 0.04, wi, wo) + 0.3 / PI),
+    ("dielectric 0.3", |wi, wo| ggx(0.3, 0.04, wi, wo) + 0.3 / PI),
+    ("ward", ward),
+    ("phong 60", phong),
+    ("conductor", conductor),
+    ("two lobes", two_lobes),
+    ("retro", retro),
+];
+
+/// Eight incidences as in the RGL database, in degrees.
+fn rgl() -> Vec<f64> {
+    (0..8).map(|i| 90.0 * (0.95 * f64::from(i) / 7.0).powi(2)).collect()
+}
+
+/// Elevations from 0 to 80° in steps of 10°.
+fn tens() -> Vec<f64> {
+    (0..9).map(|i| 10.0 * f64::from(i)).collect()
+}
+
+/// Elevations between those of [`rgl`], equal in the cosine from 1 to 0.17.
+fn between_rgl() -> Vec<f64> {
+    (0..24).map(|k| (1.0 - 0.83 * (f64::from(k) + 0.5) / 24.0).acos().to_degrees()).collect()
+}
+
+/// The directions of an incoming axis.
+fn directions(axis: &Axis) -> Vec<Vector> {
+    match axis {
+        Axis::Elevation(angles) => angles.iter().map(|&angle| Direction::from_degrees(angle, 0.0).xyz()).collect(),
+        Axis::Triangles(mesh) => (0..mesh.len()).map(|i| mesh.centroid(i).xyz()).collect(),
+        _ => Vec::new(),
+    }
+}
+
+fn measurement(axes: Vec<Axis>, sampling: Sampling, samples: Vec<f32>) -> Measurement {
+    let tensor = Tensor::new(axes, samples).unwrap();
+    Measurement::new(Quantity::Brdf, Unit::PerSteradian, sampling, tensor).unwrap()
+}
+
+/// Averages over outgoing triangles of this level at the directions of an incoming axis.
+fn on_triangles(incoming: Axis, level: u8, surface: Surface) -> Measurement {
+    let fine = TriangleMesh::new(Domain::Hemisphere, level + 2).unwrap();
+    let parts: Vec<(Vector, f64)> = (0..fine.len()).map(|i| (fine.centroid(i).xyz(), fine.solid_angle(i))).collect();
+    let mut samples = Vec::new();
+    for wi in directions(&incoming) {
+        samples.extend(parts.chunks_exact(16).map(|cell| {
+            let sums = cell.iter().fold([0.0; 2], |[sum, area], &(wo, da)| [sum + da * surface(wi, wo), area + da]);
+            (sums[0] / sums[1]) as f32
+        }));
+    }
+    let outgoing = TriangleMesh::new(Domain::Hemisphere, level).unwrap();
+    measurement(vec![incoming, Axis::Triangles(outgoing)], Sampling::Average, samples)
+}
+
+/// Averages over outgoing triangles of this level at incidences in degrees.
+fn measured(elevations: &[f64], level: u8, surface: Surface) -> Measurement {
+    on_triangles(Axis::Elevation(elevations.to_vec()), level, surface)
+}
+
+/// Values on a grid of outgoing angles in steps of this many degrees, at incidences in degrees.
+fn on_grid(elevations: &[f64], step: u32, surface: Surface) -> Measurement {
+    let every = |to: u32| (0..=to / step).map(|i| f64::from(i * step)).collect::<Vec<f64>>();
+    let azimuths = Azimuths { angles: every(180), extent: AzimuthExtent::Mirrored };
+    let grid = DirectionGrid::new(Frame::Surface, every(88), Some(azimuths)).unwrap();
+    let incoming = Axis::Elevation(elevations.to_vec());
+    let values = directions(&incoming).into_iter().flat_map(|wi| {
+        let grid = &grid;
+        (0..grid.len()).map(move |entry| surface(wi, grid.direction(entry).xyz()) as f32)
+    });
+    let samples = values.collect();
+    measurement(vec![incoming, Axis::Grid(grid)], Sampling::Point, samples)
+}
+
+/// Low-discrepancy point of the unit square (Roberts 2018).
+fn point(i: usize) -> [f64; 2] {
+    [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (0.5 + i as f64 * step).fract())
+}
+
+/// Direction at this cosine and azimuth from `axis`, which lies in the plane of azimuth 0.
+fn around(axis: Vector, cosine: f64, azimuth: f64) -> Vector {
+    let sine = (1.0 - cosine * cosine).sqrt();
+    let (x, y) = (sine * azimuth.cos(), sine * azimuth.sin());
+    [x * axis[2] + cosine * axis[0], y, cosine * axis[2] - x * axis[0]]
+}
+
+/// er(L2) in % at incidences in degrees: within 20° of the mirror direction, and over all directions to 80°.
+fn errors(material: &Material, surface: Surface, elevations: &[f64]) -> [f64; 2] {
+    let lowest = 80.0_f64.to_radians().cos();
+    let mut sums = [[0.0; 2]; 2];
+    for &elevation in elevations {
+        let wi = Direction::from_degrees(elevation, 0.0).xyz();
+        // Isotropic surfaces look alike from everywhere, cells do not.
+        let turned = |d: Vector| Some(Direction::from_unit(about_z(d, 0.3)));
+        let mirror = [-wi[0], 0.0, wi[2]];
+        let cap = 1.0 - 20.0_f64.to_radians().cos();
+        for i in 0..1500 {
+            let [u, v] = point(i);
+            let near = around(mirror, 1.0 - cap * u, TAU * v);
+            let all = around([0.0, 0.0, 1.0], 1.0 - (1.0 - lowest) * u, TAU * v);
+            for (sums, wo) in sums.iter_mut().zip([near, all]).filter(|(_, wo)| wo[2] >= lowest) {
+                let place = Place { index: &[], wi: turned(wi), wo: turned(wo) };
+                let mut value = [0.0];
+                material.evaluate(place, Interpolation::Smooth, &mut value).unwrap();
+                let error = f64::from(value[0]) / surface(wi, wo) - 1.0;
+                sums[0] += error * error;
+                sums[1] += 1.0;
+            }
+        }
+    }
+    sums.map(|[sum, count]| 100.0 * (sum / count).sqrt())
+}
+
+/// Elevations half way between neighbours.
+fn halfway(elevations: &[f64]) -> Vec<f64> {
+    elevations.array_windows().map(|[a, b]| 0.5 * (a + b)).collect()
+}
+
+/// Prints the errors of every surface before and with the interpolation that is chosen: at the outgoing level of the variable
+/// `WAVELUME_BETWEEN_LEVEL`, which is 6 where figures are compared with others, and of all other ways, too, where the variable
+/// `WAVELUME_BETWEEN_ALL` is set.
+#[test]
+fn figures_between_incidences() {
+    let level = std::env::var("WAVELUME_BETWEEN_LEVEL").ok().and_then(|level| level.parse().ok()).unwrap_or(4);
+    let shows_all = std::env::var_os("WAVELUME_BETWEEN_ALL").is_some();
+    for (set, nodes, asked) in [("rgl", rgl(), between_rgl()), ("tens", tens(), halfway(&tens()))] {
+        for (name, surface) in SURFACES {
+            let source = measured(&nodes, level, surface);
+            let chosen = interpolation_between(&source).unwrap();
+            let figures = |between| {
+                let material = Material::with_between(source.clone(), between).unwrap();
+                (errors(&material, surface, &asked), 100.0 * material.left_out(0.0).unwrap().er_l2)
+            };
+            let [at_nodes, _] = errors(&Material::of(source.clone()).unwrap(), surface, &nodes[..nodes.len() - 1]);
+            let ([near, all], left_out) = figures(Between::default());
+            let ([near_now, all_now], left_out_now) = figures(chosen);
+            println!(
+                "{set:5} {name:16} near the mirror {near:6.2} -> {near_now:6.2} %, all {all:6.2} -> {all_now:6.2} %, \
+                 left out {left_out:6.2} -> {left_out_now:6.2} %, at incidences {at_nodes:5.2} %: {chosen}"
+            );
+            if shows_all {
+                let roughness = match chosen.divisor {
+                    Divisor::ProjectedAreas { roughness } | Divisor::Masking { roughness } => roughness,
+                    Divisor::Model { roughness, .. } => roughness,
+                    _ => 0.15,
+                };
+                let divisors = [
+                    Divisor::None,
+                    Divisor::Cosines,
+                    Divisor::ProjectedAreas { roughness },
+                    Divisor::Masking { roughness },
+                ];
+                for (divisor, cubic) in divisors.into_iter().flat_map(|d| [(d, false), (d, true)]) {
+                    let between = Between { divisor, cubic, retro: false };
+                    let ([near, all], left_out) = figures(between);
+                    println!("{:24} {near:6.2} {all:6.2} left out {left_out:6.2}: {between}", "");
+                }
+            }
+            assert!(all_now < 1.1 * all + 0.2, "{set} {name}: {all} {all_now}");
+        }
+    }
+}
+
+/// The errors before, and with the interpolation that is chosen.
+fn before_and_now(source: Measurement, surface: Surface, asked: &[f64]) -> ([f64; 2], [f64; 2], Between) {
+    let before = errors(&Material::of(source.clone()).unwrap(), surface, asked);
+    let between = interpolation_between(&source).unwrap();
+    let now = errors(&Material::with_between(source, between).unwrap(), surface, asked);
+    println!("{before:.2?} -> {now:.2?}: {between}");
+    (before, now, between)
+}
+
+#[test]
+fn triangles_and_grids_have_what_elevations_have() {
+    let mesh = TriangleMesh::new(Domain::Hemisphere, 1).unwrap();
+    let (_, metal) = SURFACES[1];
+    let asked: Vec<f64> = (0..12).map(|k| 6.0 * f64::from(k)).collect();
+    let (before, now, _) = before_and_now(on_triangles(Axis::Triangles(mesh), 4, metal), metal, &asked);
+    assert!(now[0] < 0.5 * before[0], "{before:?} {now:?}");
+    for (_, surface) in [SURFACES[1], SURFACES[4]] {
+        let (before, now, _) = before_and_now(on_grid(&tens(), 2, surface), surface, &halfway(&tens()));
+        assert!(now[0] < 0.5 * before[0], "{before:?} {now:?}");
+    }
+}
+
+#[test]
+fn retro_reflectors_keep_the_direction_back_to_the_source() {
+    let (_, surface) = SURFACES[10];
+    let (before, now, between) = before_and_now(measured(&tens(), 5, surface), surface, &halfway(&tens()));
+    assert!(between.retro && now[1] < 0.5 * before[1], "{before:?} {now:?}");
+}
+
+#[test]
+fn few_incidences_and_signed_samples_have_none() {
+    let (_, metal) = SURFACES[1];
+    assert!(interpolation_between(&measured(&[0.0, 30.0, 60.0], 3, metal)).unwrap().is_default());
+    let mut signed = measured(&tens(), 3, metal);
+    let mut samples = signed.tensor.samples().to_vec();
+    samples[7] = -1.0;
+    signed.tensor = Tensor::new(signed.tensor.axes().to_vec(), samples).unwrap();
+    assert!(interpolation_between(&signed).unwrap().is_default());
+}
+
+#[test]
+fn files_state_it_and_their_levels_know_it() {
+    let (_, dielectric) = SURFACES[5];
+    let source = measured(&tens(), 4, dielectric);
+    let between = interpolation_between(&source).unwrap();
+    assert!(!between.is_default());
+    let settings = Settings { between, target: Target::ErL2(0.002), ..Settings::default() };
+    let bytes = compress(&source, &settings, &Silent).unwrap().bytes;
+    let plain = compress(&source, &Settings { between: Between::default(), ..settings }, &Silent).unwrap().bytes;
+    assert!(bytes.len() <= plain.len() + 13, "{} {}", bytes.len(), plain.len());
+    assert_eq!(inspect(&bytes).unwrap().between, between);
+    assert!(inspect(&plain).unwrap().between.is_default());
+    let (asked, stated) = (halfway(&tens()), Material::with_between(source, between).unwrap());
+    let [opened, plain] = [&bytes, &plain].map(|bytes| errors(&Material::open(bytes).unwrap(), dielectric, &asked));
+    let stated = errors(&stated, dielectric, &asked);
+    assert!(opened[0] < 1.2 * stated[0] + 0.3 && opened[0] < 0.7 * plain[0], "{opened:?} {stated:?} {plain:?}");
+    let first = levels(&bytes).unwrap()[0];
+    let level = decode_level(&bytes[..first.bytes as usize], first.level).unwrap();
+    assert_eq!(level.summary.between, between);
+}
+
+#[test]
+fn past_the_last_incidence_light_is_held_and_said_to_be_extrapolated() {
+    for (name, surface) in SURFACES {
+        for source in [measured(&tens(), 4, surface), on_grid(&tens(), 4, surface)] {
+            let between = interpolation_between(&source).unwrap();
+            let material = Material::with_between(source, between).unwrap();
+            let largest = |theta: f64| {
+                let wi = Some(Direction::from_degrees(theta, 0.0));
+                let light = |(elevation, azimuth): (u32, u32)| {
+                    let wo = Direction::from_degrees(f64::from(elevation), f64::from(azimuth));
+                    let mut value = [0.0];
+                    let place = Place { index: &[], wi, wo: Some(wo) };
+                    material.evaluate(place, Interpolation::Smooth, &mut value).unwrap();
+                    f64::from(value[0]) * wo.cos_theta()
+                };
+                let places = (0..90).flat_map(|elevation| (0..90).map(move |k| (elevation, 4 * k)));
+                places.map(light).fold(0.0, f64::max)
+            };
+            let last = largest(80.0);
+            for theta in [82.0, 86.0, 89.5] {
+                let found = largest(theta);
+                // Where a lobe stays within the cells, its height depends on where they are.
+                assert!(between.is_default() || found < 1.6 * last, "{name} {theta}: {found} {last}, {between}");
+            }
+            let is_extrapolated = |theta| material.is_extrapolated(Some(Direction::from_degrees(theta, 10.0)));
+            assert!(is_extrapolated(80.1) && !is_extrapolated(80.0) && !is_extrapolated(0.0));
+        }
+    }
+}
+
+#[test]
+fn at_incidences_nothing_changes() {
+    let models = [
+        Divisor::None,
+        Divisor::Cosines,
+        Divisor::ProjectedAreas { roughness: 0.1 },
+        Divisor::Masking { roughness: 0.1 },
+        Divisor::Model { roughness: 0.1, reflectance: 0.5, base: 0.1 },
+    ];
+    let (_, surface) = SURFACES[4];
+    for source in [measured(&tens(), 4, surface), on_grid(&tens(), 4, surface)] {
+        let plain = Material::of(source.clone()).unwrap();
+        for (divisor, cubic) in models.into_iter().flat_map(|divisor| [(divisor, false), (divisor, true)]) {
+            let between = Between { divisor, cubic, retro: false };
+            let material = Material::with_between(source.clone(), between).unwrap();
+            for (k, wi) in tens().into_iter().flat_map(|wi| (0..40).map(move |k| (k, wi))) {
+                let [u, v] = point(k);
+                let wi = Some(Direction::from_degrees(wi, 0.0));
+                let place = Place { index: &[], wi, wo: Some(Direction::from_degrees(85.0 * u, 360.0 * v)) };
+                let [mut before, mut now] = [[0.0]; 2];
+                plain.evaluate(place, Interpolation::Smooth, &mut before).unwrap();
+                material.evaluate(place, Interpolation::Smooth, &mut now).unwrap();
+                assert!((now[0] / before[0] - 1.0).abs() < 1e-4, "{between} {place:?}: {before:?} {now:?}");
+            }
+        }
+    }
+}
