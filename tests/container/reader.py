@@ -449,7 +449,9 @@ def check_layout(quantity, axes):
 
 RD, CONVENTIONAL, LOSSLESS, GENERIC, ADAPTIVE = range(5)
 POLICIES = ["rate-distortion", "conventional", "lossless", "generic", "adaptive"]
-KLT, PREDICTED, CLASSES, FLOOR, CORRECTIONS, UNSCORED, COUNTS, LINEAR, LIGHT, GRIDDED, STRAIGHT, LEVELS, FACTOR = (1 << k for k in range(13))
+KLT, PREDICTED, CLASSES, FLOOR, CORRECTIONS, UNSCORED, COUNTS, LINEAR, LIGHT, GRIDDED, STRAIGHT, LEVELS, FACTOR, BETWEEN = (
+    1 << k for k in range(14)
+)
 FIXED = ["identity", "bio-haar", "orthonormal-area", "orthonormal-count"]
 
 
@@ -468,8 +470,8 @@ def read_header(r):
     require(h.unit < len(UNITS) and h.policy < len(POLICIES), "an unknown unit or policy")
     r.note(r.at - 1, f"unit {UNITS[h.unit]}, policy {POLICIES[h.policy]}")
     start, h.flags = r.at, r.varint()
-    others = CLASSES | FLOOR | COUNTS | STRAIGHT
-    allowed = {RD: 4095, LOSSLESS: others | FACTOR}.get(h.policy, others | UNSCORED)
+    others = CLASSES | FLOOR | COUNTS | STRAIGHT | BETWEEN
+    allowed = {RD: 4095 | BETWEEN, LOSSLESS: others | FACTOR}.get(h.policy, others | UNSCORED)
     require(h.flags & ~allowed == 0, "unknown flags, or flags that do not fit the policy")
     r.note(start, f"flags {h.flags:#05x}")
     h.axes = [read_axis(r) for _ in range(axes)]
@@ -544,10 +546,53 @@ def read_header(r):
 
 
 def announced(h):
-    letters = [("C", h.flags & CLASSES), ("B", h.flags & KLT), ("P", h.flags & PREDICTED), ("G", h.flags & GRIDDED)]
+    letters = [("V", h.flags & BETWEEN), ("C", h.flags & CLASSES), ("B", h.flags & KLT), ("P", h.flags & PREDICTED), ("G", h.flags & GRIDDED)]
     letters += [("Q", h.policy != LOSSLESS and not h.flags & (PREDICTED | GRIDDED))]
     letters += [("L", h.flags & LIGHT), ("R", h.flags & CORRECTIONS), ("X", h.policy == LOSSLESS)]
     return [letter for letter, there in letters if there]
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Between incidences
+
+DIVISORS = ["nothing", "the cosines", "projected areas", "masking", "a microfacet model"]
+NUMBERS = [("roughness", 2.0**-10, 4), ("reflectance", 2.0**-13, 1), ("base", 0, 2**20)]
+
+
+class Between:
+    """Chunk V: what logarithms are divided by before they are interpolated between incidences, and the curve."""
+
+    def __init__(self, r, h):
+        first = r.unsigned(1)
+        self.divisor, self.cubic, self.retro = first & 7, bool(first & 8), bool(first & 16)
+        require(0 < first < 32, "an unknown interpolation between incidences")
+        require(self.divisor < len(DIVISORS), "an unknown divisor")
+        order = "cubic" if self.cubic else "linear"
+        r.note(r.at - 1, f"{order}, divided by {DIVISORS[self.divisor]}{', about the way back' * self.retro}")
+        self.numbers = []
+        for name, low, high in NUMBERS[: [0, 0, 1, 1, 3][self.divisor]]:
+            number = np.array([r.unsigned(2) << 16], np.uint32).view(F)[0]
+            require(not np.signbit(number) and low <= number <= high, f"a {name} out of bounds")
+            self.numbers.append(float(number))
+            r.note(r.at - 2, f"{name} {number:.9g}")
+        require(r.left() == 0, "bytes after the end of chunk V")
+        directions = [axis.kind for axis in h.axes if axis.kind in ("triangles", "elevation", "grid")]
+        require(len(directions) == 2, "incidences that are none")
+        require(not self.divisor and not self.retro or h.quantity == 3, "a divisor of what is no BRDF")
+        require(not self.cubic or directions[0] == "elevation", "a cubic between what are no elevations")
+
+    def value(self, wi, wo):
+        """V for unit vectors above the horizon, f64; see section 17."""
+        (ci, co), aa = (wi[2], wo[2]), self.numbers[0] ** 2 if self.numbers else 0
+        r = lambda c: math.sqrt(c * c + aa * (1 - c * c))
+        masking = co * r(ci) + ci * r(co)
+        if self.divisor < 4:
+            return [lambda: 1, lambda: 1 / (ci + co), lambda: 1 / ((ci + r(ci)) * (co + r(co))), lambda: 1 / masking][self.divisor]()
+        h = [a + b for a, b in zip(wi, wo)]
+        length = math.sqrt(sum(x * x for x in h))
+        d = aa / ((h[0] ** 2 + h[1] ** 2 + aa * h[2] ** 2) / length**2) ** 2
+        reflectance, base = self.numbers[1:]
+        return base + (reflectance + (1 - reflectance) * (1 - length / 2) ** 5) * d / masking
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -2511,6 +2556,7 @@ class Material:
         if r.left():
             self.chunks[last] = self.chunk(r, last, level)
         require(r.left() == 0, "bytes after the last chunk")
+        self.between = Between(self.chunks["V"], h) if "V" in self.chunks else None
         lanes = h.shape[-1] if h.shape else 1
         if h.axes and h.axes[-1].kind == "grid":
             polar, azimuths = h.axes[-1].values[:2]
@@ -2724,7 +2770,7 @@ def check():
             failed += not same
         found |= set(material.chunks) | {"H"} | {POLICIES[h.policy]} | {str(t) for t in h.transforms}
     models = {("model", k) for k in range(4)}
-    wanted = models | set("HCBPGQLRXM") | {"symmetries", "dead triangles", "conventional", "orthonormal-count", "bio-haar"}
+    wanted = models | set("HVCBPGQLRXM") | {"symmetries", "dead triangles", "conventional", "orthonormal-count", "bio-haar"}
     wanted |= {"random access", "samples", "samples with signs", "levels of a grid"}
     wanted |= {"(0, 4)", "(78, 2)", "(87, 2)"}
     for what, damaged in damaged_files(open(os.path.join(golden, DUMPED + ".wlm"), "rb").read()):

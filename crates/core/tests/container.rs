@@ -9,8 +9,8 @@
 use std::fs;
 use std::path::PathBuf;
 use wavelume_core::compress::{
-    Between, Numbers, Policy, Settings, Target, compress_numbers, decode, decode_block, decode_level, decode_numbers,
-    levels,
+    Between, Divisor, Numbers, Policy, Settings, Target, compress_numbers, decode, decode_block, decode_level,
+    decode_numbers, levels,
 };
 use wavelume_core::domain::{
     Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Domain, Frame, Measurement, Outside, Quantity, Sampling,
@@ -146,6 +146,7 @@ fn all() -> Vec<Golden> {
         spot(),
         varnish(),
         brushed(),
+        lacquer(),
         conventional(),
     ]
 }
@@ -434,6 +435,17 @@ fn brushed() -> Golden {
     let data = tensor(axes.clone(), |i, at| narrow(&axes, at, [10.0, 60.0]) * (1.0 + 0.002 * noise(i)));
     let mut golden = golden("brushed", Quantity::Brdf, data, Target::ErL2(0.005));
     golden.settings.random_access = true;
+    golden
+}
+
+/// A model that is divided out between incidences, with a cubic through four of them; coarser levels know it, too.
+fn lacquer() -> Golden {
+    let degrees = vec![0.0, 15.0, 30.0, 45.0, 60.0, 75.0];
+    let axes = vec![Axis::Elevation(degrees), mesh(Domain::Hemisphere, 2), Axis::Rgb];
+    let data = tensor(axes.clone(), |i, at| gloss(&axes, at, 1.0) * (1.0 + 0.004 * noise(i)));
+    let mut golden = golden("lacquer", Quantity::Brdf, data, Target::ErL2(0.01));
+    let divisor = Divisor::Model { roughness: 0.3, reflectance: 0.04, base: 0.25 };
+    golden.settings.between = Between { divisor, cubic: true, retro: false };
     golden
 }
 
