@@ -1,9 +1,10 @@
 //! What a compression achieved, measured on the decoded file.
 
 use super::digest::digest;
-use super::fit::FitReport;
+use super::fit::{FitReport, promised};
+use super::incidences::IncidenceReport;
 use super::light;
-use super::sparse::sparse;
+use super::sparse::incidences;
 use crate::compress::{self, LevelInfo, LightReport, Noise, Policy, Ranked, Target};
 use crate::domain::colour::ColourReport;
 use crate::domain::{Axis, ErrorReport, Quantity, Unit, WavelengthGrid};
@@ -69,6 +70,9 @@ pub struct Report {
     pub cells: Option<CellErrors>,
     /// How much of the light of every direction and wavelength (directional albedo, flux) the decoded file keeps.
     pub light: Option<LightReport>,
+    /// Interpolation between incidences, and its errors where one of them is left out; `None` where none stands between others, and
+    /// of more than 131,072 pairs of incoming and outgoing cells.
+    pub incidences: Option<IncidenceReport>,
     /// Colour differences of the decoded file against the tensor, where they were promised.
     pub delta_e: Option<ColourReport>,
     /// Noise, fit and outliers of scattered samples.
@@ -126,10 +130,12 @@ pub(super) fn report(
     let projected = !on_grid && matches!(acquisition.samples, formats::Samples::Grid(_));
     // Cells fitted to scattered samples have another noise than these.
     let noise = compressed.noise.filter(|_| fit.is_none());
+    let incidences = incidences(&compressed.bytes, noise).ok().flatten();
+    let promised = promised(target, summary.errors.er_l2);
     let warnings = [
         compress::shortfall(target, samples as u64, compressed),
         noise.and_then(|noise| noise.warning(target)),
-        sparse(&compressed.bytes).ok().flatten(),
+        incidences.and_then(|incidences| incidences.warning(promised)),
         light::warning(&summary.axes, compressed.light.as_ref()),
     ];
     let warnings = warnings.into_iter().flatten().map(|message| Note { kind: NoteKind::Warning, message });
@@ -158,6 +164,7 @@ pub(super) fn report(
         errors_at: errors_at(acquisition, &summary.axes),
         cells: at_samples.map(|_| CellErrors::of(&summary.errors)),
         light: compressed.light,
+        incidences,
         delta_e: compressed.colour,
         fit: fit.map(|(fit, _)| fit),
         noise,

@@ -1,23 +1,43 @@
 //! Warnings of incoming directions that are too sparse for the lobe between them.
 
-use crate::compress;
+use super::incidences::IncidenceReport;
+use crate::compress::{self, Noise};
 use crate::domain::{Axis, Measurement};
-use crate::evaluate::{EvaluateError, Material};
+use crate::evaluate::{EvaluateError, Material, interpolation_between};
 
 /// Pairs of incoming and outgoing cells that are opened for a warning at most: opening this many takes a second or two.
 const MOST_CELLS: usize = 1 << 17;
+/// Promised error where a material or a measurement names none.
+const PROMISED: f64 = 0.01;
 
 /// A warning where a material's incoming directions are too sparse to say what the lobe does between them. The material is
 /// opened for it; one of more than 131,072 pairs of incoming and outgoing cells is not, and never warned of.
 pub fn sparse(bytes: &[u8]) -> Result<Option<String>, EvaluateError> {
-    let axes = compress::inspect(bytes)?.axes;
-    if has_lobes(&axes) { Ok(Material::open(bytes)?.report().warning()) } else { Ok(None) }
+    let summary = compress::inspect(bytes)?;
+    if !has_lobes(&summary.axes) {
+        return Ok(None);
+    }
+    let promised = if summary.errors.er_l2 > 0.0 { summary.errors.er_l2 } else { PROMISED };
+    let decoded = compress::decode(bytes)?;
+    let noise = compress::estimate_noise(&decoded.measurement, 0.0);
+    Ok(incidences(bytes, noise)?.and_then(|report| report.warning(promised)))
 }
 
 /// As [`sparse`], for what is not compressed yet.
 pub fn sparse_measurement(measurement: Measurement) -> Result<Option<String>, EvaluateError> {
-    let opens = has_lobes(measurement.tensor.axes());
-    if opens { Ok(Material::of(measurement)?.report().warning()) } else { Ok(None) }
+    if !has_lobes(measurement.tensor.axes()) {
+        return Ok(None);
+    }
+    let noise = compress::estimate_noise(&measurement, 0.0);
+    let between = interpolation_between(&measurement)?;
+    let report = IncidenceReport::of(&Material::with_between(measurement, between)?, noise);
+    Ok(report.and_then(|report| report.warning(PROMISED)))
+}
+
+/// The report on the incidences of a material that is not too large to open.
+pub(super) fn incidences(bytes: &[u8], noise: Option<Noise>) -> Result<Option<IncidenceReport>, EvaluateError> {
+    let opens = has_lobes(&compress::inspect(bytes)?.axes);
+    if opens { Ok(IncidenceReport::of(&Material::open(bytes)?, noise)) } else { Ok(None) }
 }
 
 /// Whether there are outgoing directions for several incoming ones, and few enough to open.
