@@ -145,6 +145,12 @@ struct Manifest {
     #[serde(default)]
     #[schema(value_type = Option<Object>)]
     light: Option<Value>,
+    /// Interpolation between incidences, and its errors: `interpolation`, what was chosen; `left_out_er_l2`, er(L2) of each
+    /// inner incidence where it is left out; `estimated_er_l2`, er(L2) that is expected between incidences, and
+    /// `estimated_moved`, the largest share of light expected in the wrong place there; null where none stands between others.
+    #[serde(default)]
+    #[schema(value_type = Option<Object>)]
+    incidences: Option<Value>,
     /// Errors at scattered samples: `noise`, the root mean square of their relative noise (null where too few samples show it);
     /// `fit`, er(L2) of the evaluated material at all that were not rejected; `added`, the part of it that the material adds to
     /// the noise; `allowed`, the largest part that it may add; `rejected`, the `values` left out as outliers, and their share

@@ -73,6 +73,9 @@ struct Answer {
     wavelengths: Option<Vec<f64>>,
     values: Vec<f32>,
     unit: Unit,
+    /// The incoming direction lies past the last elevation that was measured.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    extrapolated: bool,
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
@@ -93,15 +96,15 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         return args.threads.run(|| rows(args, table, &material, how, beyond))?;
     }
     args.batch.check_unused()?;
-    let unit = material.unit();
+    let (unit, extrapolated) = (material.unit(), material.is_extrapolated(args.wi));
     let Some(List(wavelengths)) = &args.wavelengths else {
         let mut values = vec![0.0; material.lambdas()];
         material.evaluate(place, how, &mut values).map_err(about)?;
-        return print_json(&Answer { wavelengths: material.wavelengths(), values, unit });
+        return print_json(&Answer { wavelengths: material.wavelengths(), values, unit, extrapolated });
     };
     let mut values = vec![0.0; wavelengths.len()];
     material.at_wavelengths(place, how, beyond, wavelengths, &mut values).map_err(about)?;
-    print_json(&Answer { wavelengths: Some(wavelengths.clone()), values, unit })
+    print_json(&Answer { wavelengths: Some(wavelengths.clone()), values, unit, extrapolated })
 }
 
 /// Spectra for the rows of a table.

@@ -211,6 +211,8 @@ struct Material {
     floor: f64,
     /// Share of straight lines between stated directions; `null` where they are not on a grid of angles.
     straight_lines: Option<f64>,
+    /// Interpolation between incidences.
+    between: compress::Between,
     #[serde(flatten)]
     errors: ErrorReport,
     /// Coarse first, the last one the whole material.
@@ -256,6 +258,7 @@ impl Material {
             ratio_bytes: 4.0 * samples / bytes.len() as f64,
             floor: summary.floor,
             straight_lines: summary.straight_lines,
+            between: summary.between,
             errors: summary.errors,
             levels: compress::levels(bytes)?,
             warnings: pipeline::sparse(bytes)?.into_iter().collect(),
@@ -282,6 +285,9 @@ impl Material {
         }
         if let Some(share) = self.straight_lines {
             sheet.line("interpolation", interpolation(share));
+        }
+        if !self.between.is_default() {
+            sheet.line("between incidences", self.between);
         }
         error_lines(
             &mut sheet,

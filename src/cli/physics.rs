@@ -12,6 +12,9 @@ use crate::evaluate::{EvaluateError, Material};
 use serde::Serialize;
 use std::path::PathBuf;
 
+/// Relative error that counts as promised where a file states none.
+const PROMISED: f64 = 0.01;
+
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The material
@@ -69,7 +72,9 @@ impl Answer {
         if let Some(reciprocity) = &self.reciprocity {
             reciprocity_lines(&mut sheet, reciprocity);
         }
-        if let Some(warning) = material.report().warning() {
+        let promised = material.summary().map_or(0.0, |summary| summary.errors.er_l2);
+        let promised = if promised > 0.0 { promised } else { PROMISED };
+        if let Some(warning) = material.left_out(0.0).and_then(|left_out| left_out.warning(promised)) {
             sheet.line("warning", warning);
         }
         sheet

@@ -5,7 +5,7 @@ use crate::compress::{LevelInfo, Noise};
 use crate::domain::ErrorReport;
 use crate::domain::colour::ColourReport;
 use crate::formats::{Note, NoteKind};
-use crate::pipeline::{FitReport, Report};
+use crate::pipeline::{FitReport, IncidenceReport, Report};
 use crate::projection::{Coverage, Rejected, ScatterReport};
 
 /// The report of a compression; `file_bytes` is the size of the input file.
@@ -48,6 +48,9 @@ pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
         );
         sheet.line("light", text);
     }
+    if let Some(incidences) = &report.incidences {
+        incidence_lines(&mut sheet, incidences);
+    }
     if let Some(colour) = &report.delta_e {
         colour_lines(&mut sheet, colour);
     }
@@ -56,6 +59,18 @@ pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
     }
     sheet.line("digest", &report.digest);
     sheet
+}
+
+/// Interpolation between incidences, and what it is off where one is left out.
+fn incidence_lines(sheet: &mut Sheet, report: &IncidenceReport) {
+    sheet.line("between incidences", report.interpolation);
+    sheet.line("one incidence left out", format!("er(L2) {}", per_cent(report.left_out_er_l2)));
+    let text = format!(
+        "er(L2) {}, {} of the light in the wrong place",
+        per_cent(report.estimated_er_l2),
+        per_cent(report.estimated_moved)
+    );
+    sheet.line("between incidences, estimated", text);
 }
 
 /// `name (detail)`, or the name alone.

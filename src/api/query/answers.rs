@@ -30,6 +30,9 @@ pub(super) struct SpectrumAnswer {
     pub(super) values: Vec<f32>,
     #[schema(value_type = UnitName)]
     pub(super) unit: Unit,
+    /// True where the incoming direction lies past the last elevation that was measured; left out elsewhere.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub(super) extrapolated: bool,
 }
 
 /// One spectrum a pair.

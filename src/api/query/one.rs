@@ -78,7 +78,8 @@ pub(super) async fn get_spectrum(
             None => material.evaluate(place, how, &mut values)?,
         }
         let wavelengths = wavelengths.or_else(|| material.wavelengths());
-        Ok(SpectrumAnswer { wavelengths, values, unit: material.unit() })
+        let extrapolated = material.is_extrapolated(wi);
+        Ok(SpectrumAnswer { wavelengths, values, unit: material.unit(), extrapolated })
     })
     .await
 }

@@ -25,9 +25,6 @@ pub struct OpenedReport {
     pub left_out_error: Option<f64>,
 }
 
-/// Beyond this error of a left-out incoming direction, incoming directions are too sparse for the lobe between them.
-const SPARSE: f64 = 0.2;
-
 impl OpenedReport {
     /// The report of a form, with the memory of all that is opened.
     pub(super) fn of(form: &Form, memory: usize) -> Self {
@@ -55,14 +52,5 @@ impl OpenedReport {
             changes: lines.changes().to_vec(),
             left_out_error: None,
         }
-    }
-
-    /// A warning where incoming directions are too sparse to say what lies between them.
-    pub fn warning(&self) -> Option<String> {
-        let error = self.left_out_error.filter(|&error| error > SPARSE)?;
-        Some(format!(
-            "incoming directions are too sparse for the lobe: where one is left out, those around put {:.0} % of its light in the wrong place",
-            100.0 * error
-        ))
     }
 }
