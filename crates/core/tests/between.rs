@@ -9,7 +9,7 @@ use wavelume_core::domain::{
     Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Domain, Frame, Measurement, Quantity, Sampling, Silent,
     Tensor, TriangleMesh, Unit,
 };
-use wavelume_core::evaluate::{Interpolation, Material, Place, interpolation_between};
+use wavelume_core::evaluate::{Directions, Interpolation, Material, Pairs, Place, interpolation_between};
 
 /// Value of a BRDF without the cosine.
 type Surface = fn(Vector, Vector) -> f64;
@@ -212,8 +212,9 @@ fn figures_between_incidences() {
             );
             if shows_all {
                 let roughness = match chosen.divisor {
-                    Divisor::ProjectedAreas { roughness } | Divisor::Masking { roughness } => roughness,
-                    Divisor::Model { roughness, .. } => roughness,
+                    Divisor::ProjectedAreas { roughness }
+                    | Divisor::Masking { roughness }
+                    | Divisor::Model { roughness, .. } => roughness,
                     _ => 0.15,
                 };
                 let divisors = [
@@ -238,7 +239,6 @@ fn before_and_now(source: Measurement, surface: Surface, asked: &[f64]) -> ([f64
     let before = errors(&Material::of(source.clone()).unwrap(), surface, asked);
     let between = interpolation_between(&source).unwrap();
     let now = errors(&Material::with_between(source, between).unwrap(), surface, asked);
-    println!("{before:.2?} -> {now:.2?}: {between}");
     (before, now, between)
 }
 
@@ -348,6 +348,39 @@ fn at_incidences_nothing_changes() {
                 material.evaluate(place, Interpolation::Smooth, &mut now).unwrap();
                 assert!((now[0] / before[0] - 1.0).abs() < 1e-4, "{between} {place:?}: {before:?} {now:?}");
             }
+        }
+    }
+}
+
+#[test]
+fn batches_answer_as_single_calls_do() {
+    let (_, surface) = SURFACES[4];
+    let roughness = 0.15;
+    let ways = [
+        Between { divisor: Divisor::Masking { roughness }, cubic: false, retro: false },
+        Between { divisor: Divisor::Cosines, cubic: true, retro: false },
+        Between { divisor: Divisor::Model { roughness, reflectance: 0.04, base: 0.3 }, cubic: false, retro: true },
+    ];
+    let mesh = Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, 1).unwrap());
+    let sources = [measured(&tens(), 3, surface), on_triangles(mesh, 3, surface), on_grid(&tens(), 6, surface)];
+    for (source, between) in sources.iter().flat_map(|source| ways.iter().map(move |way| (source, *way))) {
+        let material = Material::with_between(source.clone(), between).unwrap();
+        // Past the last elevation, too.
+        let directions = |turn: f64| -> Vec<Direction> {
+            let points = (0..300).map(point);
+            points.map(|[u, v]| Direction::from_degrees(87.0 * u, 360.0 * v * turn)).collect()
+        };
+        let (wi, wo) = (directions(0.3), directions(2.0));
+        let mut batch = vec![0.0; wi.len()];
+        let pairs = Pairs { index: &[], wi: Some(Directions::of(&wi)), wo: Some(Directions::of(&wo)) };
+        material.spectra(pairs, Interpolation::Smooth, &mut batch).unwrap();
+        for ((&wi, &wo), found) in wi.iter().zip(&wo).zip(batch) {
+            let mut single = [0.0];
+            let place = Place { index: &[], wi: Some(wi), wo: Some(wo) };
+            material.evaluate(place, Interpolation::Smooth, &mut single).unwrap();
+            // The grid ends at 84°.
+            let is_masked = single[0].is_nan() && found.is_nan() && wo.theta_degrees() > 84.0;
+            assert!(is_masked || (found / single[0] - 1.0).abs() < 2e-5, "{between} {place:?}: {found} {single:?}");
         }
     }
 }

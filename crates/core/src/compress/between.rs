@@ -24,7 +24,7 @@ const REFLECTANCE: [f32; 2] = [1.0 / 8192.0, 1.0];
 const BASE: [f32; 2] = [0.0, 1_048_576.0];
 
 /// Function V that samples are divided by before their logarithms are interpolated between incidences; the result is multiplied
-/// by it again. With c_i and c_o the cosines of the incoming and the outgoing direction and r(c) = √(c² + a²·(1 − c²)), a the
+/// by it again. With c and d the cosines of the incoming and the outgoing direction and r(c) = √(c² + a²·(1 − c²)), a the
 /// roughness:
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -32,20 +32,20 @@ pub enum Divisor {
     /// V = 1.
     #[default]
     None,
-    /// V = 1 / (c_i + c_o).
+    /// V = 1 / (c + d).
     Cosines,
-    /// V = 1 / (σ(c_i)·σ(c_o)), σ(c) = c + r(c): twice the projected area of a GGX surface.
+    /// V = 1 / (σ(c)·σ(d)), σ(c) = c + r(c): twice the projected area of a GGX surface.
     ProjectedAreas {
         /// Roughness of GGX.
         roughness: f32,
     },
-    /// V = 1 / (c_o·r(c_i) + c_i·r(c_o)): height-correlated masking over the cosines.
+    /// V = 1 / (d·r(c) + c·r(d)): height-correlated masking over the cosines.
     Masking {
         /// Roughness of GGX.
         roughness: f32,
     },
-    /// V = base + F·D / (c_o·r(c_i) + c_i·r(c_o)): a microfacet model, with D = a² / (h_x² + h_y² + a²·h_z²)², h the unit half
-    /// vector, and F Schlick's factor of the angle between h and the incoming direction.
+    /// V = base + F·D / (d·r(c) + c·r(d)): a microfacet model, with D = a² / (x² + y² + a²·z²)², (x, y, z) the unit half vector, and
+    /// F Schlick's factor of the angle between it and the incoming direction.
     Model {
         /// Roughness of GGX.
         roughness: f32,

@@ -78,6 +78,6 @@ fn planes(measurement: &Measurement, geometry: &Geometry, course: Course) -> Opt
     let (nodes, entries) = (geometry.nodes(), geometry.entries());
     let candidates = course.candidates(measurement.quantity);
     let has_cosine = measurement.quantity.has_cosine();
-    let smooth = Smooth::new(&planes, &cells, lookup, nodes, entries, &candidates, &course.between, has_cosine)?;
+    let smooth = Smooth::new(&planes, &cells, lookup, nodes, entries, (&candidates, &course.between), has_cosine)?;
     Some((planes, smooth))
 }

@@ -27,7 +27,7 @@ pub(crate) fn ln_f32(x: f32) -> f32 {
     let p = p * r - 1.666_805_8e-1;
     let p = p * r + 2.000_071_5e-1;
     let p = p * r - 2.499_999_4e-1;
-    let p = p * r + 3.333_333_1e-1;
+    let p = p * r + 3.333_333e-1;
     let tail = p * r * rr + e * LN_2_LOW - 0.5 * rr;
     (r + tail) + e * LN_2_HIGH
 }

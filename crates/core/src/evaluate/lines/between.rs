@@ -79,11 +79,18 @@ impl Lines {
                 continue;
             }
             let to = self.directions[places[k] as usize];
-            let (there, worth) = if weights[k] == 1.0 && !is_past || self.alignment == Alignment::None {
+            let (mut there, worth) = if weights[k] == 1.0 && !is_past || self.alignment == Alignment::None {
                 (wo, 1.0)
             } else {
                 carried(self.alignment, self.domain, wi, to, wo)
             };
+            let patch = |d: Vector| self.outgoing.as_ref().and_then(|sphere| sphere.patch(Direction::from_unit(d)));
+            found.patches[k] = patch(there);
+            if is_past && found.patches[k].is_none() {
+                // It alone counts: what the grid does not cover there is taken from where it is asked for.
+                there = wo;
+                found.patches[k] = patch(wo);
+            }
             // A stated direction is the sample, whatever rounding made of it.
             let from = if weights[k] == 1.0 && !is_past { wi } else { to };
             divisors[k] = course.divided.one(single(from), single(there));
@@ -92,7 +99,6 @@ impl Lines {
             }
             found.tables[k] = base + places[k] as usize;
             found.weights[k] = weights[k] as f32 * worth;
-            found.patches[k] = self.outgoing.as_ref().and_then(|sphere| sphere.patch(Direction::from_unit(there)));
             found.count = k + 1;
         }
         let own = course.divided.one(single(wi), single(wo));

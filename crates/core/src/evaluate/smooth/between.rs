@@ -85,7 +85,9 @@ impl Smooth {
         }
         // Weights are small where all nodes fade: the scale of what counts as none goes with them.
         let scale = 1.0 / (0..FOUR).map(|k| lanes.linear[k] * worths[k]).sum::<f32>();
-        row.iter_mut().for_each(|value| *value *= scale);
+        for value in &mut row {
+            *value *= scale;
+        }
         let mut mixed = Mixed::settled(row, live * scale, known * scale);
         if let Some(weights) = lanes.cubic.filter(|_| all_live) {
             let worth = worths.iter().zip(weights).filter(|(_, weight)| *weight != 0.0).map(|(worth, _)| *worth);

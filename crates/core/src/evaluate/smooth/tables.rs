@@ -29,8 +29,7 @@ impl Smooth {
         lookup: &MeshLookup,
         mut nodes: Nodes,
         entries: usize,
-        candidates: &[Alignment],
-        between: &Between,
+        (candidates, between): (&[Alignment], &Between),
         has_cosine: bool,
     ) -> Option<Self> {
         let mesh = lookup.mesh();
