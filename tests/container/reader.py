@@ -579,7 +579,6 @@ class Between:
         directions = [axis.kind for axis in h.axes if axis.kind in ("triangles", "elevation", "grid")]
         require(len(directions) == 2, "incidences that are none")
         require(not self.divisor and not self.retro or h.quantity == 3, "a divisor of what is no BRDF")
-        require(not self.cubic or directions[0] == "elevation", "a cubic between what are no elevations")
 
     def value(self, wi, wo):
         """V for unit vectors above the horizon, f64; see section 17."""

@@ -33,7 +33,7 @@ fn every_script_writes_what_inspect_understands() {
         &["radiometric-csv", "brdf", "a grid of directions"],
         &["radiometric-csv", "brdf, 1/sr", "a grid of directions", "divided by π"],
         &["radiometric-csv", "edf, mW/sr"],
-        &["radiometric-csv", "1200 scattered directions", "left out", "filled by reciprocity"],
+        &["radiometric-csv", "1200 scattered directions", "too sparse for the lobe", "filled by reciprocity"],
         &["radiometric-arrow", "brdf", "a grid of directions"],
         &["npy", "brdf"],
         &["phase-table", "phase", "mean_cosine: 0.700"],

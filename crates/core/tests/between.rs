@@ -144,6 +144,22 @@ fn on_grid(elevations: &[f64], step: u32, surface: Surface) -> Measurement {
     measurement(vec![incoming, Axis::Grid(grid)], Sampling::Point, samples)
 }
 
+/// Values on grids of angles on both sides: incidences in steps of 10° and 60°, outgoing directions in steps of this many degrees.
+fn on_two_grids(step: u32, surface: Surface) -> Measurement {
+    let every = |to: u32, step: u32| (0..=to / step).map(|i| f64::from(i * step)).collect::<Vec<f64>>();
+    let circle = |step: u32| Some(Azimuths { angles: every(359, step), extent: AzimuthExtent::Circle });
+    let incoming = DirectionGrid::new(Frame::Surface, tens(), circle(60)).unwrap();
+    let incoming = incoming.covering(0.0, 90.0).unwrap();
+    let outgoing = DirectionGrid::new(Frame::Surface, every(88, step), circle(2 * step)).unwrap();
+    let values = (0..incoming.len()).flat_map(|i| {
+        let wi = incoming.direction(i).xyz();
+        let outgoing = &outgoing;
+        (0..outgoing.len()).map(move |o| surface(wi, outgoing.direction(o).xyz()) as f32)
+    });
+    let samples = values.collect();
+    measurement(vec![Axis::Grid(incoming), Axis::Grid(outgoing)], Sampling::Point, samples)
+}
+
 /// Low-discrepancy point of the unit square (Roberts 2018).
 fn point(i: usize) -> [f64; 2] {
     [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (0.5 + i as f64 * step).fract())
@@ -256,6 +272,21 @@ fn triangles_and_grids_have_what_elevations_have() {
 }
 
 #[test]
+fn cubics_of_triangles_and_grids_are_nearer_than_straight_lines() {
+    let mesh = Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, 2).unwrap());
+    let (_, rough) = SURFACES[2];
+    let asked: Vec<f64> = (0..20).map(|k| 3.0 * f64::from(k) + 1.0).collect();
+    for (source, demand) in [(on_triangles(mesh, 4, rough), 0.95), (on_two_grids(5, rough), 0.7)] {
+        let of = |cubic| {
+            let between = Between { divisor: Divisor::None, cubic, retro: false };
+            errors(&Material::with_between(source.clone(), between).unwrap(), rough, &asked)
+        };
+        let (linear, cubic) = (of(false), of(true));
+        assert!(cubic[0] < demand * linear[0] && cubic[1] < linear[1], "{linear:?} {cubic:?}");
+    }
+}
+
+#[test]
 fn retro_reflectors_keep_the_direction_back_to_the_source() {
     let (_, surface) = SURFACES[10];
     let (before, now, between) = before_and_now(measured(&tens(), 5, surface), surface, &halfway(&tens()));
@@ -271,6 +302,14 @@ fn few_incidences_and_signed_samples_have_none() {
     samples[7] = -1.0;
     signed.tensor = Tensor::new(signed.tensor.axes().to_vec(), samples).unwrap();
     assert!(interpolation_between(&signed).unwrap().is_default());
+}
+
+#[test]
+fn surfaces_that_look_alike_from_everywhere_need_nothing() {
+    let source = measured(&tens(), 3, |_, _| 0.5 / PI);
+    assert!(interpolation_between(&source).unwrap().is_default());
+    let mesh = Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, 1).unwrap());
+    assert!(interpolation_between(&on_triangles(mesh, 3, |_, _| 0.5 / PI)).unwrap().is_default());
 }
 
 #[test]
@@ -297,7 +336,7 @@ fn files_state_it_and_their_levels_know_it() {
 #[test]
 fn past_the_last_incidence_light_is_held_and_said_to_be_extrapolated() {
     for (name, surface) in SURFACES {
-        for source in [measured(&tens(), 4, surface), on_grid(&tens(), 4, surface)] {
+        for source in [measured(&tens(), 4, surface), on_grid(&tens(), 4, surface), on_two_grids(5, surface)] {
             let between = interpolation_between(&source).unwrap();
             let material = Material::with_between(source, between).unwrap();
             let largest = |theta: f64| {
@@ -334,14 +373,23 @@ fn at_incidences_nothing_changes() {
         Divisor::Model { roughness: 0.1, reflectance: 0.5, base: 0.1 },
     ];
     let (_, surface) = SURFACES[4];
-    for source in [measured(&tens(), 4, surface), on_grid(&tens(), 4, surface)] {
+    let mesh = TriangleMesh::new(Domain::Hemisphere, 1).unwrap();
+    let stated: Vec<Vector> = tens().into_iter().map(|wi| Direction::from_degrees(wi, 0.0).xyz()).collect();
+    let turned: Vec<Vector> = stated.iter().map(|&wi| about_z(wi, PI / 3.0)).collect();
+    let centroids = (0..mesh.len()).map(|i| mesh.centroid(i).xyz()).collect();
+    for (source, incidences) in [
+        (measured(&tens(), 4, surface), stated.clone()),
+        (on_grid(&tens(), 4, surface), stated),
+        (on_two_grids(8, surface), turned),
+        (on_triangles(Axis::Triangles(mesh), 3, surface), centroids),
+    ] {
         let plain = Material::of(source.clone()).unwrap();
         for (divisor, cubic) in models.into_iter().flat_map(|divisor| [(divisor, false), (divisor, true)]) {
             let between = Between { divisor, cubic, retro: false };
             let material = Material::with_between(source.clone(), between).unwrap();
-            for (k, wi) in tens().into_iter().flat_map(|wi| (0..40).map(move |k| (k, wi))) {
+            for (k, &wi) in incidences.iter().flat_map(|wi| (0..40).map(move |k| (k, wi))) {
                 let [u, v] = point(k);
-                let wi = Some(Direction::from_degrees(wi, 0.0));
+                let wi = Some(Direction::from_unit(wi));
                 let place = Place { index: &[], wi, wo: Some(Direction::from_degrees(85.0 * u, 360.0 * v)) };
                 let [mut before, mut now] = [[0.0]; 2];
                 plain.evaluate(place, Interpolation::Smooth, &mut before).unwrap();
@@ -362,7 +410,12 @@ fn batches_answer_as_single_calls_do() {
         Between { divisor: Divisor::Model { roughness, reflectance: 0.04, base: 0.3 }, cubic: false, retro: true },
     ];
     let mesh = Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, 1).unwrap());
-    let sources = [measured(&tens(), 3, surface), on_triangles(mesh, 3, surface), on_grid(&tens(), 6, surface)];
+    let sources = [
+        measured(&tens(), 3, surface),
+        on_triangles(mesh, 3, surface),
+        on_grid(&tens(), 6, surface),
+        on_two_grids(6, surface),
+    ];
     for (source, between) in sources.iter().flat_map(|source| ways.iter().map(move |way| (source, *way))) {
         let material = Material::with_between(source.clone(), between).unwrap();
         // Past the last elevation, too.

@@ -97,7 +97,7 @@ fn pictures_are_written_whole_and_the_same() {
 fn incoming_directions_too_sparse_for_the_lobe_are_warned_of() {
     let dir = tempfile::tempdir().unwrap();
     let (input, out) = (at(&dir, "virtual.json"), at(&dir, "m.wlm"));
-    let gloss = r#"{"ggx": {"alpha": {"isotropic": 0.03}, "fresnel": "mirror"}}"#;
+    let gloss = r#"{"ggx": {"alpha": {"isotropic": 0.16}, "fresnel": "mirror"}}"#;
     for (model, warned) in [(gloss, true), (r#"{"lambert": {"reflectance": 0.5}}"#, false)] {
         let document = format!(
             r#"{{"wavelume": "virtual", "quantity": "brdf", "model": {model}, "axes": ["hemi:1", "hemi:4", "lambda:500:50:3"]}}"#

@@ -4,6 +4,7 @@ use super::surfaces::{Vector, brdf, compressed, direction, isotropic_brdf, lamp,
 use std::hint::black_box;
 use std::ops::Range;
 use std::time::Instant;
+use wavelume_core::compress::{Between, Divisor};
 use wavelume_core::domain::Direction;
 use wavelume_core::evaluate::{
     Beyond, Chosen, Density, Directions, Drawings, Interpolation, Material, Pairs, Place, SampleOptions,
@@ -119,6 +120,43 @@ fn calls<'a>(material: &'a Material, chosen: &'a Chosen<'a>, asked: &'a Question
     calls
 }
 
+/// Spectra of the BRDF on triangles and on elevations of incidence, as files go from one to the next that state nothing, and on
+/// straight lines and cubics over the masking.
+fn between<'a>(materials: &'a [(String, Material)], asked: &'a Questions) -> Vec<Call<'a>> {
+    let mut calls: Vec<Call<'_>> = Vec::new();
+    for (name, material) in materials {
+        let lambdas = material.lambdas();
+        let mut out = vec![0.0; lambdas];
+        calls.push(each(format!("{name}: spectrum of {lambdas}, Smooth"), move |i| {
+            material.evaluate(asked.place(i), Interpolation::Smooth, &mut out).map_or(0.0, |()| out[0])
+        }));
+        let mut all = vec![0.0; lambdas * CALLS];
+        calls.push((
+            format!("{name}: spectrum of {lambdas}, Smooth, of a batch"),
+            Box::new(move || material.spectra(asked.all(), Interpolation::Smooth, &mut all).map_or(0.0, |()| all[0])),
+        ));
+    }
+    calls
+}
+
+/// The materials of [`between`].
+fn ways_between() -> Vec<(String, Material)> {
+    let masking = Divisor::Masking { roughness: 0.2 };
+    let ways = [
+        ("nothing stated", Between::default()),
+        ("straight", Between { divisor: masking, cubic: false, retro: false }),
+        ("cubic", Between { divisor: masking, cubic: true, retro: false }),
+    ];
+    let sources = [("triangles", brdf()), ("elevations", isotropic_brdf())];
+    let named = sources.into_iter().flat_map(|(source, measurement)| {
+        ways.map(|(way, between)| {
+            let material = Material::with_between(measurement.clone(), between);
+            (format!("{source}, {way}"), material.unwrap_or_else(|e| unreachable!("{e}")))
+        })
+    });
+    named.collect()
+}
+
 /// Those of an emission and of a spectrum.
 fn emission<'a>(lamp: &'a Material, spectrum: &'a Material, asked: &'a Questions) -> Vec<Call<'a>> {
     let lambdas = lamp.lambdas();
@@ -175,6 +213,7 @@ pub(crate) fn speed(only: &str) {
     let chosen = material.choose(&WAVELENGTHS, Beyond::Nearest).unwrap_or_else(|e| unreachable!("{e}"));
     let isotropic = opened(&isotropic_brdf());
     let of_isotropic = isotropic.choose(&WAVELENGTHS, Beyond::Nearest).unwrap_or_else(|e| unreachable!("{e}"));
+    let ways = ways_between();
     let mut all = calls(&material, &chosen, &asked);
     all.extend(emission(&lamp, &spectrum, &asked));
     let drawn = calls(&isotropic, &of_isotropic, &asked).into_iter().filter(|(name, _)| name.contains("pdf"));
@@ -184,6 +223,7 @@ pub(crate) fn speed(only: &str) {
         copy.copy_from_slice(&samples[(i * 7919 * 75) % (samples.len() - 75)..][..75]);
         copy[7]
     }));
+    all.extend(between(&ways, &asked));
     all.retain(|(name, _)| name.contains(only));
     let best = times(&mut all);
     println!("| one call, one thread, material in cache | ns |\n|---|--:|");
@@ -240,8 +280,11 @@ pub(crate) fn count() {
     let [lamp, spectrum] = lamp().map(|measurement| opened(&measurement));
     let asked = Questions::new(CALLS);
     let chosen = material.choose(&WAVELENGTHS, Beyond::Nearest).unwrap_or_else(|e| unreachable!("{e}"));
+    let ways = ways_between();
     let mut all = calls(&material, &chosen, &asked);
     all.extend(emission(&lamp, &spectrum, &asked));
+    // Valgrind 3.19 does not know an instruction (a VMOVQ between registers) that cubics are compiled to.
+    all.extend(between(&ways, &asked).into_iter().filter(|(name, _)| !name.contains("cubic")));
     for (name, call) in &mut all {
         black_box(call());
         black_box(counted(call));

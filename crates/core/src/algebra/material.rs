@@ -8,7 +8,9 @@
 //! file's header: the truth that it is measured against are the decoded operands, not the measurements behind them.
 
 use super::error::AlgebraError;
-use crate::compress::{self, CompressError, Compressed, Kept, Policy, SettingError, Settings, Summary, payload_digest};
+use crate::compress::{
+    self, Between, CompressError, Compressed, Kept, Policy, SettingError, Settings, Summary, payload_digest,
+};
 use crate::domain::{Axis, ErrorReport, Measurement, Progress, Tensor, TensorError, Unit};
 use crate::transform::Plan;
 use serde::Serialize;
@@ -93,8 +95,9 @@ pub struct DotReport {
 /// `Σ weight · material`, sample by sample; masked where an operand is. All have the same quantity, unit, sampling and axes.
 ///
 /// Coefficients are added where all operands hold such of the same bases. The file then has the policy of the first, and
-/// of `settings` only the metadata counts. Otherwise, or if `recompress` says so, `settings` decide. A combination that
-/// carries metadata names its operands in it.
+/// of `settings` only the metadata counts. Otherwise, or if `recompress` says so, `settings` decide. The interpolation between
+/// incidences is that of the operands where they agree and none is subtracted. A combination that carries metadata names its
+/// operands in it.
 pub fn combine(
     operands: &[Operand<'_>],
     settings: &Settings,
@@ -109,6 +112,7 @@ pub fn combine(
         (Recompress::IfNeeded, Err(reason)) => (None, Some(reason)),
     };
     let measurement = exact(operands, &summaries, progress)?;
+    let between = common_between(operands, &summaries).unwrap_or(settings.between);
     let compressed = if let Some(kept) = &kept {
         let mut sums = vec![0.0_f64; measurement.tensor.len()];
         for (operand, at) in operands.iter().zip(1..) {
@@ -117,9 +121,9 @@ pub fn combine(
                 *sum += operand.weight * f64::from(c);
             }
         }
-        kept.write(&measurement, sums, metadata.as_deref())?
+        kept.write(&measurement, sums, between, metadata.as_deref())?
     } else {
-        compress::compress(&measurement, &Settings { metadata, ..settings.clone() }, progress)?
+        compress::compress(&measurement, &Settings { metadata, between, ..settings.clone() }, progress)?
     };
     progress.report(1.0);
     let inherited = reports.iter().map(|report| report.weight.abs() * report.max_absolute_error).sum();
@@ -251,6 +255,13 @@ fn common(operands: &[Operand<'_>]) -> Result<Result<Kept, String>, AlgebraError
         }
     }
     Ok(common.ok_or_else(|| "there is no material".to_owned()))
+}
+
+/// The interpolation between incidences that all operands state; `None` where they differ, or where one is subtracted.
+fn common_between(operands: &[Operand<'_>], summaries: &[Summary]) -> Option<Between> {
+    let (first, others) = summaries.split_first()?;
+    let is_common = others.iter().all(|other| other.between == first.between);
+    (is_common && operands.iter().all(|operand| operand.weight > 0.0)).then_some(first.between)
 }
 
 /// The exact combination of the decoded operands, rounded once.

@@ -90,7 +90,7 @@ impl Divisor {
 pub struct Between {
     /// Function that is divided out.
     pub divisor: Divisor,
-    /// A cubic through four incidences instead of a straight line through two.
+    /// A cubic through four incidences instead of a straight line through two; on triangles a quadratic through six.
     pub cubic: bool,
     /// Outgoing directions keep their place relative to the one back to the source, as the lobes of retro-reflectors do.
     pub retro: bool,
@@ -107,14 +107,13 @@ impl Between {
         (!self.is_default()).then(|| Self { divisor: self.divisor.stated(), ..*self })
     }
 
-    /// Returns true where a measurement on these axes can have this interpolation: divisors and the direction back to the source
-    /// need a BRDF, a cubic needs incoming elevations.
+    /// Returns true where a measurement on these axes can have this interpolation: all of it needs incidences, divisors and the
+    /// direction back to the source need a BRDF.
     pub(crate) fn fits(&self, quantity: Quantity, axes: &[Axis]) -> bool {
         let Ok(layout) = Layout::of(quantity, axes) else { return false };
-        let Some(incoming) = layout.incoming.map(|axis| &axes[axis]) else { return false };
         let is_reflected = quantity == Quantity::Brdf && layout.outgoing.is_some();
         let needs_reflection = self.divisor != Divisor::None || self.retro;
-        (is_reflected || !needs_reflection) && (!self.cubic || matches!(incoming, Axis::Elevation(_)))
+        layout.incoming.is_some() && (is_reflected || !needs_reflection)
     }
 
     /// The payload of chunk V.
@@ -220,12 +219,12 @@ mod tests {
     }
 
     #[test]
-    fn divisors_are_for_reflection_and_cubics_for_elevations() {
+    fn divisors_are_for_reflection_and_all_is_for_incidences() {
         let mesh = || Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, 1).unwrap());
         let elevations = || vec![Axis::Elevation(vec![0.0, 30.0]), mesh()];
         for between in all() {
             assert!(between.fits(Quantity::Brdf, &elevations()), "{between}");
-            assert_eq!(between.fits(Quantity::Brdf, &[mesh(), mesh()]), !between.cubic, "{between}");
+            assert!(between.fits(Quantity::Brdf, &[mesh(), mesh()]), "{between}");
             let is_plain = between.divisor == Divisor::None && !between.retro;
             assert_eq!(between.fits(Quantity::Bsdf, &elevations()), is_plain, "{between}");
             assert!(!between.fits(Quantity::Edf, &[mesh()]), "{between}");

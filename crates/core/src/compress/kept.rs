@@ -1,6 +1,7 @@
 //! The coefficients that the paper's policies keep, out of a file and into one: those of the samples themselves, so that
 //! sums of coefficients are sums of samples.
 
+use super::between::Between;
 use super::classes::{classes_chunk, classes_of};
 use super::compressed::Compressed;
 use super::decode::open;
@@ -50,12 +51,13 @@ impl Kept {
         Ok(coefficients_of(&header, classes.as_deref(), chunk(ChunkKind::Coefficients).unwrap_or_default())?.1)
     }
 
-    /// A file of these coefficients. `measurement` is what they stand for: its masked samples are masked, and the file's
+    /// A file of these coefficients, which goes from one incidence to the next as `between` says. `measurement` is what they stand for: its masked samples are masked, and the file's
     /// errors are measured against it.
     pub(crate) fn write(
         &self,
         measurement: &Measurement,
         mut coefficients: Vec<f64>,
+        between: Between,
         metadata: Option<&str>,
     ) -> Result<Compressed, CompressError> {
         let axes = measurement.tensor.axes();
@@ -75,6 +77,8 @@ impl Kept {
         let rows = coding_order(axes, &plan, classes.as_deref());
         clear_uncoded(&rows, &mut kept);
         drop(classes);
-        finish(parts_of(measurement, (self.policy, &self.transforms), 0.0, chunk, &rows, kept), measurement, metadata)
+        let mut parts = parts_of(measurement, (self.policy, &self.transforms), 0.0, chunk, &rows, kept);
+        parts.header.between = between.stated();
+        finish(parts, measurement, metadata)
     }
 }

@@ -57,7 +57,7 @@ pub enum SettingError {
     /// An interpolation between incidences that the measurement cannot have.
     #[error(
         "interpolation between incidences: divisors and the direction back to the source are for BRDFs of several incoming \
-         directions, cubics for incoming elevations; leave it at its default"
+         directions, cubics for measurements of such; leave it at its default"
     )]
     Between,
     /// Metadata that are not a JSON object.

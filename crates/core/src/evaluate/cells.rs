@@ -82,7 +82,7 @@ impl Function {
     pub(super) fn trees_of_entry(&self) -> usize {
         let [own, ..] = self.geometry().shape();
         match self.form() {
-            Form::Planes { smooth, .. } => own.max(smooth.nodes().counts().0),
+            Form::Planes { smooth, .. } => own.max(smooth.nodes().around_count()),
             Form::Samples(_) => own,
         }
     }

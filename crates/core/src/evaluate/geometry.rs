@@ -308,10 +308,15 @@ impl Geometry {
         }
     }
 
-    /// Returns true where incoming directions are elevations and `direction` is further from the normal than the last of them.
+    /// Returns true where incoming directions are elevations or a grid of angles, and `direction` is further from the normal than
+    /// the last of them.
     pub(super) fn is_past_last(&self, direction: Direction) -> bool {
-        let Incoming::Elevations(values) = &self.incoming else { return false };
-        values.last().is_some_and(|&last| direction.theta_degrees() > last + ROUNDING)
+        let last = match self.layout.incoming.map(|axis| &self.axes[axis]) {
+            Some(Axis::Elevation(angles)) => angles.last(),
+            Some(Axis::Grid(grid)) => grid.polar().last(),
+            _ => None,
+        };
+        last.is_some_and(|&last| direction.theta_degrees() > last + ROUNDING)
     }
 
     /// Whether `direction` is inside the outgoing domain.

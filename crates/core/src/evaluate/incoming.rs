@@ -1,5 +1,7 @@
 //! The incoming directions as nodes: which three lie around a direction, and where a lobe seen from one is seen from another.
 
+pub(super) mod middles;
+
 use super::lookup::MeshLookup;
 use super::number::Number;
 use super::reconstruct::Cells;
@@ -80,6 +82,10 @@ pub(super) struct Triangles {
     /// The cell beyond the edge opposite to corner k.
     beyond: Vec<[u32; 3]>,
     fans: Vec<Fan>,
+    /// For each sector of each cell, its nodes and those halfway between them; empty where there are none of these.
+    middles: Vec<[[[u32; 3]; 2]; 6]>,
+    /// The nodes that each of those is halfway between.
+    ends: Vec<[u32; 2]>,
     /// For each vertex, the cells that make it; for each cell, those that would make it without itself, none at the rim.
     sources: Vec<Vec<(usize, f32)>>,
     others: Vec<Vec<(usize, f32)>>,
@@ -137,7 +143,8 @@ impl Nodes {
             }
         }
         let fans = (0..mesh.len()).map(|cell| Fan::new(&lookup, &positions, &beyond[cell], cell)).collect();
-        Self::Triangles(Triangles { cells: mesh.len(), lookup, positions, seen_from, beyond, fans, sources, others })
+        let (cells, middles, ends) = (mesh.len(), Vec::new(), Vec::new());
+        Self::Triangles(Triangles { lookup, cells, positions, seen_from, beyond, fans, middles, ends, sources, others })
     }
 
     /// How many nodes, and how many of them are entries of the axis.
@@ -233,6 +240,7 @@ impl Nodes {
                     + size_of_val(&*triangles.seen_from)
                     + size_of_val(&*triangles.beyond)
                     + size_of_val(&*triangles.fans)
+                    + size_of_val(&*triangles.middles)
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::algebra::{AlgebraError, Combined, Method, Operand, Recompress, combine, dot};
-use crate::compress::{self, Between, CompressError, Policy, Settings, Target, decode};
+use crate::compress::{self, Between, CompressError, Divisor, Policy, Settings, Target, decode};
 use crate::domain::{
     Axis, Cancelled, Domain, Measurement, Progress, Quantity, Sampling, Silent, Tensor, TriangleMesh, Unit,
     WavelengthGrid,
@@ -335,4 +335,25 @@ fn dot_products_take_other_quantities_on_the_same_axes() {
     let other = kept(&measurement(Quantity::Spectrum, vec![wavelengths(74)], 1), Policy::Conventional);
     assert!(matches!(dot(&light, &other), Err(AlgebraError::Unlike { at: 2, what: "axes", .. })));
     assert!(matches!(dot(&[], &light), Err(AlgebraError::Decode { at: 1, .. })));
+}
+
+#[test]
+fn the_interpolation_between_incidences_is_kept_where_operands_agree() {
+    let between = Between { divisor: Divisor::Masking { roughness: 0.25 }, cubic: true, retro: false };
+    let stating = |seed, policy, between| {
+        file(&brdf(seed), &Settings { between, ..settings(Target::ErL2(0.05), policy, "bior4.4") })
+    };
+    for policy in [Policy::Rd, Policy::Conventional] {
+        let files = [stating(1, policy, between), stating(2, policy, between), stating(3, policy, Between::default())];
+        let of = |parts: &[(usize, f64)]| {
+            let operands: Vec<Operand<'_>> =
+                parts.iter().map(|&(k, weight)| Operand { bytes: &files[k], weight }).collect();
+            let settings = settings(Target::ErL2(0.05), policy, "bior4.4");
+            let combined = combine(&operands, &settings, Recompress::IfNeeded, &Silent).unwrap();
+            compress::inspect(&combined.compressed.bytes).unwrap().between
+        };
+        assert_eq!(of(&[(0, 0.5)]), between, "{policy}");
+        assert_eq!(of(&[(0, 1.0), (1, 2.0)]), between, "{policy}");
+        assert!(of(&[(0, 1.0), (2, 1.0)]).is_default() && of(&[(0, 1.0), (1, -0.1)]).is_default(), "{policy}");
+    }
 }

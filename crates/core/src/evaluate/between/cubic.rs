@@ -2,8 +2,10 @@
 
 /// Incidences of a cubic.
 pub(in crate::evaluate) const FOUR: usize = 4;
-/// Part of the distance between the values at the two incidences around an angle by which a cubic may leave their range.
+/// Part of the range of the values that straight lines mix by which a cubic may leave it.
 pub(in crate::evaluate) const ROOM: f32 = 1.0;
+/// Weights of fits below this hardly count: what they belong to may fade.
+pub(in crate::evaluate) const NO_WEIGHT: f32 = 1e-3;
 
 /// Increasing angles with the factors of Lagrange's polynomials between them.
 #[derive(Debug)]
@@ -51,11 +53,17 @@ fn angle(angles: &[f64], below: usize, k: usize) -> Option<f64> {
     angles.get((below + k).checked_sub(1)?).copied()
 }
 
-/// A cubic's value held within the range of the two around, with [`ROOM`].
+/// A cubic's value held within the range of the values that straight lines mix, with [`ROOM`].
 #[inline(always)]
 pub(in crate::evaluate) fn held(cubic: f32, [low, high]: [f32; 2]) -> f32 {
-    let room = ROOM * (high - low).abs();
-    cubic.max(low.min(high) - room).min(low.max(high) + room)
+    let room = ROOM * (high - low);
+    cubic.max(low - room).min(high + room)
+}
+
+/// The range of some values.
+#[inline(always)]
+pub(in crate::evaluate) fn range(values: impl Iterator<Item = f32>) -> [f32; 2] {
+    values.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
 }
 
 #[cfg(test)]
@@ -84,6 +92,6 @@ mod tests {
 
     #[test]
     fn overshoots_are_held() {
-        assert_eq!([held(5.0, [1.0, 2.0]), held(-5.0, [2.0, 1.0]), held(1.5, [1.0, 2.0])], [3.0, 0.0, 1.5]);
+        assert_eq!([5.0, -5.0, 1.5].map(|cubic| held(cubic, range([2.0, 1.0].into_iter()))), [3.0, 0.0, 1.5]);
     }
 }

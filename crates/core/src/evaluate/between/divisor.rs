@@ -2,7 +2,7 @@
 
 use crate::compress::Divisor;
 use crate::evaluate::number::Number;
-use crate::numeric::logarithm::ln_f32;
+use crate::numeric::logarithm::{ln_f32, ln_four};
 use wide::f32x4;
 
 /// Cosines below this count as this: on the horizon the divisors of smooth surfaces have no bound.
@@ -65,7 +65,7 @@ impl Divided {
         if matches!(self, Self::None) {
             return f32x4::ZERO;
         }
-        f32x4::new(self.value(wi, wo).to_array().map(ln_f32))
+        ln_four(self.value(wi, wo))
     }
 
     /// Its logarithm for one pair of directions, with the bits of [`Divided::four`].

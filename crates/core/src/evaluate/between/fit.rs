@@ -21,9 +21,13 @@ const REFLECTANCE: [f64; 4] = [0.04, 0.12, 0.4, 0.9];
 const BASE: [f64; 10] = [0.0, 1e-3, 0.01, 0.05, 0.2, 0.5, 1.0, 3.0, 10.0, 100.0];
 /// A base of nothing, on the scale of logarithms.
 const NO_BASE: f64 = 1e-9;
-/// First steps of the search, in logarithms, and how often they are halved.
+/// First steps of the search, in logarithms, how often they are halved, and how often all are tried before they are.
 const STEPS: [f64; 3] = [0.2, 0.5, 0.7];
 const HALVINGS: u32 = 10;
+const ROUNDS: u32 = 32;
+/// A variance must fall by this part and by this number to count as less: surfaces that the model matches have only rounding left.
+const LESS: f64 = 1e-3;
+const ROUNDING: f64 = 1e-10;
 
 /// Light seen from one direction to another.
 struct Seen {
@@ -50,18 +54,20 @@ pub(super) fn model(tables: &Tables<'_>) -> Option<Divisor> {
     }
     let mut steps = STEPS;
     for _ in 0..HALVINGS {
-        let mut moves = true;
-        while moves {
-            moves = false;
+        for _ in 0..ROUNDS {
+            let mut moves = false;
             for (k, step) in steps.into_iter().enumerate().flat_map(|(k, step)| [(k, step), (k, -step)]) {
                 let mut place = best.0;
                 place[k] += step;
                 // The reflectance is at most 1.
                 place[1] = place[1].min(0.0);
                 let spread = variance(&seen, place);
-                if spread < 0.999 * best.1 {
+                if spread < (1.0 - LESS) * best.1 - ROUNDING {
                     (best, moves) = ((place, spread), true);
                 }
+            }
+            if !moves {
+                break;
             }
         }
         steps = steps.map(|step| 0.5 * step);
@@ -84,7 +90,7 @@ fn variance(seen: &[Seen], place: [f64; 3]) -> f64 {
         square += rest * rest;
     }
     let count = seen.len() as f64;
-    square / count - (sum / count) * (sum / count)
+    (square / count - (sum / count) * (sum / count)).max(0.0)
 }
 
 /// Light around the mirror direction of each incidence, and over the whole hemisphere.

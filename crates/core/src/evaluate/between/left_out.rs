@@ -1,7 +1,8 @@
 //! Errors where each inner incidence is left out in turn and predicted from those around it.
 
+use super::Divided;
+use super::cubic::{NO_WEIGHT, held, range};
 use super::tables::{Others, Tables};
-use super::{Divided, FOUR, held};
 use crate::compress::Between;
 use crate::domain::vector::Vector;
 use crate::evaluate::incoming::{Alignment, carried};
@@ -36,13 +37,15 @@ struct Sums {
 }
 
 /// Light under one of the other incidences, where the one left out has it.
-#[derive(Clone, Copy, Default)]
 struct Other {
     to: [f32; 3],
     there: [f32; 3],
     worth: f32,
     logarithm: f32,
     is_live: bool,
+    /// Weights in the mean, and on the curves of [`Others`].
+    mean: f32,
+    curves: [f32; 2],
 }
 
 /// The errors of each way from one incidence to the next, with noise of this relative standard deviation in each sample; `None`
@@ -95,43 +98,54 @@ pub(super) fn left_out(tables: &Tables<'_>, alignment: Alignment, ways: &[Betwee
 }
 
 /// What predicts the light of an incidence in one direction.
-struct Predicting<'a> {
-    others: &'a Others,
+struct Predicting {
     wi: [f32; 3],
     wo: [f32; 3],
-    linear: Vec<Other>,
-    cubic: [Other; FOUR],
+    others: Vec<Other>,
+    has_curves: [bool; 2],
 }
 
-impl<'a> Predicting<'a> {
+impl Predicting {
     fn new(
         tables: &Tables<'_>,
         alignment: Alignment,
         (entry, node): (usize, usize),
-        others: &'a Others,
+        others: &Others,
         wo: Vector,
     ) -> Self {
         let single = |d: Vector| d.map(|x| x as f32);
         let wi = tables.incidences()[node];
-        let other = |other: usize| {
+        let curves = [others.linear.as_deref(), others.cubic.as_deref()];
+        let mut entries: Vec<usize> =
+            curves.into_iter().flatten().chain([&*others.mean]).flatten().map(|e| e.0).collect();
+        entries.sort_unstable();
+        entries.dedup();
+        let weight = |of: &[(usize, f32)], other: usize| of.iter().find(|(k, _)| *k == other).map_or(0.0, |(_, w)| *w);
+        let all = entries.into_iter().map(|other| {
             let to = tables.incidences()[other];
             let (there, worth) = carried(alignment, tables.domain(), wi, to, wo);
             let light = tables.light(entry, other, there);
             let is_live = light > 0.0;
-            let logarithm = if is_live { libm::log(light) as f32 } else { 0.0 };
-            Other { to: single(to), there: single(there), worth, logarithm, is_live }
-        };
-        let linear = others.linear.iter().map(|&(node, _)| other(node)).collect();
-        let cubic = others.cubic.map_or([Other::default(); FOUR], |(nodes, _)| nodes.map(|node| other(node as usize)));
-        Self { others, wi: single(wi), wo: single(wo), linear, cubic }
+            Other {
+                to: single(to),
+                there: single(there),
+                worth,
+                logarithm: if is_live { libm::log(light) as f32 } else { 0.0 },
+                is_live,
+                mean: weight(&others.mean, other),
+                curves: curves.map(|curve| weight(curve.unwrap_or_default(), other)),
+            }
+        });
+        let has_curves = curves.map(|curve| curve.is_some());
+        Self { wi: single(wi), wo: single(wo), others: all.collect(), has_curves }
     }
 
     /// The logarithm of the light that is predicted, and the sum of the squares of weights; `None` where nothing predicts it.
     fn by(&self, divided: Divided, cubic: bool) -> Option<(f32, f32)> {
         let rest = |other: &Other| other.logarithm - divided.one(other.to, other.there);
         let (mut sum, mut total, mut squares) = (0.0, 0.0, 0.0);
-        for (other, (_, weight)) in self.linear.iter().zip(&self.others.linear).filter(|(other, _)| other.is_live) {
-            let weight = weight * other.worth;
+        for other in self.others.iter().filter(|other| other.is_live && other.mean > 0.0) {
+            let weight = other.mean * other.worth;
             sum += weight * rest(other);
             total += weight;
             squares += weight * weight;
@@ -140,15 +154,22 @@ impl<'a> Predicting<'a> {
             return None;
         }
         let (mut logarithm, mut squares) = (sum / total, squares / (total * total));
-        if let (true, Some((_, weights))) = (cubic, &self.others.cubic)
-            && self.cubic.iter().zip(weights).all(|(other, weight)| *weight == 0.0 || other.is_live)
-        {
-            let used = || self.cubic.iter().zip(weights).filter(|(_, weight)| **weight != 0.0);
-            let worth = used().map(|(other, _)| other.worth).fold(1.0, f32::min);
-            let value: f32 = used().map(|(other, weight)| weight * rest(other)).sum();
-            let cubic_squares: f32 = weights.iter().map(|weight| weight * weight).sum();
-            logarithm += worth * (held(value, [rest(&self.cubic[1]), rest(&self.cubic[2])]) - logarithm);
-            squares += worth * (cubic_squares - squares);
+        let curve = usize::from(cubic);
+        let used = || self.others.iter().filter(|other| other.curves[curve].abs() > NO_WEIGHT);
+        if self.has_curves[curve] && used().all(|other| other.is_live) {
+            let worth = used().map(|other| other.worth).fold(1.0, f32::min);
+            let (mut value, mut total, mut of_squares) = (0.0, 0.0, 0.0);
+            for other in used() {
+                value += other.curves[curve] * rest(other);
+                total += other.curves[curve];
+                of_squares += other.curves[curve] * other.curves[curve];
+            }
+            let mixed = self.others.iter().filter(|other| other.is_live && other.mean > 0.0);
+            // Fits between triangles are not held.
+            let is_held = !self.has_curves[0];
+            let value = if is_held { held(value / total, range(mixed.map(rest))) } else { value / total };
+            logarithm += worth * (value - logarithm);
+            squares += worth * (of_squares / (total * total) - squares);
         }
         Some((logarithm + divided.one(self.wi, self.wo), squares))
     }

@@ -7,6 +7,7 @@ use crate::domain::{Axis, DirectionGrid, Domain};
 use crate::evaluate::Material;
 use crate::evaluate::geometry::Geometry;
 use crate::evaluate::incoming::Alignment;
+use crate::evaluate::incoming::middles::Predicting;
 use crate::evaluate::lines::Lines;
 use crate::evaluate::planes::Planes;
 use crate::evaluate::smooth::Smooth;
@@ -24,6 +25,8 @@ pub(super) struct Tables<'a> {
     alignment: Alignment,
     incidences: Vec<Vector>,
     outgoing: Vec<Vector>,
+    /// What predicts each triangle of incidence.
+    triangles: Vec<Option<Others>>,
 }
 
 enum Form<'a> {
@@ -32,11 +35,13 @@ enum Form<'a> {
 }
 
 /// Incidences that stand for one that is left out.
+#[derive(Clone, Debug)]
 pub(super) struct Others {
-    /// Entries with their weights, which add up to 1.
-    pub(super) linear: Vec<(usize, f32)>,
-    /// The two below and the two above with the weights of a cubic, where incidences are elevations.
-    pub(super) cubic: Option<([u32; 4], [f32; 4])>,
+    /// Entries with their weights, which add up to 1 and are not negative.
+    pub(super) mean: Vec<(usize, f32)>,
+    /// What straight lines weigh instead where none of these fades, and what cubics do.
+    pub(super) linear: Option<Vec<(usize, f32)>>,
+    pub(super) cubic: Option<Vec<(usize, f32)>>,
 }
 
 impl<'a> Tables<'a> {
@@ -56,7 +61,14 @@ impl<'a> Tables<'a> {
             return None;
         }
         let incidences = (0..count).map(|entry| geometry.incoming_direction(entry)).collect();
-        Some(Self { form, geometry, domain, alignment, incidences, outgoing: outgoing(domain) })
+        let triangles = match form {
+            Form::Planes(_, smooth) => smooth.nodes().predicting(),
+            Form::Lines(_) => Vec::new(),
+        };
+        let others =
+            |Predicting { mean, linear, quadratic }| Others { mean, linear: Some(linear), cubic: Some(quadratic) };
+        let triangles = triangles.into_iter().map(|predicting| predicting.map(others)).collect();
+        Some(Self { form, geometry, domain, alignment, incidences, outgoing: outgoing(domain), triangles })
     }
 
     pub(super) fn entries(&self) -> usize {
@@ -101,17 +113,12 @@ impl<'a> Tables<'a> {
         let axes = self.geometry.axes();
         match self.geometry.layout().incoming.map(|axis| &axes[axis]) {
             Some(Axis::Elevation(angles)) => {
-                let linear = between(angles, node)?.to_vec();
-                let rest: Vec<f64> = angles.iter().enumerate().filter(|(k, _)| *k != node).map(|(_, a)| *a).collect();
-                let (entries, weights) = Cubic::new(&rest).around(node - 1, linear[1].1);
-                let restored = entries.map(|entry| if entry as usize >= node { entry + 1 } else { entry });
-                Some(Others { linear, cubic: Some((restored, weights)) })
+                let linear = between(angles, node)?;
+                let cubic = Some(curved(angles, node, linear[1].1));
+                Some(Others { mean: linear.to_vec(), linear: None, cubic })
             }
-            Some(Axis::Grid(grid)) => Some(Others { linear: on_grid(grid, node)?, cubic: None }),
-            _ => match self.form {
-                Form::Planes(_, smooth) => Some(Others { linear: smooth.nodes().others(node)?, cubic: None }),
-                Form::Lines(_) => None,
-            },
+            Some(Axis::Grid(grid)) => on_grid(grid, node),
+            _ => self.triangles.get(node)?.clone(),
         }
     }
 }
@@ -123,15 +130,27 @@ fn between(angles: &[f64], node: usize) -> Option<[(usize, f32); 2]> {
     Some([(node - 1, 1.0 - t), (node + 1, t)])
 }
 
+/// The two angles below and the two above an inner one with the weights of a cubic, where the straight line gives the one above
+/// the weight `t`.
+fn curved(angles: &[f64], node: usize, t: f32) -> Vec<(usize, f32)> {
+    let rest: Vec<f64> = angles.iter().enumerate().filter(|(k, _)| *k != node).map(|(_, angle)| *angle).collect();
+    let (entries, weights) = Cubic::new(&rest).around(node - 1, t);
+    let restored = entries.map(|entry| entry as usize + usize::from(entry as usize >= node));
+    restored.into_iter().zip(weights).filter(|(_, weight)| *weight != 0.0).collect()
+}
+
 /// The directions of a grid above and below one; at the ends of the polar angle, those beside it.
-fn on_grid(grid: &DirectionGrid, entry: usize) -> Option<Vec<(usize, f32)>> {
+fn on_grid(grid: &DirectionGrid, entry: usize) -> Option<Others> {
     let [_, columns] = grid.shape();
     let (row, column) = (entry / columns, entry % columns);
     if let Some(rows) = between(grid.polar(), row) {
-        return Some(rows.map(|(row, weight)| (row * columns + column, weight)).to_vec());
+        let of_rows = |rows: Vec<(usize, f32)>| rows.into_iter().map(|(row, w)| (row * columns + column, w)).collect();
+        let cubic = of_rows(curved(grid.polar(), row, rows[1].1));
+        return Some(Others { mean: of_rows(rows.to_vec()), linear: None, cubic: Some(cubic) });
     }
     let beside = between(&grid.azimuths()?.angles, column)?;
-    Some(beside.map(|(column, weight)| (row * columns + column, weight)).to_vec())
+    let mean = beside.map(|(column, weight)| (row * columns + column, weight)).to_vec();
+    Some(Others { mean, linear: None, cubic: None })
 }
 
 /// Directions on a spiral (Swinbank & Purser 2006), on the sides of the horizon that a domain has.

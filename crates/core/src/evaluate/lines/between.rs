@@ -1,13 +1,15 @@
 //! Lines where a divisor or a cubic was chosen: what differs between incidences, and past the last of them.
 
-use super::course::{Course, FoundBetween};
+use super::course::{Course, FoundBetween, Outer};
+use super::sphere::{Patch, Sphere};
 use super::{AROUND, Found, Kind, Lines, Nodes, Part};
 use crate::compress::Between;
 use crate::domain::vector::Vector;
 use crate::domain::{Direction, Domain};
-use crate::evaluate::between::{Cubic, Divided, FOUR, MOST_BEYOND, held};
+use crate::evaluate::between::{Cubic, Divided, MOST_BEYOND, held};
 use crate::evaluate::incoming::{Alignment, carried};
 use crate::evaluate::mixed::NO_LIGHT;
+use crate::numeric::bracket::Bracket;
 use crate::numeric::logarithm::ln_f32;
 
 /// Heights below this count as this where a value is held past the last incidence.
@@ -21,15 +23,14 @@ impl Lines {
         if between.is_default() || !self.values.is_logarithmic() {
             return;
         }
-        let cubic = match &self.incoming.0 {
-            Kind::Elevations(angles) if between.cubic && angles.len() > 1 => Some(Cubic::new(angles)),
-            _ => None,
+        let angles = match &self.incoming.0 {
+            Kind::None => return,
+            Kind::Elevations(angles) => angles,
+            Kind::Grid(sphere) => sphere.grid().polar(),
         };
-        let last = match &self.incoming.0 {
-            Kind::Elevations(angles) => angles.len().checked_sub(1),
-            _ => None,
-        };
-        let last = last.map(|node| (self.directions[node][2], self.largest_at(entries, node)));
+        let cubic = (between.cubic && angles.len() > 1).then(|| Cubic::new(angles));
+        let last =
+            angles.last().map(|angle| (libm::cos(angle.to_radians()), self.largest_at_last(entries, angles.len())));
         let course = Course { stated: *between, divided: Divided::by(between.divisor), cubic, last };
         self.course = Some(Box::new(course));
     }
@@ -39,18 +40,24 @@ impl Lines {
         self.course.as_ref().map_or_else(Between::default, |course| course.stated)
     }
 
-    /// The largest logarithms of f·cos θo at a place of the incoming directions, by index entry and wavelength.
-    fn largest_at(&self, entries: usize, node: usize) -> Vec<f32> {
+    /// The largest logarithms of f·cos θo at the last of this many incoming elevations, by index entry and wavelength.
+    fn largest_at_last(&self, entries: usize, elevations: usize) -> Vec<f32> {
         let lambdas = self.values.lambdas();
         let mut largest = vec![f32::NEG_INFINITY; entries * lambdas];
         let Some(sphere) = &self.outgoing else { return largest };
+        let columns = match &self.incoming.0 {
+            Kind::Grid(sphere) => sphere.grid().len() / elevations,
+            _ => 1,
+        };
         for (entry, largest) in largest.chunks_exact_mut(lambdas).enumerate() {
-            let table = entry * self.values.incoming() + node;
-            for place in 0..sphere.grid().len() {
-                let height = sphere.grid().direction(place).cos_theta() as f32;
-                for (lambda, largest) in largest.iter_mut().enumerate().filter(|_| height > 0.0) {
-                    let [number] = self.values.numbers::<1>(table, place as u32, lambda);
-                    *largest = largest.max(number + ln_f32(height));
+            for node in (elevations - 1) * columns..elevations * columns {
+                let table = entry * self.values.incoming() + node;
+                for place in 0..sphere.grid().len() {
+                    let height = sphere.grid().direction(place).cos_theta() as f32;
+                    for (lambda, largest) in largest.iter_mut().enumerate().filter(|_| height > 0.0) {
+                        let [number] = self.values.numbers::<1>(table, place as u32, lambda);
+                        *largest = largest.max(number + ln_f32(height));
+                    }
                 }
             }
         }
@@ -60,53 +67,82 @@ impl Lines {
     /// As [`Lines::smooth`] on the way of `course`.
     pub(super) fn smooth_between(&self, course: &Course, entry: usize, wi: Vector, wo: Vector) -> Option<Found> {
         let Nodes { mut places, mut weights } = self.nodes(wi)?;
-        let mut cubic = None;
-        if let Some(own) = &course.cubic
-            && weights[1] > 0.0
-            && weights[1] < 1.0
-        {
-            let (four, cubic_weights) = own.around(places[0] as usize, weights[1] as f32);
-            (places, weights) = (four, [0.0, weights[0], weights[1], 0.0]);
-            cubic = Some((cubic_weights, 1.0));
+        let is_single = weights.contains(&1.0);
+        let (mut cubic, mut outer) = (None, None);
+        match (&course.cubic, &self.incoming.0) {
+            (Some(own), Kind::Grid(sphere)) if !is_single => {
+                (cubic, outer) = rows(own, sphere, wi, places).unzip();
+            }
+            (Some(own), _) if !is_single => {
+                let (four, cubic_weights) = own.around(places[0] as usize, weights[1] as f32);
+                (places, weights) = (four, [0.0, weights[0], weights[1], 0.0]);
+                cubic = Some(cubic_weights);
+            }
+            _ => {}
         }
         let is_past = course.last.as_ref().is_some_and(|(height, _)| wi[2] < *height - ROUNDING);
-        let base = entry * self.values.incoming();
+        let mut least = 1.0_f32;
         let mut found = Found::NOTHING;
         let mut divisors = [0.0; AROUND];
-        let single = |d: Vector| d.map(|x| x as f32);
         for k in 0..AROUND {
-            if weights[k] == 0.0 && cubic.is_none_or(|(weights, _): ([f32; FOUR], f32)| weights[k] == 0.0) {
+            if weights[k] == 0.0 && cubic.is_none_or(|weights: [f32; AROUND]| weights[k] == 0.0) {
                 continue;
             }
-            let to = self.directions[places[k] as usize];
-            let (mut there, worth) = if weights[k] == 1.0 && !is_past || self.alignment == Alignment::None {
-                (wo, 1.0)
-            } else {
-                carried(self.alignment, self.domain, wi, to, wo)
-            };
-            let patch = |d: Vector| self.outgoing.as_ref().and_then(|sphere| sphere.patch(Direction::from_unit(d)));
-            found.patches[k] = patch(there);
-            if is_past && found.patches[k].is_none() {
-                // It alone counts: what the grid does not cover there is taken from where it is asked for.
-                there = wo;
-                found.patches[k] = patch(wo);
-            }
-            // A stated direction is the sample, whatever rounding made of it.
-            let from = if weights[k] == 1.0 && !is_past { wi } else { to };
-            divisors[k] = course.divided.one(single(from), single(there));
-            if let Some((_, least)) = &mut cubic {
-                *least = least.min(worth);
-            }
-            found.tables[k] = base + places[k] as usize;
+            let stays = weights[k] == 1.0 && !is_past;
+            let worth;
+            (found.patches[k], divisors[k], worth) = self.seen_under(course, places[k], (wi, wo), stays, is_past);
+            least = least.min(worth);
+            found.tables[k] = entry * self.values.incoming() + places[k] as usize;
             found.weights[k] = weights[k] as f32 * worth;
             found.count = k + 1;
         }
+        let outer = outer.map(|(places, weights)| {
+            let mut outer = Outer { tables: [0; AROUND], patches: [None; AROUND], divisors: [0.0; AROUND], weights };
+            for k in (0..AROUND).filter(|&k| weights[k] != 0.0) {
+                let worth;
+                (outer.patches[k], outer.divisors[k], worth) =
+                    self.seen_under(course, places[k], (wi, wo), false, false);
+                least = least.min(worth);
+                outer.tables[k] = entry * self.values.incoming() + places[k] as usize;
+            }
+            Box::new(outer)
+        });
+        let single = |d: Vector| d.map(|x| x as f32);
         let own = course.divided.one(single(wi), single(wo));
         let height = ln_f32((wo[2].abs() as f32).max(LEAST_COSINE));
         let is_held = is_past && self.domain == Domain::Hemisphere;
         let held = is_held.then_some((entry * self.values.lambdas(), height));
-        found.between = Some(FoundBetween { divisors, own, cubic, held });
+        let cubic = cubic.map(|weights| (weights, least));
+        found.between = Some(FoundBetween { divisors, own, cubic, outer, held });
         Some(found)
+    }
+
+    /// Where the incoming place has what is asked for: the patch there, the logarithm of the divisor, and what it is worth. It
+    /// `stays` where a stated direction is asked for.
+    fn seen_under(
+        &self,
+        course: &Course,
+        place: u32,
+        (wi, wo): (Vector, Vector),
+        stays: bool,
+        is_past: bool,
+    ) -> (Option<Patch>, f32, f32) {
+        let to = self.directions[place as usize];
+        let (mut there, worth) = if stays || self.alignment == Alignment::None {
+            (wo, 1.0)
+        } else {
+            carried(self.alignment, self.domain, wi, to, wo)
+        };
+        let patch = |d: Vector| self.outgoing.as_ref().and_then(|sphere| sphere.patch(Direction::from_unit(d)));
+        let mut found = patch(there);
+        if is_past && found.is_none() {
+            // It alone counts: what the grid does not cover there is taken from where it is asked for.
+            (there, found) = (wo, patch(wo));
+        }
+        // A stated direction is the sample, whatever rounding made of it.
+        let from = if stays { wi } else { to };
+        let single = |d: Vector| d.map(|x| x as f32);
+        (found, course.divided.one(single(from), single(there)), worth)
     }
 
     /// `SIZE` samples from `lambda` on, of what was found on the way from one incidence to the next.
@@ -117,24 +153,33 @@ impl Lines {
         lambda: usize,
     ) -> [f32; SIZE] {
         let nothing = Part { number: [0.0; SIZE], live: [0.0; SIZE], known: [0.0; SIZE] };
+        let part = |table: usize, patch: &Option<Patch>, divisor: f32| {
+            let mut part = self.part(table, patch.as_ref(), lambda);
+            part.number.iter_mut().for_each(|number| *number -= divisor);
+            part
+        };
         let (mut parts, mut total) = ([nothing; AROUND], 0.0);
         for k in 0..found.count {
             let is_cubic = between.cubic.is_some_and(|(weights, _)| weights[k] != 0.0);
-            if found.weights[k] == 0.0 && !is_cubic {
-                continue;
-            }
-            parts[k] = self.part(found, k, lambda);
-            total += found.weights[k];
-            for number in &mut parts[k].number {
-                *number -= between.divisors[k];
+            if found.weights[k] != 0.0 || is_cubic {
+                parts[k] = part(found.tables[k], &found.patches[k], between.divisors[k]);
+                total += found.weights[k];
             }
         }
+        let outer = between.outer.as_deref().map(|Outer { tables, patches, divisors, weights }| {
+            let parts: [Part<SIZE>; AROUND] = std::array::from_fn(|k| {
+                if weights[k] == 0.0 { nothing } else { part(tables[k], &patches[k], divisors[k]) }
+            });
+            (parts, weights)
+        });
         std::array::from_fn(|l| {
             let (mut sum, mut live, mut known) = (0.0, 0.0, 0.0);
-            for (part, weight) in parts.iter().zip(found.weights) {
+            let mut range = [f32::INFINITY, f32::NEG_INFINITY];
+            for (part, weight) in parts.iter().zip(found.weights).filter(|(_, weight)| *weight != 0.0) {
                 sum += weight * part.live[l] * part.number[l];
                 live += weight * part.live[l];
                 known += weight * part.known[l];
+                range = [range[0].min(part.number[l]), range[1].max(part.number[l])];
             }
             if known <= NO_LIGHT * total {
                 return f32::NAN;
@@ -143,11 +188,15 @@ impl Lines {
                 return 0.0;
             }
             let mut number = sum / live;
-            if let Some((weights, worth)) = between.cubic
-                && parts.iter().zip(weights).all(|(part, weight)| weight == 0.0 || part.live[l] == 1.0)
-            {
-                let cubic: f32 = parts.iter().zip(weights).map(|(part, weight)| weight * part.number[l]).sum();
-                number += worth * (held(cubic, [parts[1].number[l], parts[2].number[l]]) - number);
+            if let Some((weights, worth)) = between.cubic {
+                let outer = outer.iter().flat_map(|(parts, weights)| parts.iter().zip(weights.iter()));
+                let all = || parts.iter().zip(&weights).chain(outer.clone()).filter(|(_, weight)| **weight != 0.0);
+                // Straight lines where a place fades, or has no light.
+                let worth = all().fold(worth, |least, (part, _)| least.min(part.live[l]));
+                if worth > 0.0 {
+                    let cubic: f32 = all().map(|(part, weight)| weight * part.number[l]).sum();
+                    number += worth * (held(cubic, range) - number);
+                }
             }
             number += between.own;
             if let (Some((first, height)), Some(course)) = (between.held, &self.course)
@@ -160,4 +209,36 @@ impl Lines {
             if live < known { sample * (live / known) } else { sample }
         })
     }
+}
+
+/// Places with their weights.
+type Weighed = ([u32; AROUND], [f32; AROUND]);
+
+/// The cubic over the rows of an incoming grid, on straight lines between its columns: weights of the places around, and the
+/// places on the rows before and after them; `None` on a row.
+fn rows(own: &Cubic, sphere: &Sphere, wi: Vector, around: [u32; AROUND]) -> Option<([f32; AROUND], Weighed)> {
+    let direction = Direction::from_unit(wi);
+    let [polar, _] = sphere.grid().angles(direction)?;
+    let bracket = Bracket::held(sphere.grid().polar(), polar).snapped(f64::from(f32::EPSILON));
+    if bracket.t == 0.0 || bracket.t == 1.0 {
+        return None;
+    }
+    let patch = sphere.patch(direction)?;
+    let (_, of_rows) = own.around(bracket.below, bracket.t as f32);
+    let weight = |row: usize, column: usize| {
+        let along = patch.along[row].t;
+        of_rows[row] * if column == 1 { 1.0 - along } else { along }
+    };
+    let mut weights = std::array::from_fn(|k| weight(1 + k / 2, 1 + k % 2));
+    // Places that are one are so here, too.
+    for k in 0..AROUND {
+        for other in k + 1..AROUND {
+            if around[other] == around[k] {
+                weights[k] += std::mem::take(&mut weights[other]);
+            }
+        }
+    }
+    let outer = |k: usize| (3 * (k / 2), 1 + k % 2);
+    let places = std::array::from_fn(|k| patch.places[outer(k).0][outer(k).1]);
+    Some((weights, (places, std::array::from_fn(|k| weight(outer(k).0, outer(k).1)))))
 }

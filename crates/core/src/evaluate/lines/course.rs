@@ -1,5 +1,6 @@
 //! Way of samples on a grid from one incidence to the next, where a divisor or a cubic was chosen.
 
+use super::sphere::Patch;
 use crate::compress::Between;
 use crate::evaluate::between::{Cubic, Divided, FOUR};
 
@@ -14,15 +15,26 @@ pub(super) struct Course {
 }
 
 /// What was found on the way from one incidence to the next.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct FoundBetween {
     /// Logarithms of the divisor at the places that are mixed, and at the place asked for.
     pub(super) divisors: [f32; FOUR],
     pub(super) own: f32,
     /// Weights of a cubic, and the least worth of its places.
     pub(super) cubic: Option<([f32; FOUR], f32)>,
+    /// Between the rows of an incoming grid: what the cubic weighs beside the places that straight lines mix.
+    pub(super) outer: Option<Box<Outer>>,
     /// Past the last incidence: the first of the entry's largest logarithms, and the logarithm of cos θo.
     pub(super) held: Option<(usize, f32)>,
+}
+
+/// Places of a cubic on the rows before and after those around: their tables, patches, logarithms of the divisor and weights.
+#[derive(Clone, Debug)]
+pub(super) struct Outer {
+    pub(super) tables: [usize; FOUR],
+    pub(super) patches: [Option<Patch>; FOUR],
+    pub(super) divisors: [f32; FOUR],
+    pub(super) weights: [f32; FOUR],
 }
 
 impl Course {

@@ -89,7 +89,7 @@ struct Nodes {
 }
 
 /// The places around a direction that are to be mixed.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Found {
     count: usize,
     tables: [usize; AROUND],
@@ -377,7 +377,7 @@ impl Lines {
         for k in 0..found.count {
             let weight = found.weights[k];
             total += weight;
-            let part = self.part::<SIZE>(found, k, lambda);
+            let part = self.part::<SIZE>(found.tables[k], found.patches[k].as_ref(), lambda);
             for l in 0..SIZE {
                 sums.number[l] += weight * part.live[l] * part.number[l];
                 sums.live[l] += weight * part.live[l];
@@ -397,12 +397,12 @@ impl Lines {
         })
     }
 
-    /// What one of the incoming places around has.
+    /// What the table of an incoming place has in a patch.
     #[inline(always)]
-    fn part<const SIZE: usize>(&self, found: &Found, k: usize, lambda: usize) -> Part<SIZE> {
-        match (&found.patches[k], &self.outgoing) {
-            (Some(patch), _) => self.patch::<SIZE>(found.tables[k], patch, lambda),
-            (None, None) => self.node(found.tables[k], 0, lambda),
+    fn part<const SIZE: usize>(&self, table: usize, patch: Option<&Patch>, lambda: usize) -> Part<SIZE> {
+        match (patch, &self.outgoing) {
+            (Some(patch), _) => self.patch::<SIZE>(table, patch, lambda),
+            (None, None) => self.node(table, 0, lambda),
             (None, Some(_)) => {
                 let outside = self.outside();
                 let known = if outside.is_nan() { 0.0 } else { 1.0 };

@@ -1,12 +1,13 @@
 //! The smooth form where a divisor or a cubic was chosen: what differs between incidences, and past the last of them.
 
-use super::course::{Course, Divisors};
+use super::course::{Course, Divisors, Lanes, MOST_LANES};
 use super::{Seen, SeenBlock, Smooth};
 use crate::domain::vector::Vector;
-use crate::evaluate::between::{FOUR, MOST_BEYOND, held};
+use crate::evaluate::between::{FOUR, MOST_BEYOND, NO_WEIGHT, held, range};
 use crate::evaluate::elements::{NODES, Patches};
-use crate::evaluate::incoming::{Nodes, Origin, carried_to_four};
-use crate::evaluate::mixed::{MOST_PLANES, Mixed};
+use crate::evaluate::incoming::middles::Entries;
+use crate::evaluate::incoming::{Nodes, Origin, carried, carried_to_four};
+use crate::evaluate::mixed::{MOST_PLANES, Mixed, Mixture};
 use crate::numeric::logarithm::ln_f32;
 use wide::f32x4;
 
@@ -31,73 +32,143 @@ impl Smooth {
         course.last = Some((last[2], peaks.collect()));
     }
 
+    /// What a node that is no entry has along `d`, made of the entries of the table at `first`: by the weights of a fit, and by
+    /// those of a mean where one of the fit fades or has no light.
+    pub(super) fn made_between(
+        &self,
+        course: &Course,
+        first: usize,
+        nodes: &Nodes,
+        [means, fit]: [&Entries; 2],
+        wi: Vector,
+        d: Vector,
+    ) -> Mixed {
+        let seen = |source: usize| {
+            let to = nodes.direction(source);
+            let (there, worth) = carried(self.alignment, self.domain, wi, to, d);
+            let mut seen = self.looked_up(first + source, there);
+            course.divide(&mut seen, to, there);
+            (seen, worth)
+        };
+        let mut mean = Mixture::new();
+        for &(source, weight) in means {
+            let (seen, worth) = seen(source);
+            mean.add(seen, weight * worth);
+        }
+        let mut mixed = mean.finish();
+        let (mut row, mut total, mut least) = ([0.0_f32; MOST_PLANES], 0.0, 1.0_f32);
+        for &(source, weight) in fit.iter().filter(|(_, weight)| weight.abs() > NO_WEIGHT) {
+            let (seen, worth) = seen(source);
+            least = least.min(worth).min(if seen.presence > 0.0 { seen.presence } else { 0.0 });
+            total += weight;
+            row.iter_mut().zip(seen.row).for_each(|(sum, value)| *sum += weight * value);
+        }
+        if least > 0.0 {
+            for (value, fitted) in mixed.row.iter_mut().zip(row) {
+                *value += least * (fitted / total - *value);
+            }
+        }
+        course.multiply(&mut mixed, wi, d);
+        mixed
+    }
+
     /// As [`Smooth::at`] on the way of `course`.
     #[inline(always)]
     pub(super) fn at_between(&self, course: &Course, entry: usize, seen: &Seen) -> Mixed {
-        match self.width {
-            4 => self.at_between_in::<4>(course, entry, seen),
-            8 => self.at_between_in::<8>(course, entry, seen),
-            12 => self.at_between_in::<12>(course, entry, seen),
-            _ => self.at_between_in::<MOST_PLANES>(course, entry, seen),
+        match (self.width, course.is_wide()) {
+            (4, false) => self.at_between_in::<4, 1>(course, entry, seen),
+            (8, false) => self.at_between_in::<8, 1>(course, entry, seen),
+            (12, false) => self.at_between_in::<12, 1>(course, entry, seen),
+            (_, false) => self.at_between_in::<MOST_PLANES, 1>(course, entry, seen),
+            (4, true) => self.at_between_in::<4, 2>(course, entry, seen),
+            (8, true) => self.at_between_in::<8, 2>(course, entry, seen),
+            (12, true) => self.at_between_in::<12, 2>(course, entry, seen),
+            (_, true) => self.at_between_in::<MOST_PLANES, 2>(course, entry, seen),
         }
     }
 
+    /// [`Smooth::at_between`] with as many planes, and nodes in one or two groups of four.
     #[inline(always)]
-    fn at_between_in<const WIDTH: usize>(&self, course: &Course, entry: usize, seen: &Seen) -> Mixed {
+    fn at_between_in<const WIDTH: usize, const GROUPS: usize>(
+        &self,
+        course: &Course,
+        entry: usize,
+        seen: &Seen,
+    ) -> Mixed {
         let &Seen { around, wi, wo } = seen;
-        let lanes = course.lanes(&around);
+        let Lanes { nodes, linear, curve } = course.lanes(&self.nodes, &around);
         let origin = Origin::new(wi);
-        let to = lanes.nodes.map(|node| self.origins[node as usize]);
-        let (there, worths) = carried_to_four(self.alignment, self.domain, origin, to, wo);
-        let mut patches = Patches::<FOUR>::NOWHERE;
-        self.elements.write(there, &mut patches, 0);
-        let from = [0, 1, 2].map(|axis| f32x4::new(to.map(|to| to.direction[axis])));
-        let divisors = course.divided.four(from, there).to_array();
-        let worths = worths.to_array();
-
-        let is_used = |k: usize| lanes.linear[k] > 0.0 || lanes.cubic.is_some_and(|weights| weights[k] != 0.0);
-        let mut rows = [[0.0_f32; WIDTH]; FOUR];
-        let (mut shares, mut live, mut known, mut all_live) = ([1.0_f32; FOUR], 0.0, 0.0, true);
-        for k in (0..FOUR).filter(|&k| is_used(k)) {
-            let table = entry * self.node_count + lanes.nodes[k] as usize;
-            let base = table * self.elements.len();
-            let mut known_share = 1.0;
-            if !self.presence.is_empty() {
-                (shares[k], known_share) = self.presence_in(base, &patches, k);
-                all_live &= shares[k] == 1.0 && known_share > 0.0;
+        let is_used = |k: usize| linear[k] > 0.0 || curve.is_some_and(|weights| weights[k] != 0.0);
+        let mut rows = [[0.0_f32; WIDTH]; MOST_LANES];
+        let (mut shares, mut worths) = ([1.0_f32; MOST_LANES], [0.0_f32; MOST_LANES]);
+        let (mut live, mut known) = (0.0, 0.0);
+        // A lane that no node needs holds the place itself.
+        let has_own_lane = GROUPS == 1 && curve.is_none();
+        let (mut own, mut divided) = (0.0, 0.0);
+        for group in 0..GROUPS {
+            let nodes_here: [u32; FOUR] = std::array::from_fn(|k| nodes[group * FOUR + k]);
+            let mut to = nodes_here.map(|node| self.origins[node as usize]);
+            if has_own_lane {
+                to[FOUR - 1] = origin;
             }
-            rows[k] = self.row_in::<WIDTH>(base, &patches, k);
-            for (value, constant) in rows[k].iter_mut().zip(course.constant) {
-                *value -= divisors[k] * constant;
-            }
-            let weight = lanes.linear[k] * worths[k];
-            if known_share > 0.0 {
-                known += weight;
-                live += weight * shares[k];
-            } else {
-                shares[k] = 0.0;
+            let (there, worth) = carried_to_four(self.alignment, self.domain, origin, to, wo);
+            let mut patches = Patches::<FOUR>::NOWHERE;
+            self.elements.write(there, &mut patches, 0);
+            let from = [0, 1, 2].map(|axis| f32x4::new(to.map(|to| to.direction[axis])));
+            let (divisors, worth) = (course.divided.four(from, there).to_array(), worth.to_array());
+            own = divisors[FOUR - 1];
+            for (lane, k) in (group * FOUR..).take(FOUR).enumerate().filter(|(_, k)| is_used(*k)) {
+                worths[k] = worth[lane];
+                let base = (entry * self.node_count + nodes[k] as usize) * self.elements.len();
+                let mut known_share = 1.0;
+                if !self.presence.is_empty() {
+                    (shares[k], known_share) = self.presence_in(base, &patches, lane);
+                }
+                rows[k] = self.row_in::<WIDTH>(base, &patches, lane);
+                let weight = linear[k] * worths[k];
+                if curve.is_some() {
+                    for (value, constant) in rows[k].iter_mut().zip(course.constant) {
+                        *value -= divisors[lane] * constant;
+                    }
+                }
+                if known_share > 0.0 {
+                    known += weight;
+                    live += weight * shares[k];
+                    divided += weight * shares[k] * divisors[lane];
+                } else {
+                    shares[k] = 0.0;
+                }
             }
         }
+        let lanes = 0..GROUPS * FOUR;
         let mut row = [0.0; MOST_PLANES];
-        for k in 0..FOUR {
-            let weight = lanes.linear[k] * worths[k] * shares[k];
+        for k in lanes.clone() {
+            let weight = linear[k] * worths[k] * shares[k];
             row.iter_mut().zip(rows[k]).for_each(|(sum, value)| *sum += weight * value);
         }
         // Weights are small where all nodes fade: the scale of what counts as none goes with them.
-        let scale = 1.0 / (0..FOUR).map(|k| lanes.linear[k] * worths[k]).sum::<f32>();
+        let scale = 1.0 / lanes.clone().map(|k| linear[k] * worths[k]).sum::<f32>();
         for value in &mut row {
             *value *= scale;
         }
         let mut mixed = Mixed::settled(row, live * scale, known * scale);
-        if let Some(weights) = lanes.cubic.filter(|_| all_live) {
-            let worth = worths.iter().zip(weights).filter(|(_, weight)| *weight != 0.0).map(|(worth, _)| *worth);
-            let worth = worth.fold(1.0, f32::min);
+        if let Some(weights) = curve {
+            // Straight lines where a node fades, or has no light.
+            let used = lanes.clone().filter(|&k| weights[k] != 0.0);
+            let worth = used.fold(1.0_f32, |least, k| least.min(worths[k]).min(shares[k]));
             for (plane, value) in mixed.row.iter_mut().enumerate().take(WIDTH) {
-                let sum: f32 = (0..FOUR).map(|k| weights[k] * rows[k][plane]).sum();
-                *value += worth * (held(sum, [rows[1][plane], rows[2][plane]]) - *value);
+                let sum: f32 = lanes.clone().map(|k| weights[k] * rows[k][plane]).sum();
+                let mixed = lanes.clone().filter(|&k| linear[k] > 0.0);
+                *value += worth * (held(sum, range(mixed.map(|k| rows[k][plane]))) - *value);
             }
         }
-        let mut own = course.divided.one(origin.direction, wo.map(|x| x as f32));
+        if !has_own_lane {
+            own = course.divided.one(origin.direction, wo.map(|x| x as f32));
+        }
+        // On straight lines all rows are divided at once, so that they need not wait for logarithms.
+        if curve.is_none() && live > 0.0 {
+            own -= divided / live;
+        }
         let past = course.last.as_ref().filter(|(height, _)| wi[2] < *height - ROUNDING);
         if let Some(peak) = past.map(|(_, peaks)| peaks[entry]).filter(|peak| peak.is_finite()) {
             let most = peak + ln_f32(MOST_BEYOND) - ln_f32((wo[2] as f32).max(LEAST_COSINE));
@@ -108,6 +179,7 @@ impl Smooth {
     }
 
     /// Multiplies what was mixed at the places of a block; those past the last incidence are looked up again by themselves.
+    #[inline(always)]
     pub(super) fn multiply_block(
         &self,
         course: &Course,
@@ -116,13 +188,15 @@ impl Smooth {
         seen: &SeenBlock,
         to: &mut [Mixed],
     ) {
+        let single = [&seen.wi, &seen.wo].map(|of| of.map(|numbers| numbers.map(|x| x as f32)));
+        let [wi, wo] = single.each_ref();
+        let own = course.divisors(wi.each_ref(), wo.each_ref());
         for (i, to) in to.iter_mut().enumerate() {
-            let Seen { wi, wo, .. } = seen.get(i);
+            let wi = seen.get(i).wi;
             if course.last.as_ref().is_some_and(|(height, _)| wi[2] < *height - ROUNDING) {
                 *to = self.at_between(course, entry, &seen.get(i));
             } else {
-                let own = course.divided.one(wi.map(|x| x as f32), wo.map(|x| x as f32));
-                course.shift(&mut to.row, own - divisors.mean(i));
+                course.shift(&mut to.row, own[i] - divisors.mean(i));
             }
         }
     }

@@ -7,13 +7,14 @@ use crate::evaluate::incoming::{Around, Nodes};
 use crate::evaluate::kernel::BLOCK;
 use crate::evaluate::mixed::{Mixed, Row};
 use crate::evaluate::planes::Planes;
+use wide::f32x4;
 
 /// The way from one incidence to the next.
 #[derive(Debug)]
 pub(super) struct Course {
     stated: Between,
     pub(super) divided: Divided,
-    cubic: Option<Cubic>,
+    curve: Option<Curve>,
     /// The row that adds 1 to the logarithm of every wavelength.
     pub(super) constant: Row,
     /// Past the last elevation: its height, and for each index entry the largest logarithm of f·cos θo there, the mean over
@@ -21,12 +22,25 @@ pub(super) struct Course {
     pub(super) last: Option<(f64, Vec<f32>)>,
 }
 
-/// The nodes around an incoming direction, in as many lanes.
+/// The curve through nodes over incoming directions, where it is not straight.
+#[derive(Debug)]
+enum Curve {
+    /// Through four elevations.
+    Cubic(Cubic),
+    /// Through six nodes of a triangle.
+    Quadratic,
+}
+
+/// Nodes of curves, at most.
+pub(super) const MOST_LANES: usize = 2 * FOUR;
+
+/// The nodes around an incoming direction, in as many lanes; those without weight stand for nothing.
 pub(super) struct Lanes {
-    pub(super) nodes: [u32; FOUR],
-    pub(super) linear: [f32; FOUR],
-    /// Weights of a cubic; its middle lanes are those of the straight line.
-    pub(super) cubic: Option<[f32; FOUR]>,
+    pub(super) nodes: [u32; MOST_LANES],
+    /// Weights on straight lines.
+    pub(super) linear: [f32; MOST_LANES],
+    /// Weights of a curve.
+    pub(super) curve: Option<[f32; MOST_LANES]>,
 }
 
 impl Course {
@@ -35,12 +49,13 @@ impl Course {
         if between.is_default() || !planes.has_logarithms() {
             return None;
         }
-        let cubic = match nodes {
-            Nodes::Elevations(angles, _) if between.cubic && angles.len() > 1 => Some(Cubic::new(angles)),
+        let curve = match nodes {
+            Nodes::Elevations(angles, _) if between.cubic && angles.len() > 1 => Some(Curve::Cubic(Cubic::new(angles))),
+            Nodes::Triangles(_) if between.cubic => Some(Curve::Quadratic),
             _ => None,
         };
         let (divided, constant) = (Divided::by(between.divisor), planes.constant());
-        Some(Self { stated: *between, divided, cubic, constant, last: None })
+        Some(Self { stated: *between, divided, curve, constant, last: None })
     }
 
     /// The interpolation between incidences that was stated.
@@ -51,6 +66,17 @@ impl Course {
     /// Logarithm of the divisor.
     fn divisor(&self, wi: Vector, wo: Vector) -> f32 {
         self.divided.one(wi.map(|x| x as f32), wo.map(|x| x as f32))
+    }
+
+    /// Logarithms of the divisor for a block of pairs.
+    #[inline(always)]
+    pub(super) fn divisors(&self, wi: [&[f32; BLOCK]; 3], wo: [&[f32; BLOCK]; 3]) -> [f32; BLOCK] {
+        let mut logarithms = [0.0; BLOCK];
+        for (k, four) in logarithms.as_chunks_mut::<FOUR>().0.iter_mut().enumerate() {
+            let at = |of: [&[f32; BLOCK]; 3]| of.map(|numbers| f32x4::new(numbers.as_chunks::<FOUR>().0[k]));
+            *four = self.divided.four(at(wi), at(wo)).to_array();
+        }
+        logarithms
     }
 
     /// Divides what is seen along `there` under `to`.
@@ -78,26 +104,45 @@ impl Course {
         sum / square
     }
 
+    /// The nodes around an incoming direction with their weights, three of which are around it on straight lines.
     #[inline(always)]
-    pub(super) fn lanes(&self, around: &Around) -> Lanes {
+    pub(super) fn lanes(&self, nodes: &Nodes, around: &Around) -> Lanes {
         let ([a, b, c], [u, v, w]) = (around.nodes, around.weights);
-        match &self.cubic {
-            Some(cubic) if v > 0.0 => {
-                let (nodes, weights) = cubic.around(a as usize, v);
-                Lanes { nodes, linear: [0.0, u, v, 0.0], cubic: Some(weights) }
+        match &self.curve {
+            Some(Curve::Cubic(cubic)) if v > 0.0 => {
+                let ([e, f, g, h], [p, q, r, s]) = cubic.around(a as usize, v);
+                Lanes {
+                    nodes: [e, f, g, h, e, e, e, e],
+                    linear: [0.0, u, v, 0.0, 0.0, 0.0, 0.0, 0.0],
+                    curve: Some([p, q, r, s, 0.0, 0.0, 0.0, 0.0]),
+                }
             }
-            _ => Lanes { nodes: [a, b, c, a], linear: [u, v, w, 0.0], cubic: None },
+            Some(Curve::Quadratic) => {
+                let ([d, e, f, g, h, i], [p, q, r, s, t, x]) = nodes.quadratic(around.nodes, around.weights);
+                Lanes {
+                    nodes: [d, e, f, g, h, i, d, d],
+                    linear: [u, v, w, 0.0, 0.0, 0.0, 0.0, 0.0],
+                    curve: Some([p, q, r, s, t, x, 0.0, 0.0]),
+                }
+            }
+            _ => Lanes { nodes: [a, b, c, a, a, a, a, a], linear: [u, v, w, 0.0, 0.0, 0.0, 0.0, 0.0], curve: None },
         }
+    }
+
+    /// Returns true where a curve has more nodes than fit side by side.
+    #[inline]
+    pub(super) fn is_wide(&self) -> bool {
+        matches!(self.curve, Some(Curve::Quadratic))
     }
 
     /// Returns true where more nodes are looked at than those of straight lines.
     #[inline]
-    pub(super) fn has_cubic(&self) -> bool {
-        self.cubic.is_some()
+    pub(super) fn has_curve(&self) -> bool {
+        self.curve.is_some()
     }
 
     pub(super) fn memory(&self) -> usize {
-        let cubic = self.cubic.as_ref().map_or(0, Cubic::memory);
+        let cubic = if let Some(Curve::Cubic(cubic)) = &self.curve { cubic.memory() } else { 0 };
         size_of::<Self>() + cubic + self.last.as_ref().map_or(0, |(_, peaks)| size_of_val(&**peaks))
     }
 }
@@ -111,11 +156,20 @@ pub(super) struct Divisors {
 impl Divisors {
     pub(super) const NOTHING: Self = Self { sums: [0.0; BLOCK], weights: [0.0; BLOCK] };
 
-    /// Adds what place `i` is seen by under a node.
+    /// Adds what the places are seen by under the nodes of these directions.
     #[inline(always)]
-    pub(super) fn add(&mut self, course: &Course, i: usize, to: [f32; 3], there: [f32; 3], weight: f32) {
-        self.sums[i] += weight * course.divided.one(to, there);
-        self.weights[i] += weight;
+    pub(super) fn add(
+        &mut self,
+        course: &Course,
+        [x, y, z, ..]: &[[f32; BLOCK]; 5],
+        there: &[[f32; BLOCK]; 3],
+        weights: &[f32; BLOCK],
+    ) {
+        let logarithms = course.divisors([x, y, z], there.each_ref());
+        for i in 0..BLOCK {
+            self.sums[i] += weights[i] * logarithms[i];
+            self.weights[i] += weights[i];
+        }
     }
 
     /// The mean of the logarithms at place `i`.

@@ -200,9 +200,9 @@ impl Smooth {
     pub(super) fn at_block(&self, entry: usize, seen: &mut SeenBlock, to: &mut [Mixed]) {
         let alignment = if matches!(self.nodes, Nodes::One) { Alignment::None } else { self.alignment };
         let is_whole = self.domain == Domain::Sphere;
-        let is_single = self.course.as_ref().is_some_and(|course| course.has_cubic() || !self.presence.is_empty());
+        let is_single = self.course.as_ref().is_some_and(|course| course.has_curve() || !self.presence.is_empty());
         if is_single || is_whole && !matches!(alignment, Alignment::None | Alignment::Rotation) {
-            // Cubics look at other nodes; above and below the horizon there are different ways.
+            // Curves look at other nodes; above and below the horizon there are different ways.
             to.iter_mut().enumerate().for_each(|(i, to)| *to = self.at(entry, &seen.get(i)));
             return;
         }
@@ -215,9 +215,12 @@ impl Smooth {
                     alignment,
                     #[inline(always)]
                     |alignment| match &self.course {
-                        None => self.look_up_block(alignment, is_whole, count, seen, |_, _, _, _| ()),
-                        Some(course) => self.look_up_block(alignment, is_whole, count, seen, |i, to, there, weight| {
-                            divisors.add(course, i, to, there, weight);
+                        None => self.look_up_block(alignment, is_whole, count, seen, |_, _, _| ()),
+                        Some(course) => self.look_up_block(alignment, is_whole, count, seen, |to, there, weights| {
+                            // Elevations have no third node.
+                            if weights.iter().any(|weight| *weight > 0.0) {
+                                divisors.add(course, to, there, weights);
+                            }
                         }),
                     },
                 );
@@ -229,12 +232,15 @@ impl Smooth {
             },
         );
         if let Some(course) = &self.course {
-            self.multiply_block(course, entry, &divisors, seen, to);
+            wide(
+                #[inline(always)]
+                || self.multiply_block(course, entry, &divisors, seen, to),
+            );
         }
     }
 
     /// Writes the patches in which places are seen under `count` nodes around, and multiplies weights with their worth. `each` is
-    /// told of every place, the direction of the node, where the place is looked up there, and its weight.
+    /// told for every node around: its directions, where the places are looked up there, and their weights.
     #[inline(always)]
     fn look_up_block(
         &self,
@@ -242,7 +248,7 @@ impl Smooth {
         is_free: bool,
         count: usize,
         seen: &mut SeenBlock,
-        mut each: impl FnMut(usize, [f32; 3], [f32; 3], f32),
+        mut each: impl FnMut(&[[f32; BLOCK]; 5], &[[f32; BLOCK]; 3], &[f32; BLOCK]),
     ) {
         let mut origins = [[0.0; BLOCK]; 5];
         for i in 0..BLOCK {
@@ -262,6 +268,7 @@ impl Smooth {
                     }
                 }
             }
+            let mut theres = [[0.0; BLOCK]; 3];
             for i in 0..BLOCK {
                 let at = |of: &[[f32; BLOCK]; 5]| Origin {
                     direction: [of[0][i], of[1][i], of[2][i]],
@@ -271,11 +278,14 @@ impl Smooth {
                     carried_to(alignment, is_free, at(&origins), at(&to), [wo[0][i], wo[1][i], wo[2][i]]);
                 self.elements.write(there, patches, i);
                 weights[i] *= worth;
-                each(i, [to[0][i], to[1][i], to[2][i]], there, weights[i]);
+                for (theres, number) in theres.iter_mut().zip(there) {
+                    theres[i] = number;
+                }
                 for shares in &mut patches.weights {
                     shares[i] *= weights[i];
                 }
             }
+            each(&to, &theres, weights);
         }
     }
 

@@ -78,6 +78,9 @@ impl Smooth {
             smooth.presence =
                 smooth.presence.chunks_exact(own * outgoing).flat_map(|c| &c[..outgoing]).copied().collect();
         }
+        if between.cubic {
+            nodes.add_middles();
+        }
         let mut course = Course::new(between, planes, &nodes);
         smooth.add_nodes_between(&nodes, entries, &directions, course.as_ref());
         smooth.node_count = nodes.counts().0;
@@ -210,25 +213,19 @@ impl Smooth {
             .par_iter()
             .map(|&(entry, node)| {
                 let wi = nodes.direction(node);
-                let sources = nodes.sources(node);
+                let (means, sources) = (nodes.mean_sources(node), nodes.sources(node));
                 directions
                     .iter()
                     .map(|&d| {
+                        if let Some(course) = course {
+                            return self.made_between(course, entry * own, nodes, [&means, &sources], wi, d);
+                        }
                         let mut mix = Mixture::new();
                         for &(source, weight) in &sources {
-                            let to = nodes.direction(source);
-                            let (there, worth) = carried(self.alignment, self.domain, wi, to, d);
-                            let mut seen = self.looked_up(entry * own + source, there);
-                            if let Some(course) = course {
-                                course.divide(&mut seen, to, there);
-                            }
-                            mix.add(seen, weight * worth);
+                            let (there, worth) = carried(self.alignment, self.domain, wi, nodes.direction(source), d);
+                            mix.add(self.looked_up(entry * own + source, there), weight * worth);
                         }
-                        let mut mixed = mix.finish();
-                        if let Some(course) = course {
-                            course.multiply(&mut mixed, wi, d);
-                        }
-                        mixed
+                        mix.finish()
                     })
                     .collect()
             })
