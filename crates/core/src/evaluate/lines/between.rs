@@ -1,0 +1,257 @@
+//! What lies between the places found around a direction: cubics of logarithms or straight lines, by the shares of
+//! light.
+
+use super::line::Along;
+use super::sphere::Patch;
+use super::{Found, Lines};
+use crate::evaluate::mixed::NO_LIGHT;
+use crate::evaluate::number::Number;
+use wide::f32x4;
+
+/// Between two entries a value leaves their range by at most this part of it.
+const OVERSHOOT: f32 = 0.1;
+/// Wavelengths that are worked on together.
+const SIDE: usize = 4;
+
+/// A number, or four side by side, with the share of light that it stands for and the share that is known.
+#[derive(Clone, Copy)]
+struct Part<T> {
+    number: T,
+    live: T,
+    known: T,
+}
+
+/// Sums over incoming places, by weight: of numbers that have light, of the light, of what is known, of samples on
+/// straight lines.
+#[derive(Clone, Copy)]
+pub(super) struct Sums<T> {
+    number: T,
+    live: T,
+    known: T,
+    straight: T,
+    straight_known: T,
+    total: f32,
+    /// All of it has light so far.
+    is_whole: bool,
+}
+
+impl<T: Number> Sums<T> {
+    #[inline(always)]
+    pub(super) fn nothing() -> Self {
+        let zero = T::of(0.0);
+        Self { number: zero, live: zero, known: zero, straight: zero, straight_known: zero, total: 0.0, is_whole: true }
+    }
+
+    /// Adds a number, all of which has light.
+    #[inline(always)]
+    fn add_whole(&mut self, weight: T, number: T) {
+        self.number = self.number + weight * number;
+        self.live = self.live + weight;
+        self.known = self.known + weight;
+    }
+
+    #[inline(always)]
+    fn add_part(&mut self, weight: T, part: Part<T>) {
+        self.number = self.number + weight * part.live * part.number;
+        self.live = self.live + weight * part.live;
+        self.known = self.known + weight * part.known;
+        self.is_whole = false;
+    }
+}
+
+impl Lines {
+    /// The whole spectrum of what was found, of the function with a share of straight lines.
+    #[inline]
+    pub(super) fn spectrum_with(&self, straight: f32, found: &Found, out: &mut [f32]) {
+        if let [out] = out {
+            *out = self.samples::<f32>(straight, found, 0);
+            return;
+        }
+        for (start, out) in (0..).step_by(SIDE).zip(out.chunks_mut(SIDE)) {
+            self.samples::<f32x4>(straight, found, start).write_some(out);
+        }
+    }
+
+    /// A sample, or four from `lambda` on, of the function with a share of straight lines.
+    #[inline(always)]
+    pub(super) fn samples<T: Number>(&self, share: f32, found: &Found, lambda: usize) -> T {
+        let mut sums = Sums::nothing();
+        for k in 0..found.count {
+            let (table, weight) = (found.tables[k], found.weights[k]);
+            self.add(&mut sums, share, (table, weight), found.patches[k].as_ref(), lambda);
+        }
+        self.settled(&sums, share)
+    }
+
+    /// Adds what one incoming place has, by its table and its weight.
+    #[inline(always)]
+    pub(super) fn add<T: Number>(
+        &self,
+        sums: &mut Sums<T>,
+        share: f32,
+        (table, weight): (usize, f32),
+        patch: Option<&Patch>,
+        lambda: usize,
+    ) {
+        sums.total += weight;
+        let weight = T::of(weight);
+        let Some(patch) = patch else {
+            self.add_without_patch(sums, (table, weight), lambda);
+            return;
+        };
+        if !self.values.is_logarithmic() {
+            // Straight lines, for which the four samples around are enough.
+            let [a, b, c, d]: [T; 4] = self.middle(table, patch, lambda);
+            let [one, two, t] = [patch.along(1).t, patch.along(2).t, patch.across.t];
+            if self.values.is_whole() || (a + b + c + d).is_finite() {
+                sums.add_whole(weight, line(line(a, b, one), line(c, d, two), t));
+            } else {
+                let [a, b, c, d] = [a, b, c, d].map(Part::new);
+                sums.add_part(weight, straight(&straight(&a, &b, one), &straight(&c, &d, two), t));
+            }
+            return;
+        }
+        if share < 1.0 {
+            let mut numbers = [[T::of(0.0); 4]; 4];
+            let mut sum = T::of(0.0);
+            for (r, row) in numbers.iter_mut().enumerate() {
+                for (column, number) in row.iter_mut().enumerate() {
+                    *number = self.values.numbers(table, patch.place(r, column), lambda);
+                    sum = sum + *number;
+                }
+            }
+            // Logarithms are far from infinite; one of them that is, or is none, leaves no other sum.
+            if self.values.is_whole() || sum.is_finite() {
+                let mut rows = [T::of(0.0); 4];
+                for (r, row) in rows.iter_mut().enumerate() {
+                    *row = cubic(&numbers[r], patch.along(r));
+                }
+                sums.add_whole(weight, cubic(&rows, &patch.across));
+            } else {
+                sums.add_part(weight, by_shares(&numbers, patch));
+            }
+        }
+        if share > 0.0 {
+            let zero = T::of(0.0);
+            let numbers: [T; 4] = self.middle(table, patch, lambda);
+            let t = [patch.along(1).t, patch.along(2).t];
+            for (k, number) in numbers.into_iter().enumerate() {
+                let along = if k % 2 == 0 { 1.0 - t[k / 2] } else { t[k / 2] };
+                let part = weight * T::of(along * if k < 2 { 1.0 - patch.across.t } else { patch.across.t });
+                let is_known = T::of(f32::NEG_INFINITY).at_most(number);
+                sums.straight = sums.straight + T::choose(is_known, part * self.values.sample(number), zero);
+                sums.straight_known = sums.straight_known + T::choose(is_known, part, zero);
+            }
+        }
+    }
+
+    /// Adds the one place where there is no outgoing axis, or what lies outside the outgoing grid.
+    fn add_without_patch<T: Number>(&self, sums: &mut Sums<T>, (table, weight): (usize, T), lambda: usize) {
+        let zero = T::of(0.0);
+        if let Some(sphere) = &self.outgoing {
+            let known = T::of(if sphere.outside().is_nan() { 0.0 } else { 1.0 });
+            let live = if self.values.is_logarithmic() { zero } else { known };
+            sums.add_part(weight, Part { number: zero, live, known });
+            sums.straight_known = sums.straight_known + weight * known;
+        } else {
+            let part = Part::new(self.values.numbers(table, 0, lambda));
+            sums.add_part(weight, part);
+            sums.straight = sums.straight + weight * part.live * self.values.sample(part.number);
+            sums.straight_known = sums.straight_known + weight * part.known;
+        }
+    }
+
+    /// The numbers of the four places in the middle of a patch, row by row.
+    #[inline(always)]
+    fn middle<T: Number>(&self, table: usize, patch: &Patch, lambda: usize) -> [T; 4] {
+        let number = |r: usize, column: usize| self.values.numbers::<T>(table, patch.place(r, column), lambda);
+        [number(1, 1), number(1, 2), number(2, 1), number(2, 2)]
+    }
+
+    /// The samples of sums over all incoming places.
+    #[inline(always)]
+    pub(super) fn settled<T: Number>(&self, sums: &Sums<T>, share: f32) -> T {
+        let least = T::of(NO_LIGHT * sums.total);
+        let nothing = T::of(f32::NAN);
+        let on_lines = || {
+            let known = sums.straight_known;
+            T::choose(known.at_most(least), nothing, sums.straight / known)
+        };
+        let is_mixed = self.values.is_logarithmic() && share > 0.0;
+        if is_mixed && share == 1.0 {
+            return on_lines();
+        }
+        let mut sample = self.values.sample(sums.number / sums.live);
+        if !sums.is_whole {
+            let (live, known) = (sums.live, sums.known);
+            sample = T::choose(live.less(known), sample * (live / known), sample);
+            sample = T::choose(known.at_most(least), nothing, T::choose(live.at_most(least), T::of(0.0), sample));
+        }
+        if is_mixed { T::of(1.0 - share) * sample + T::of(share) * on_lines() } else { sample }
+    }
+}
+
+impl<T: Number> Part<T> {
+    /// The number of one place: minus infinity has no light, NaN is not known.
+    #[inline(always)]
+    fn new(number: T) -> Self {
+        let (zero, one, dark) = (T::of(0.0), T::of(1.0), T::of(f32::NEG_INFINITY));
+        // Neither comparison holds for what is masked.
+        let (is_lit, is_known) = (dark.less(number), dark.at_most(number));
+        Self {
+            number: T::choose(is_lit, number, zero),
+            live: T::choose(is_lit, one, zero),
+            known: T::choose(is_known, one, zero),
+        }
+    }
+}
+
+/// Interpolates in a patch where some places have no light: along each row, then across the rows.
+#[inline(never)]
+fn by_shares<T: Number>(numbers: &[[T; 4]; 4], patch: &Patch) -> Part<T> {
+    let mut rows = [Part { number: T::of(0.0), live: T::of(0.0), known: T::of(0.0) }; 4];
+    for (r, row) in rows.iter_mut().enumerate() {
+        let [a, b, c, d] = numbers[r];
+        *row = mixed(&[Part::new(a), Part::new(b), Part::new(c), Part::new(d)], patch.along(r));
+    }
+    mixed(&rows, &patch.across)
+}
+
+/// A cubic through the middle two of four numbers, which hardly leaves their range.
+#[inline(always)]
+fn cubic<T: Number>(&[before, low, high, after]: &[T; 4], along: &Along) -> T {
+    let [a, b, c, d] = along.cubic;
+    let sum = T::of(a) * before + T::of(b) * low + T::of(c) * high + T::of(d) * after;
+    let room = T::of(OVERSHOOT) * (high - low).size();
+    sum.larger(low.smaller(high) - room).smaller(low.larger(high) + room)
+}
+
+/// A straight line between two numbers.
+#[inline(always)]
+fn line<T: Number>(one: T, two: T, t: f32) -> T {
+    T::of(1.0 - t) * one + T::of(t) * two
+}
+
+/// Four parts along a line: a cubic where all four have light, else a straight line.
+#[inline(always)]
+fn mixed<T: Number>(parts: &[Part<T>; 4], along: &Along) -> Part<T> {
+    let [before, one, two, after] = parts;
+    let live = before.live.smaller(one.live).smaller(two.live).smaller(after.live);
+    let is_lit = T::of(1.0).at_most(live);
+    let line = straight(one, two, along.t);
+    let curved = cubic(&[before.number, one.number, two.number, after.number], along);
+    Part {
+        number: T::choose(is_lit, curved, line.number),
+        live: T::choose(is_lit, T::of(1.0), line.live),
+        known: T::choose(is_lit, T::of(1.0), line.known),
+    }
+}
+
+/// Two parts along a straight line, each by the share of light that it stands for.
+#[inline(always)]
+fn straight<T: Number>(one: &Part<T>, two: &Part<T>, t: f32) -> Part<T> {
+    let zero = T::of(0.0);
+    let live = line(one.live, two.live, t);
+    let sum = T::of(1.0 - t) * one.live * one.number + T::of(t) * two.live * two.number;
+    Part { number: T::choose(zero.less(live), sum / live, zero), live, known: line(one.known, two.known, t) }
+}
