@@ -150,7 +150,7 @@ impl Number for f32x4 {
 
     #[inline(always)]
     fn is_finite(self) -> bool {
-        (self - self).simd_eq(Self::ZERO).to_bitmask() == 15
+        self.abs().simd_lt(Self::splat(f32::INFINITY)).to_bitmask() == 15
     }
 
     #[inline(always)]

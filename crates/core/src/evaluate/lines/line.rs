@@ -69,7 +69,9 @@ impl Line {
     pub(super) fn new(mut nodes: Vec<Node>, is_circle: bool) -> Self {
         if is_circle {
             let turns = libm::floor((nodes[0].angle + 0.5 * CIRCLE) / CIRCLE);
-            nodes.iter_mut().for_each(|node| node.angle -= CIRCLE * turns);
+            for node in &mut nodes {
+                node.angle -= CIRCLE * turns;
+            }
         }
         let (first, last) = (nodes[0].angle, nodes[nodes.len() - 1].angle);
         let count = if nodes.len() == 1 || is_circle { nodes.len() } else { nodes.len() - 1 };

@@ -70,7 +70,9 @@ impl Sphere {
         let merged = same.iter().flatten().copied().collect();
         let mut first_of: Vec<u32> = (0..grid.len() as u32).collect();
         for same in &same {
-            same.iter().for_each(|&entry| first_of[entry as usize] = same[0]);
+            for &entry in same {
+                first_of[entry as usize] = same[0];
+            }
         }
         let (polar, azimuth) = (polar_line(grid), azimuth_line(grid));
         Self { polar, azimuth, is_round: grid.covers_all_azimuths(), same, merged, first_of, grid: grid.clone() }

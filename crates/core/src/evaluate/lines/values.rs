@@ -37,7 +37,9 @@ impl Places<'_> {
         let mut entries: Vec<Vec<usize>> = (0..self.own).map(|entry| vec![entry]).collect();
         for same in self.same {
             let all: Vec<usize> = same.iter().map(|&entry| entry as usize).collect();
-            all.iter().for_each(|&entry| entries[entry].clone_from(&all));
+            for &entry in &all {
+                entries[entry].clone_from(&all);
+            }
             entries.extend(all.into_iter().map(|entry| vec![entry]));
         }
         entries
