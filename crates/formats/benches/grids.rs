@@ -1,7 +1,9 @@
 //! Times of measurements on their own grids of angles: a lamp, a car paint and a table of 4.4 million samples, compressed to
 //! er(L2) 1 %, decoded, opened, and evaluated at 20,000 directions one by one and in one batch.
 //!
-//! `cargo bench -p wavelume-formats --bench grids`. One core; the least of several runs, by the clock and of the processor.
+//! `cargo bench -p wavelume-formats --bench grids`, or with parts of names after it (`-- aerolamp carpaint`) those
+//! measurements alone. One core; the least of several runs, by the clock and of the processor; of directions the least
+//! times of thousands added, as these are short enough for a busy machine to leave some of them alone.
 #![allow(clippy::print_stdout, reason = "a bench prints its figures")]
 
 mod common;
@@ -16,6 +18,9 @@ use wavelume_core::evaluate::{Directions, Interpolation, Material, Pairs, Place}
 
 const FILES: [&str; 2] = ["data/aerolamp.ies", "data/carpaint_blue.mbsdf"];
 const QUERIES: usize = 20_000;
+/// Directions that are timed together, and how often.
+const SLICE: usize = 1_000;
+const ROUNDS: usize = 40;
 
 /// A fraction that looks random.
 fn fraction(i: usize) -> f64 {
@@ -63,12 +68,16 @@ fn coordinates(first: usize, has_incoming: bool) -> [Vec<f32>; 3] {
 }
 
 fn main() {
+    let parts: Vec<String> = std::env::args().skip(1).filter(|part| !part.starts_with('-')).collect();
+    let is_wanted = |name: &str| parts.is_empty() || parts.iter().any(|part| name.contains(part.as_str()));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     pool.unwrap_or_else(|e| unreachable!("{e}")).install(|| {
-        for path in FILES {
+        for path in FILES.into_iter().filter(|path| is_wanted(path)) {
             times(path, &measurement(path), 6);
         }
-        times("4.4 million samples", &large(), 1);
+        for name in ["4.4 million samples"].into_iter().filter(|name| is_wanted(name)) {
+            times(name, &large(), 1);
+        }
     });
 }
 
@@ -76,39 +85,53 @@ fn times(name: &str, measurement: &Measurement, runs: usize) {
     let samples = measurement.tensor.len();
     let bytes = compressed(measurement);
     let material = Material::open(&bytes).unwrap_or_else(|e| unreachable!("{e}"));
-    let has_incoming = measurement.quantity != Quantity::Edf;
-    let (wi, wo) = (coordinates(0, has_incoming), coordinates(1 << 20, has_incoming));
-    let directions = |of: &[Vec<f32>; 3]| -> Vec<Option<Direction>> {
-        let [x, y, z] = of.each_ref().map(|c| c.iter().map(|&c| f64::from(c)));
-        x.zip(y).zip(z).map(|((x, y), z)| Direction::new(x, y, z)).collect()
-    };
-    let (each_wi, each_wo) = (directions(&wi), directions(&wo));
-    let mut out = vec![0.0; QUERIES * material.lambdas()];
-    let mut best: [Times; 5] = [[f64::INFINITY; 2]; 5];
+    let mut best: [Times; 3] = [[f64::INFINITY; 2]; 3];
     for run in 0..runs.max(3) {
         if run < runs {
             least(&mut best[0], || drop(black_box(compressed(black_box(measurement)))));
         }
         least(&mut best[1], || drop(black_box(decode(black_box(&bytes)))));
         least(&mut best[2], || drop(black_box(Material::open(black_box(&bytes)))));
-        least(&mut best[3], || {
-            for (i, out) in out.chunks_exact_mut(material.lambdas()).enumerate() {
-                let place = Place { index: &[], wi: each_wi[i].filter(|_| has_incoming), wo: each_wo[i] };
-                let _ = black_box(material.evaluate(place, Interpolation::Smooth, out));
-            }
-        });
-        least(&mut best[4], || {
-            let [of_wi, of_wo] = [&wi, &wo].map(|[x, y, z]| Some(Directions::new(x, y, z)));
-            let pairs = Pairs { index: &[], wi: of_wi.filter(|_| has_incoming), wo: of_wo };
-            let _ = black_box(material.spectra(pairs, Interpolation::Smooth, &mut out));
-        });
     }
     println!("{name}: {samples} samples, {} bytes, one core", bytes.len());
     for (what, [clock, processor]) in ["compress to er(L2) 0.01", "decode", "open"].iter().zip(best) {
         println!("  {what}: {clock:.1} ms, {processor:.1} ms of the processor");
     }
-    for (what, [clock, processor]) in ["evaluate one by one", "evaluate in a batch"].iter().zip(&best[3..]) {
-        let each = |ms: f64| 1e6 * ms / QUERIES as f64;
-        println!("  {what}: {:.0} ns, {:.0} ns of the processor a direction", each(*clock), each(*processor));
+    for (what, nanoseconds) in ["evaluate one by one", "evaluate in a batch"].iter().zip(directions(&material)) {
+        println!("  {what}: {nanoseconds:.0} ns a direction");
     }
+}
+
+/// Nanoseconds a direction, one by one and in batches.
+fn directions(material: &Material) -> [f64; 2] {
+    let (has_incoming, lambdas) = (material.quantity() != Quantity::Edf, material.lambdas());
+    let (wi, wo) = (coordinates(0, has_incoming), coordinates(1 << 20, has_incoming));
+    let each = |of: &[Vec<f32>; 3]| -> Vec<Option<Direction>> {
+        let [x, y, z] = of.each_ref().map(|c| c.iter().map(|&c| f64::from(c)));
+        x.zip(y).zip(z).map(|((x, y), z)| Direction::new(x, y, z)).collect()
+    };
+    let (each_wi, each_wo) = (each(&wi), each(&wo));
+    let mut out = vec![0.0; SLICE * lambdas];
+    let mut sums = [0.0; 2];
+    for start in (0..QUERIES).step_by(SLICE) {
+        let mut best: [Times; 2] = [[f64::INFINITY; 2]; 2];
+        for _ in 0..ROUNDS {
+            least(&mut best[0], || {
+                for (i, out) in (start..).zip(out.chunks_exact_mut(lambdas)) {
+                    let place = Place { index: &[], wi: each_wi[i].filter(|_| has_incoming), wo: each_wo[i] };
+                    let _ = black_box(material.evaluate(place, Interpolation::Smooth, out));
+                }
+            });
+            least(&mut best[1], || {
+                let [of_wi, of_wo] = [&wi, &wo].map(|of| {
+                    let [x, y, z] = of.each_ref().map(|c| &c[start..start + SLICE]);
+                    Some(Directions::new(x, y, z))
+                });
+                let pairs = Pairs { index: &[], wi: of_wi.filter(|_| has_incoming), wo: of_wo };
+                let _ = black_box(material.spectra(pairs, Interpolation::Smooth, &mut out));
+            });
+        }
+        sums.iter_mut().zip(best).for_each(|(sum, [clock, _])| *sum += 1e6 * clock / QUERIES as f64);
+    }
+    sums
 }

@@ -190,7 +190,7 @@ pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecErr
             let chunks = (payload(ChunkKind::Basis), coded);
             let mut samples = predictive::decode_block(&header.axes, classes.as_deref(), header.step, chunks, block)?;
             if let Some((light, steps)) = light_of(&header, payload(ChunkKind::Light)) {
-                let how = Correcting { step: header.light_step, classes: None, bound: f32::MAX };
+                let how = Correcting::new(header.light_step, None, None);
                 light.add(how, &steps[block * light.inner()..][..light.inner()], &mut samples);
             }
             header.values().finish(&mut samples);
@@ -205,9 +205,7 @@ pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecErr
                 let mut samples = gridded::decode_block(&header.axes, classes.as_deref(), fineness, chunks, block)?;
                 let own = classes.as_deref().map(|classes| &classes[own]);
                 if let Some((light, steps)) = light_of(&header, payload(ChunkKind::Light)) {
-                    let bound = gridded::negative_bound(coded)?;
-                    let classes = own.filter(|_| bound.is_some());
-                    let how = Correcting { step: header.light_step, classes, bound: bound.unwrap_or(f32::MAX) };
+                    let how = Correcting::new(header.light_step, own, gridded::negative_bound(coded)?);
                     light.add(how, &steps[block * light.inner()..][..light.inner()], &mut samples);
                 }
                 header.values().finish(&mut samples);
@@ -352,8 +350,7 @@ pub(crate) fn samples_behind<'a>(
             };
             if let Some((light, steps)) = light_of(header, chunk(ChunkKind::Light)) {
                 let bound = if header.gridded { gridded::negative_bound(payload(ChunkKind::Grid))? } else { None };
-                let classes = classes.as_deref().filter(|_| bound.is_some());
-                let how = Correcting { step: header.light_step, classes, bound: bound.unwrap_or(f32::MAX) };
+                let how = Correcting::new(header.light_step, classes.as_deref(), bound);
                 light.add(how, &steps, &mut logs);
             }
             if header.correction_step != 0.0 {

@@ -152,11 +152,19 @@ impl Light {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Correcting<'a> {
     /// Step of a logarithm; negative where odd steps are those of negative samples, see [`shift`].
-    pub(crate) step: f32,
+    step: f32,
     /// Classes of samples on a grid of angles. A positive step leaves negative samples there as they are.
-    pub(crate) classes: Option<&'a [Class]>,
+    classes: Option<&'a [Class]>,
     /// Largest logarithm of a negative sample.
-    pub(crate) bound: f32,
+    bound: f32,
+}
+
+impl<'a> Correcting<'a> {
+    /// Corrections of a step. With a bound, the largest logarithm of a negative sample, `classes` tell which samples are
+    /// negative; without, all samples are corrected alike.
+    pub(crate) fn new(step: f32, classes: Option<&'a [Class]>, bound: Option<f32>) -> Self {
+        Self { step, classes: classes.filter(|_| bound.is_some()), bound: bound.unwrap_or(f32::MAX) }
+    }
 }
 
 /// Negative samples of a block: weights and sizes, and the largest size that a decoder gives any.

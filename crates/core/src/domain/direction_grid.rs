@@ -7,6 +7,8 @@
 use super::direction::Direction;
 use super::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use super::quantity::named;
+use super::vector::Vector;
+use crate::numeric::arctangent::atan2_degrees;
 
 /// Frame in which a pair of angles, in degrees, is a direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -54,14 +56,7 @@ impl Frame {
 
     /// Polar angle and azimuth of a direction in degrees, the azimuth -180..=180; 0 at the poles.
     pub fn angles(self, direction: Direction) -> [f64; 2] {
-        let [x, y, z] = direction.xyz();
-        // The direction with the pole at +z and the azimuth from +x: then all frames are alike.
-        let [x, y, z] = match self {
-            Self::Surface => [x, y, z],
-            Self::TypeC => [x, y, -z],
-            Self::TypeB => [-z, x, -y],
-            Self::TypeA => [x, -y, z],
-        };
+        let [x, y, z] = self.upright(direction.xyz());
         let across = libm::hypot(x, y);
         let azimuth = if across < AT_POLE { 0.0 } else { libm::atan2(y, x).to_degrees() };
         let polar = match self {
@@ -69,6 +64,30 @@ impl Frame {
             Self::TypeA | Self::TypeB => libm::atan2(z, across),
         };
         [polar.to_degrees(), azimuth]
+    }
+
+    /// [`Frame::angles`] of a vector of any length that [`Frame::upright`] turned, to the last bits: in few operations,
+    /// and in loops that become vector code.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+    pub(crate) fn angles_of_upright(self, [x, y, z]: Vector) -> [f64; 2] {
+        let across = (x * x + y * y).sqrt();
+        let azimuth = if across < AT_POLE { 0.0 } else { atan2_degrees(y, x) };
+        let is_latitude = matches!(self, Self::TypeA | Self::TypeB);
+        let (up, along) = if is_latitude { (z, across) } else { (across, z) };
+        [atan2_degrees(up, along), azimuth]
+    }
+
+    /// The vector turned so that the pole is at `+z` and the azimuth from `+x`: then all frames are alike.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+    pub(crate) fn upright(self, [x, y, z]: Vector) -> Vector {
+        match self {
+            Self::Surface => [x, y, z],
+            Self::TypeC => [x, y, -z],
+            Self::TypeB => [-z, x, -y],
+            Self::TypeA => [x, -y, z],
+        }
     }
 }
 
@@ -381,10 +400,13 @@ impl DirectionGrid {
     /// what it covers. A pole outside the azimuths covered has the first of these. Beyond the first and last polar angle the
     /// angle is that end's; below the first of mirrored latitudes it is between that and its mirror image.
     pub fn angles(&self, direction: Direction) -> Option<[f64; 2]> {
-        let [polar, azimuth] = self.frame.angles(direction);
+        self.held(self.frame.angles(direction))
+    }
+
+    /// The same for polar angle and azimuth in the grid's frame.
+    pub(crate) fn held(&self, [polar, azimuth]: [f64; 2]) -> Option<[f64; 2]> {
         let polar = if self.is_polar_mirrored { polar.abs() } else { polar };
-        let (low, high) = self.covers;
-        if polar < low - ROUNDING || polar > high + ROUNDING {
+        if !self.covers_polar(polar) {
             return None;
         }
         let is_pole = {
@@ -399,6 +421,22 @@ impl DirectionGrid {
         }
         let first = if self.is_polar_mirrored { -self.polar[0] } else { self.polar[0] };
         Some([polar.clamp(first, self.polar[self.polar.len() - 1]), azimuth])
+    }
+
+    /// Returns true where a polar angle, which is not negative if latitudes are mirrored, is covered.
+    #[inline]
+    pub(crate) fn covers_polar(&self, polar: f64) -> bool {
+        let (low, high) = self.covers;
+        !(polar < low - ROUNDING || polar > high + ROUNDING)
+    }
+
+    /// Returns true where no azimuth is outside, so that it need not be folded before it is looked up among those
+    /// listed and their mirror images.
+    pub(crate) fn covers_all_azimuths(&self) -> bool {
+        let Some(azimuths) = &self.azimuths else { return true };
+        let (low, high) = azimuths.extent.range();
+        let is_whole = azimuths.extent != AzimuthExtent::Sector;
+        is_whole && self.covers_azimuths.0 <= low && self.covers_azimuths.1 >= high
     }
 
     /// The entry nearest to a direction in polar angle and in azimuth; `None` outside what the grid covers.

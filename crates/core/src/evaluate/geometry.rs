@@ -359,21 +359,25 @@ impl Geometry {
 
     /// Both directions of a place as samples on a grid of angles know them: turned to azimuth 0 of `wi` where incoming
     /// directions are elevations, `+z` where there is none.
+    #[inline]
     pub(super) fn in_lines(&self, place: Place<'_>) -> Result<[Vector; 2], EvaluateError> {
         let quantity = self.quantity;
         if place.wi.is_some() != self.has_incoming() {
             return self.refuse_incoming(place.wi);
         }
+        let (wi, [cos, sin]) = match place.wi {
+            None => ([0.0, 0.0, 1.0], [1.0, 0.0]),
+            Some(wi) if self.is_isotropic() => in_plane(wi.xyz()),
+            Some(wi) => (wi.xyz(), [1.0, 0.0]),
+        };
         let wo = match (&self.outgoing_grid, place.wo) {
             (None, None) => [0.0, 0.0, 1.0],
             (None, Some(_)) => return unfit(QueryError::UnexpectedDirection { argument: Argument::Wo, quantity }),
             (Some(_), None) => return unfit(QueryError::MissingDirection { argument: Argument::Wo, quantity }),
-            (Some(_), Some(wo)) => {
-                let [cos, sin] = self.azimuth(place.wi);
-                if self.is_isotropic() { vector::turned(wo.xyz(), [cos, -sin]) } else { wo.xyz() }
-            }
+            (Some(_), Some(wo)) if self.is_isotropic() => vector::turned(wo.xyz(), [cos, -sin]),
+            (Some(_), Some(wo)) => wo.xyz(),
         };
-        Ok([self.wi_in_plane(place.wi), wo])
+        Ok([wi, wo])
     }
 
     /// The entry of the opaque axes.

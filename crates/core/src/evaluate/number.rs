@@ -1,5 +1,6 @@
 //! Arithmetic that is written once for single numbers, in loops that become vector code, and for four side by side.
 
+use crate::numeric::exponential::{exp_estrin, exp_estrin_of_four};
 use std::ops::{Add, Div, Mul, Sub};
 use wide::f32x4;
 
@@ -20,6 +21,13 @@ pub(super) trait Number:
     fn size(self) -> Self;
     /// The square root, correctly rounded.
     fn root(self) -> Self;
+    fn exp(self) -> Self;
+    /// Returns true where no lane is infinite or no number.
+    fn is_finite(self) -> bool;
+    /// Reads it from place `at` on.
+    fn read(from: &[f32], at: usize) -> Self;
+    /// Writes as many as there is room for.
+    fn write_some(self, to: &mut [f32]);
     /// Writes it from place `at` on.
     fn write(self, to: &mut [f32], at: usize);
     /// The same for integers of 0 or more and below 2²³.
@@ -67,6 +75,28 @@ impl Number for f32 {
     #[inline(always)]
     fn root(self) -> Self {
         self.sqrt()
+    }
+
+    #[inline(always)]
+    fn exp(self) -> Self {
+        exp_estrin(self)
+    }
+
+    #[inline(always)]
+    fn is_finite(self) -> bool {
+        f32::is_finite(self)
+    }
+
+    #[inline(always)]
+    fn read(from: &[f32], at: usize) -> Self {
+        from[at]
+    }
+
+    #[inline(always)]
+    fn write_some(self, to: &mut [f32]) {
+        if let Some(to) = to.first_mut() {
+            *to = self;
+        }
     }
 
     #[inline(always)]
@@ -123,6 +153,32 @@ impl Number for f32x4 {
     #[inline(always)]
     fn root(self) -> Self {
         self.sqrt()
+    }
+
+    #[inline(always)]
+    fn exp(self) -> Self {
+        exp_estrin_of_four(self)
+    }
+
+    #[inline(always)]
+    fn is_finite(self) -> bool {
+        self.abs().simd_lt(Self::splat(f32::INFINITY)).to_bitmask() == 15
+    }
+
+    #[inline(always)]
+    fn read(from: &[f32], at: usize) -> Self {
+        let mut four = [0.0; 4];
+        four.copy_from_slice(&from[at..at + 4]);
+        Self::new(four)
+    }
+
+    #[inline(always)]
+    fn write_some(self, to: &mut [f32]) {
+        let all = self.to_array();
+        match <&mut [f32; 4]>::try_from(&mut *to) {
+            Ok(whole) => *whole = all,
+            Err(_) => to.iter_mut().zip(all).for_each(|(to, x)| *to = x),
+        }
     }
 
     #[inline(always)]

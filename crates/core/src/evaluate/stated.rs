@@ -3,14 +3,16 @@
 use super::directions::Pairs;
 use super::error::{Buffer, EvaluateError, QueryError, unfit};
 use super::form::Course;
-use super::geometry::Geometry;
+use super::geometry::{Geometry, in_plane};
+use super::kernel::{BLOCK, Vectors, set_vector, vector_of};
 use super::lines::{Found, Incoming, Lines};
 use super::place::{Beyond, Interpolation, Place};
 use super::samples::known_sum;
 use super::spectrum::between;
 use super::turning::Turning;
-use crate::domain::vector::{cross, dot, norm};
+use crate::domain::vector::{Vector, cross, dot, norm, turned};
 use crate::domain::{Axis, Direction, Domain, Frame, Measurement, Quantity, Tensor};
+use crate::numeric::wide;
 use rayon::prelude::*;
 
 /// Places that a thread takes at a time.
@@ -76,36 +78,63 @@ impl Stated {
         self.geometry.memory() + self.lines.memory()
     }
 
-    /// Everything that is mixed at a place; `None` outside the outgoing domain of the quantity.
-    fn found(&self, place: Place<'_>, how: Interpolation) -> Result<Option<Found>, EvaluateError> {
+    /// The entry of the opaque axes and both directions of a place, as lines know them.
+    #[inline]
+    fn asked(&self, place: Place<'_>) -> Result<(usize, [Vector; 2]), EvaluateError> {
         let entry = self.geometry.entry_of(place)?;
-        let [mut wi, mut wo] = self.geometry.in_lines(place)?;
-        if self.is_scattering {
-            wo = [norm(cross(wi, wo)), 0.0, dot(wi, wo)];
-            wi = [0.0, 0.0, 1.0];
-        }
-        let is_outside = match domain_of(self.geometry.quantity()) {
-            Domain::Hemisphere => wo[2] < 0.0,
-            Domain::Lower => wo[2] > 0.0,
-            Domain::Sphere => false,
-        };
-        if self.geometry.is_isotropic() && wi[2] < 0.0 {
+        let [wi, wo] = self.geometry.in_lines(place)?;
+        if self.is_below(wi) {
             return self.geometry.refuse_incoming(place.wi);
         }
+        Ok((entry, if self.is_scattering { about(wi, wo) } else { [wi, wo] }))
+    }
+
+    /// Returns true for an incoming direction below the horizon, which is outside elevations; scattering has light from
+    /// anywhere.
+    #[inline]
+    fn is_below(&self, wi: Vector) -> bool {
+        wi[2] < 0.0 && self.geometry.is_isotropic() && !self.is_scattering
+    }
+
+    /// Everything that is mixed at a place; `None` outside the outgoing domain of the quantity.
+    fn found(&self, place: Place<'_>, how: Interpolation) -> Result<Option<Found>, EvaluateError> {
+        let (entry, [wi, wo]) = self.asked(place)?;
         let found = match how {
             Interpolation::Smooth => self.lines.smooth(entry, wi, wo),
             Interpolation::Constant => self.lines.nearest(entry, wi, wo),
         };
         match found {
             None => self.geometry.refuse_incoming(place.wi),
-            Some(_) if is_outside && self.geometry.outgoing_grid().is_some() => Ok(None),
+            Some(_) if self.is_outside(wo) => Ok(None),
             found => Ok(found),
         }
     }
 
+    /// Returns true for an outgoing direction to which the quantity sends nothing.
+    #[inline]
+    fn is_outside(&self, wo: Vector) -> bool {
+        match domain_of(self.geometry.quantity()) {
+            _ if self.geometry.outgoing_grid().is_none() => false,
+            Domain::Hemisphere => wo[2] < 0.0,
+            Domain::Lower => wo[2] > 0.0,
+            Domain::Sphere => false,
+        }
+    }
+
     /// As [`super::material::Material::evaluate`].
+    #[inline]
     pub(super) fn spectrum(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         Buffer::Spectrum.check(out.len(), self.geometry.lambdas())?;
+        if how == Interpolation::Smooth {
+            let (entry, [wi, wo]) = self.asked(place)?;
+            if self.lines.smooth_spectrum(entry, wi, wo, out).is_none() {
+                return self.geometry.refuse_incoming(place.wi);
+            }
+            if self.is_outside(wo) {
+                out.fill(0.0);
+            }
+            return Ok(());
+        }
         match self.found(place, how)? {
             Some(found) => self.lines.spectrum(&found, out),
             None => out.fill(0.0),
@@ -154,9 +183,50 @@ impl Stated {
 
     /// As [`super::material::Material::spectra`].
     pub(super) fn spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
-        pairs.check(out.len(), self.geometry.lambdas())?;
-        let mut rows = out.chunks_exact_mut(self.geometry.lambdas()).enumerate();
-        rows.try_for_each(|(i, out)| self.spectrum(pairs.place(i)?, how, out))
+        let (count, lambdas) = (pairs.check(out.len(), self.geometry.lambdas())?, self.geometry.lambdas());
+        for (start, out) in (0..count).step_by(BLOCK).zip(out.chunks_mut(BLOCK * lambdas)) {
+            let part = pairs.part(start, (start + BLOCK).min(count));
+            if how == Interpolation::Smooth && self.spectra_of_block(part, out) {
+                continue;
+            }
+            // One by one, which tells what is wrong.
+            let mut rows = out.chunks_exact_mut(lambdas).enumerate();
+            rows.try_for_each(|(i, out)| self.spectrum(part.place(i)?, how, out))?;
+        }
+        Ok(())
+    }
+
+    /// Spectra of up to [`BLOCK`] pairs; returns false where some of them are refused, or have no outgoing direction.
+    fn spectra_of_block(&self, pairs: Pairs<'_>, out: &mut [f32]) -> bool {
+        let (Some(asked), true) = (pairs.wo, self.geometry.outgoing_grid().is_some()) else { return false };
+        if pairs.wi.is_some() != self.geometry.has_incoming() {
+            return false;
+        }
+        let Ok(entry) = self.geometry.entry(pairs.index) else { return false };
+        let (mut wi, mut wo): (Vectors, Vectors) = ([[0.0; BLOCK], [0.0; BLOCK], [1.0; BLOCK]], [[0.0; BLOCK]; 3]);
+        let is_written = asked.write_block(&mut wo).is_ok();
+        if !is_written || pairs.wi.is_some_and(|asked| asked.write_block(&mut wi).is_err()) {
+            return false;
+        }
+        if self.geometry.is_isotropic() {
+            if (0..BLOCK).any(|i| self.is_below(vector_of(&wi, i))) {
+                return false;
+            }
+            turn_to_plane(&mut wi, &mut wo);
+        }
+        if self.is_scattering {
+            for i in 0..BLOCK {
+                let [in_frame, out_frame] = about(vector_of(&wi, i), vector_of(&wo, i));
+                set_vector(&mut wi, i, in_frame);
+                set_vector(&mut wo, i, out_frame);
+            }
+        }
+        if !self.lines.spectra(entry, &wi, &wo, out) {
+            return false;
+        }
+        let rows = out.chunks_exact_mut(self.geometry.lambdas()).enumerate();
+        rows.filter(|(i, _)| self.is_outside(vector_of(&wo, *i))).for_each(|(_, out)| out.fill(0.0));
+        true
     }
 
     /// As [`super::material::Material::par_spectra`].
@@ -203,6 +273,26 @@ impl Stated {
         let (quantity, unit, sampling) = (self.geometry.quantity(), self.geometry.unit(), self.geometry.sampling());
         Ok(Measurement { quantity, unit, sampling, tensor })
     }
+}
+
+/// Turns pairs of directions to azimuth 0 of the incoming ones.
+fn turn_to_plane(wi: &mut Vectors, wo: &mut Vectors) {
+    let from = [*wi, *wo];
+    wide(
+        #[inline(always)]
+        || {
+            for i in 0..BLOCK {
+                let (turned_in, [cos, sin]) = in_plane(vector_of(&from[0], i));
+                set_vector(wi, i, turned_in);
+                set_vector(wo, i, turned(vector_of(&from[1], i), [cos, -sin]));
+            }
+        },
+    );
+}
+
+/// Both directions turned so that light comes in along `+z`: the outgoing one by its angle from the incoming one.
+fn about(wi: Vector, wo: Vector) -> [Vector; 2] {
+    [[0.0, 0.0, 1.0], [norm(cross(wi, wo)), 0.0, dot(wi, wo)]]
 }
 
 /// Both directions in the frame about `wi`, where `stated` is a list over the scattering angle; as they are elsewhere.

@@ -114,6 +114,67 @@ fn batches_chosen_wavelengths_and_sums_are_those_of_single_calls() {
     }
 }
 
+/// A lamp with dark and masked samples, all around and mirrored, and a signed table: what has no quick way.
+fn with_holes() -> Vec<Material> {
+    let of = |quantity, unit, axes: Vec<Axis>, least: f32| {
+        let count = axes.iter().map(Axis::len).product();
+        let samples = (0..count).map(|i: usize| match i.wrapping_mul(2_654_435_761) >> 9 & 31 {
+            0..3 if least >= 0.0 => 0.0,
+            3 => f32::NAN,
+            k => k as f32 * 0.1 + least,
+        });
+        let tensor = Tensor::new(axes, samples.collect()).unwrap();
+        Material::of(Measurement::new(quantity, unit, Sampling::Point, tensor).unwrap()).unwrap()
+    };
+    let closed = || (every(30.0, 13), AzimuthExtent::Closed);
+    let lamp = || grid(Frame::TypeC, every(7.5, 17), Some(closed())).with_outside(Outside::Dark);
+    let lateral = grid(Frame::TypeB, every(9.0, 9), Some((vec![-50.0, -20.0, 0.0, 35.0], AzimuthExtent::Sector)));
+    let upper = || grid(Frame::Surface, every(6.0, 15), Some((every(12.0, 16), AzimuthExtent::Mirrored)));
+    let elevations = || Axis::Elevation(every(13.0, 6));
+    let around = grid(Frame::Surface, every(30.0, 4), Some((every(60.0, 6), AzimuthExtent::Circle)));
+    let per_steradian = Unit::PerSteradian;
+    vec![
+        of(Quantity::Edf, Unit::Candela, vec![Axis::Grid(lamp())], 0.0),
+        of(Quantity::Edf, Unit::Candela, vec![Axis::Grid(lamp())], 0.0).with_straight_lines(0.3),
+        of(Quantity::Edf, Unit::Candela, vec![Axis::Grid(lamp())], 0.0).with_straight_lines(1.0),
+        of(Quantity::Edf, Unit::Candela, vec![Axis::Grid(lateral.mirrored().unwrap()), Axis::Rgb], 0.0),
+        of(Quantity::Brdf, per_steradian, vec![elevations(), Axis::Grid(upper()), Axis::Rgb], 0.0),
+        of(Quantity::Brdf, per_steradian, vec![elevations(), Axis::Grid(upper()), Axis::Rgb], -0.7),
+        of(Quantity::Brdf, per_steradian, vec![Axis::Grid(around), Axis::Grid(upper()), Axis::Rgb], 0.0),
+    ]
+}
+
+#[test]
+fn batches_have_the_bits_of_single_calls_where_samples_are_dark_masked_or_negative() {
+    let mut rng = Pcg64Mcg::seed_from_u64(5);
+    // On stated directions, at poles and seams, and anywhere.
+    let mut directions = |most: f64| -> Vec<Direction> {
+        let any = (0..300).map(|_| Direction::from_degrees(most * rng.random::<f64>(), 360.0 * rng.random::<f64>()));
+        let any: Vec<Direction> = any.collect();
+        let stated =
+            (0..130).map(|i| Direction::from_degrees(most / 12.0 * f64::from(i % 13), 30.0 * f64::from(i % 12)));
+        stated.chain(any).collect()
+    };
+    let (wi, wo) = (directions(78.0), directions(180.0));
+    for (number, material) in with_holes().into_iter().enumerate() {
+        let has_incoming = material.quantity() == Quantity::Brdf;
+        let pairs = Pairs { index: &[], wi: has_incoming.then(|| Directions::of(&wi)), wo: Some(Directions::of(&wo)) };
+        let mut all = vec![0.0; wo.len() * material.lambdas()];
+        material.spectra(pairs, Interpolation::Smooth, &mut all).unwrap();
+        let (mut masked, mut lit) = (0, 0);
+        for (i, row) in all.chunks_exact(material.lambdas()).enumerate() {
+            let place = Place { index: &[], wi: Some(wi[i]).filter(|_| has_incoming), wo: Some(wo[i]) };
+            let mut one = vec![0.0; material.lambdas()];
+            material.evaluate(place, Interpolation::Smooth, &mut one).unwrap();
+            let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+            assert_eq!(bits(row), bits(&one), "material {number}, direction {i}: {row:?} {one:?}");
+            masked += usize::from(row[0].is_nan());
+            lit += usize::from(row[0] != 0.0 && !row[0].is_nan());
+        }
+        assert!(masked > 0 && lit > 50, "material {number}: {masked} masked, {lit} lit");
+    }
+}
+
 #[test]
 fn densities_integrate_to_one_and_weights_have_the_right_mean() {
     for (material, wi) in [

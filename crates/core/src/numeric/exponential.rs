@@ -4,6 +4,8 @@
 //! bits are recorded: `exp_f64` is part of the container format, `exp_estrin` makes the answers of queries, and
 //! `exp_horner` the samples of projections.
 
+use ::wide::f32x4;
+
 /// Adding and subtracting this rounds an f64 to the nearest integer, ties to even, for |x| < 2^51.
 const ROUNDER_F64: f64 = 6_755_399_441_055_744.0;
 /// ln 2 in two parts; the integers here times the first are exact.
@@ -56,6 +58,26 @@ pub(crate) fn exp_estrin(x: f32) -> f32 {
     let value = (1.0 + r) + rr * (first + rr * (second + rr * third));
     let power = f32::from_bits((shifted.to_bits().wrapping_add(127)) << 23);
     if x < -87.0 { 0.0 } else { value * power }
+}
+
+/// [`exp_estrin`] of four numbers, with the same bits, but for those of a NaN.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+pub(crate) fn exp_estrin_of_four(x: f32x4) -> f32x4 {
+    let of = f32x4::splat;
+    let is_dark = x.simd_lt(of(-87.0));
+    let clamped = is_dark.bitselect(of(-87.0), x);
+    let clamped = clamped.simd_gt(of(88.0)).bitselect(of(88.0), clamped);
+    let shifted = clamped * of(std::f32::consts::LOG2_E) + of(ROUNDER_F32);
+    let n = shifted - of(ROUNDER_F32);
+    let r = clamped - n * of(LN_2_HIGH_F32) - n * of(LN_2_LOW_F32);
+    let rr = r * r;
+    let first = of(0.5) + of(1.666_666_5e-1) * r;
+    let second = of(4.166_579_6e-2) + of(8.333_452e-3) * r;
+    let third = of(1.398_2e-3) + of(1.987_569_1e-4) * r;
+    let value = (of(1.0) + r) + rr * (first + rr * (second + rr * third));
+    let [a, b, c, d] = shifted.to_array().map(|shifted| f32::from_bits((shifted.to_bits().wrapping_add(127)) << 23));
+    is_dark.bitselect(f32x4::ZERO, value * f32x4::new([a, b, c, d]))
 }
 
 /// Returns eˣ to some 2 units in the last place, 1 at 0; x is clamped to −87..=88, and NaN stays.
@@ -114,6 +136,16 @@ mod tests {
         }
         assert!(worst[0] < 2.4e-7 && worst[1] < 4e-7, "{worst:?}");
         assert_eq!([exp_estrin(0.0), exp_horner(0.0)], [1.0, 1.0]);
+    }
+
+    #[test]
+    fn four_at_once_have_the_bits_of_each() {
+        let ends = [-100.0, -87.0, 88.0, f32::NEG_INFINITY, f32::INFINITY, 1000.0, 0.0, -0.0];
+        let all: Vec<f32> = ends.into_iter().chain((0..40_000).map(|i| -90.0 + i as f32 * 4.5e-3)).collect();
+        for four in all.as_chunks::<4>().0 {
+            assert_eq!(exp_estrin_of_four(f32x4::new(*four)).to_array(), four.map(exp_estrin), "{four:?}");
+        }
+        assert!(exp_estrin_of_four(f32x4::splat(f32::NAN)).to_array()[0].is_nan());
     }
 
     #[test]

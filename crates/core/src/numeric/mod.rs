@@ -3,6 +3,7 @@
 //! Results are recorded to the bit, in container files and in digests of projections, so the order of additions and
 //! multiplications of each routine is fixed. Routines that differ in it only stand side by side and say why.
 
+pub(crate) mod arctangent;
 pub mod bracket;
 pub mod cholesky;
 pub(crate) mod dense;

@@ -18,8 +18,9 @@ pub(crate) fn least(best: &mut Times, work: impl FnOnce()) {
     };
     let (start, before) = (Instant::now(), processor());
     work();
+    let elapsed = start.elapsed();
     let after = processor();
-    best[0] = best[0].min(start.elapsed().as_secs_f64() * 1e3);
+    best[0] = best[0].min(elapsed.as_secs_f64() * 1e3);
     best[1] = best[1].min(after.zip(before).map_or(f64::NAN, |(after, before)| after - before));
 }
 

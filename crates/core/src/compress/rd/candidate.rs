@@ -111,9 +111,8 @@ impl<'a> Candidate<'a> {
         self.layer.approximate(fineness, values);
         if let Some((light, step)) = &self.light {
             let steps = self.light_steps(light, *step, values);
-            let bound = self.layer.negative_bound();
-            let classes = bound.map(|_| self.plane.classes);
-            light.add(Correcting { step: *step, classes, bound: bound.unwrap_or(f32::MAX) }, &steps, values);
+            let how = Correcting::new(*step, Some(self.plane.classes), self.layer.negative_bound());
+            light.add(how, &steps, values);
         }
     }
 

@@ -31,7 +31,7 @@ use super::super::spectral_basis::SpectralBasis;
 use super::chart::ChartKind;
 use super::coded::{Coded, LastCoded, code_streams};
 use super::layer::{FirstLayer, chunk_bytes};
-use super::lines::{PairPyramid, Source, code_order, order_of_halvings};
+use super::lines::{PairPyramid, Quantiser, Source, code_order, order_of_halvings};
 use super::spectrum::{ANALYSED, Basis, MAX_GRID_RANK, components};
 use super::steps::Fineness;
 use super::streams::Streams;
@@ -249,7 +249,10 @@ impl<'a> GridLayer<'a> {
         });
         let sources = own.as_deref().or(self.sources.as_deref()).unwrap_or_default();
         let count = self.planes.units() / self.planes.streams() * vectors;
-        let quantiser = quantiser(fineness.step, self.form.is_linear, self.form.learns);
+        let quantiser = Quantiser {
+            dead_zone: f64::from(fineness.dead_zone) / 16.0,
+            ..quantiser(fineness.step, self.form.is_linear, self.form.learns)
+        };
         let code = |encoder: &mut Encoder, k: usize| {
             self.pyramid(k).code(encoder, quantiser, (count, vectors), sources.get(k), 0)
         };

@@ -11,12 +11,14 @@ pub(crate) struct Fineness {
     pub(crate) more_vectors: i8,
     /// The step of those vectors, in doublings of the usual one.
     pub(crate) coarser_vectors: i8,
+    /// Residuals of a grid's pyramid within half a step and this many sixteenths of one become 0.
+    pub(crate) dead_zone: u8,
 }
 
 impl Fineness {
     /// The usual choices at `step`.
     pub(crate) fn of(step: f32) -> Self {
-        Self { step: 0.0, more_vectors: 0, coarser_vectors: 0 }.at(step)
+        Self { step: 0.0, more_vectors: 0, coarser_vectors: 0, dead_zone: 0 }.at(step)
     }
 
     /// The same choices at `step`, or the largest step below it that a header can hold: 8 significant bits.

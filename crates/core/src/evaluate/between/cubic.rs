@@ -1,5 +1,7 @@
 //! Weights of the cubic through the four incidences around an angle.
 
+use crate::evaluate::number::Number;
+
 /// Incidences of a cubic.
 pub(in crate::evaluate) const FOUR: usize = 4;
 /// Part of the range of the values that straight lines mix by which a cubic may leave it.
@@ -55,9 +57,9 @@ fn angle(angles: &[f64], below: usize, k: usize) -> Option<f64> {
 
 /// A cubic's value held within the range of the values that straight lines mix, with [`ROOM`].
 #[inline(always)]
-pub(in crate::evaluate) fn held(cubic: f32, [low, high]: [f32; 2]) -> f32 {
-    let room = ROOM * (high - low);
-    cubic.max(low - room).min(high + room)
+pub(in crate::evaluate) fn held<T: Number>(cubic: T, [low, high]: [T; 2]) -> T {
+    let room = T::of(ROOM) * (high - low);
+    cubic.larger(low - room).smaller(high + room)
 }
 
 /// The range of some values.

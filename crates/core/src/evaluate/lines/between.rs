@@ -1,244 +1,302 @@
-//! Lines where a divisor or a cubic was chosen: what differs between incidences, and past the last of them.
+//! What lies between the places found around a direction: cubics of logarithms or straight lines, by the shares of
+//! light.
 
-use super::course::{Course, FoundBetween, Outer};
-use super::sphere::{Patch, Sphere};
-use super::{AROUND, Found, Kind, Lines, Nodes, Part};
-use crate::compress::Between;
-use crate::domain::vector::Vector;
-use crate::domain::{Direction, Domain};
-use crate::evaluate::between::{Cubic, Divided, MOST_BEYOND, held};
-use crate::evaluate::incoming::{Alignment, carried};
+use super::line::Along;
+use super::sphere::Patch;
+use super::{Found, Lines};
 use crate::evaluate::mixed::NO_LIGHT;
-use crate::numeric::bracket::Bracket;
-use crate::numeric::logarithm::ln_f32;
+use crate::evaluate::number::Number;
+use wide::f32x4;
 
-/// Heights below this count as this where a value is held past the last incidence.
-const LEAST_COSINE: f32 = 1e-3;
-/// Heights this near to that of the last incidence are its own.
-const ROUNDING: f64 = 1e-9;
+/// Between two entries a value leaves their range by at most this part of it.
+const OVERSHOOT: f32 = 0.1;
+/// Wavelengths that are worked on together.
+const SIDE: usize = 4;
 
-impl Lines {
-    /// Goes from one incidence to the next as `between` states; as files do that state nothing where samples are negative.
-    pub(in crate::evaluate) fn go(&mut self, entries: usize, between: &Between) {
-        if between.is_default() || !self.values.is_logarithmic() {
-            return;
-        }
-        let angles = match &self.incoming.0 {
-            Kind::None => return,
-            Kind::Elevations(angles) => angles,
-            Kind::Grid(sphere) => sphere.grid().polar(),
-        };
-        let cubic = (between.cubic && angles.len() > 1).then(|| Cubic::new(angles));
-        let last =
-            angles.last().map(|angle| (libm::cos(angle.to_radians()), self.largest_at_last(entries, angles.len())));
-        let course = Course { stated: *between, divided: Divided::by(between.divisor), cubic, last };
-        self.course = Some(Box::new(course));
+/// A number, or four side by side, with the share of light that it stands for and the share that is known.
+#[derive(Clone, Copy)]
+pub(super) struct Part<T> {
+    pub(super) number: T,
+    pub(super) live: T,
+    pub(super) known: T,
+}
+
+/// Sums over incoming places, by weight: of numbers that have light, of the light, of what is known, of samples on
+/// straight lines.
+#[derive(Clone, Copy)]
+pub(super) struct Sums<T> {
+    number: T,
+    live: T,
+    known: T,
+    straight: T,
+    straight_known: T,
+    total: f32,
+    /// All of it has light so far.
+    is_whole: bool,
+}
+
+impl<T: Number> Sums<T> {
+    #[inline(always)]
+    pub(super) fn nothing() -> Self {
+        let zero = T::of(0.0);
+        Self { number: zero, live: zero, known: zero, straight: zero, straight_known: zero, total: 0.0, is_whole: true }
     }
 
-    /// The interpolation between incidences that was stated.
-    pub(in crate::evaluate) fn between(&self) -> Between {
-        self.course.as_ref().map_or_else(Between::default, |course| course.stated)
+    /// Adds a number, all of which has light.
+    #[inline(always)]
+    fn add_whole(&mut self, weight: T, number: T) {
+        self.number = self.number + weight * number;
+        self.live = self.live + weight;
+        self.known = self.known + weight;
     }
 
-    /// The largest logarithms of f·cos θo at the last of this many incoming elevations, by index entry and wavelength.
-    fn largest_at_last(&self, entries: usize, elevations: usize) -> Vec<f32> {
-        let lambdas = self.values.lambdas();
-        let mut largest = vec![f32::NEG_INFINITY; entries * lambdas];
-        let Some(sphere) = &self.outgoing else { return largest };
-        let columns = match &self.incoming.0 {
-            Kind::Grid(sphere) => sphere.grid().len() / elevations,
-            _ => 1,
-        };
-        for (entry, largest) in largest.chunks_exact_mut(lambdas).enumerate() {
-            for node in (elevations - 1) * columns..elevations * columns {
-                let table = entry * self.values.incoming() + node;
-                for place in 0..sphere.grid().len() {
-                    let height = sphere.grid().direction(place).cos_theta() as f32;
-                    for (lambda, largest) in largest.iter_mut().enumerate().filter(|_| height > 0.0) {
-                        let [number] = self.values.numbers::<1>(table, place as u32, lambda);
-                        *largest = largest.max(number + ln_f32(height));
-                    }
-                }
-            }
-        }
-        largest
-    }
-
-    /// As [`Lines::smooth`] on the way of `course`.
-    pub(super) fn smooth_between(&self, course: &Course, entry: usize, wi: Vector, wo: Vector) -> Option<Found> {
-        let Nodes { mut places, mut weights } = self.nodes(wi)?;
-        let is_single = weights.contains(&1.0);
-        let (mut cubic, mut outer) = (None, None);
-        match (&course.cubic, &self.incoming.0) {
-            (Some(own), Kind::Grid(sphere)) if !is_single => {
-                (cubic, outer) = rows(own, sphere, wi, places).unzip();
-            }
-            (Some(own), _) if !is_single => {
-                let (four, cubic_weights) = own.around(places[0] as usize, weights[1] as f32);
-                (places, weights) = (four, [0.0, weights[0], weights[1], 0.0]);
-                cubic = Some(cubic_weights);
-            }
-            _ => {}
-        }
-        let is_past = course.last.as_ref().is_some_and(|(height, _)| wi[2] < *height - ROUNDING);
-        let mut least = 1.0_f32;
-        let mut found = Found::NOTHING;
-        let mut divisors = [0.0; AROUND];
-        for k in 0..AROUND {
-            if weights[k] == 0.0 && cubic.is_none_or(|weights: [f32; AROUND]| weights[k] == 0.0) {
-                continue;
-            }
-            let stays = weights[k] == 1.0 && !is_past;
-            let worth;
-            (found.patches[k], divisors[k], worth) = self.seen_under(course, places[k], (wi, wo), stays, is_past);
-            least = least.min(worth);
-            found.tables[k] = entry * self.values.incoming() + places[k] as usize;
-            found.weights[k] = weights[k] as f32 * worth;
-            found.count = k + 1;
-        }
-        let outer = outer.map(|(places, weights)| {
-            let mut outer = Outer { tables: [0; AROUND], patches: [None; AROUND], divisors: [0.0; AROUND], weights };
-            for k in (0..AROUND).filter(|&k| weights[k] != 0.0) {
-                let worth;
-                (outer.patches[k], outer.divisors[k], worth) =
-                    self.seen_under(course, places[k], (wi, wo), false, false);
-                least = least.min(worth);
-                outer.tables[k] = entry * self.values.incoming() + places[k] as usize;
-            }
-            Box::new(outer)
-        });
-        let single = |d: Vector| d.map(|x| x as f32);
-        let own = course.divided.one(single(wi), single(wo));
-        let height = ln_f32((wo[2].abs() as f32).max(LEAST_COSINE));
-        let is_held = is_past && self.domain == Domain::Hemisphere;
-        let held = is_held.then_some((entry * self.values.lambdas(), height));
-        let cubic = cubic.map(|weights| (weights, least));
-        found.between = Some(FoundBetween { divisors, own, cubic, outer, held });
-        Some(found)
-    }
-
-    /// Where the incoming place has what is asked for: the patch there, the logarithm of the divisor, and what it is worth. It
-    /// `stays` where a stated direction is asked for.
-    fn seen_under(
-        &self,
-        course: &Course,
-        place: u32,
-        (wi, wo): (Vector, Vector),
-        stays: bool,
-        is_past: bool,
-    ) -> (Option<Patch>, f32, f32) {
-        let to = self.directions[place as usize];
-        let (mut there, worth) = if stays || self.alignment == Alignment::None {
-            (wo, 1.0)
-        } else {
-            carried(self.alignment, self.domain, wi, to, wo)
-        };
-        let patch = |d: Vector| self.outgoing.as_ref().and_then(|sphere| sphere.patch(Direction::from_unit(d)));
-        let mut found = patch(there);
-        if is_past && found.is_none() {
-            // It alone counts: what the grid does not cover there is taken from where it is asked for.
-            (there, found) = (wo, patch(wo));
-        }
-        // A stated direction is the sample, whatever rounding made of it.
-        let from = if stays { wi } else { to };
-        let single = |d: Vector| d.map(|x| x as f32);
-        (found, course.divided.one(single(from), single(there)), worth)
-    }
-
-    /// `SIZE` samples from `lambda` on, of what was found on the way from one incidence to the next.
-    pub(super) fn curved_between<const SIZE: usize>(
-        &self,
-        between: &FoundBetween,
-        found: &Found,
-        lambda: usize,
-    ) -> [f32; SIZE] {
-        let nothing = Part { number: [0.0; SIZE], live: [0.0; SIZE], known: [0.0; SIZE] };
-        let part = |table: usize, patch: &Option<Patch>, divisor: f32| {
-            let mut part = self.part(table, patch.as_ref(), lambda);
-            part.number.iter_mut().for_each(|number| *number -= divisor);
-            part
-        };
-        let (mut parts, mut total) = ([nothing; AROUND], 0.0);
-        for k in 0..found.count {
-            let is_cubic = between.cubic.is_some_and(|(weights, _)| weights[k] != 0.0);
-            if found.weights[k] != 0.0 || is_cubic {
-                parts[k] = part(found.tables[k], &found.patches[k], between.divisors[k]);
-                total += found.weights[k];
-            }
-        }
-        let outer = between.outer.as_deref().map(|Outer { tables, patches, divisors, weights }| {
-            let parts: [Part<SIZE>; AROUND] = std::array::from_fn(|k| {
-                if weights[k] == 0.0 { nothing } else { part(tables[k], &patches[k], divisors[k]) }
-            });
-            (parts, weights)
-        });
-        std::array::from_fn(|l| {
-            let (mut sum, mut live, mut known) = (0.0, 0.0, 0.0);
-            let mut range = [f32::INFINITY, f32::NEG_INFINITY];
-            for (part, weight) in parts.iter().zip(found.weights).filter(|(_, weight)| *weight != 0.0) {
-                sum += weight * part.live[l] * part.number[l];
-                live += weight * part.live[l];
-                known += weight * part.known[l];
-                range = [range[0].min(part.number[l]), range[1].max(part.number[l])];
-            }
-            if known <= NO_LIGHT * total {
-                return f32::NAN;
-            }
-            if live <= NO_LIGHT * total {
-                return 0.0;
-            }
-            let mut number = sum / live;
-            if let Some((weights, worth)) = between.cubic {
-                let outer = outer.iter().flat_map(|(parts, weights)| parts.iter().zip(weights.iter()));
-                let all = || parts.iter().zip(&weights).chain(outer.clone()).filter(|(_, weight)| **weight != 0.0);
-                // Straight lines where a place fades, or has no light.
-                let worth = all().fold(worth, |least, (part, _)| least.min(part.live[l]));
-                if worth > 0.0 {
-                    let cubic: f32 = all().map(|(part, weight)| weight * part.number[l]).sum();
-                    number += worth * (held(cubic, range) - number);
-                }
-            }
-            number += between.own;
-            if let (Some((first, height)), Some(course)) = (between.held, &self.course)
-                && let Some((_, largest)) = &course.last
-                && let Some(largest) = largest.get(first + lambda + l)
-            {
-                number = number.min(largest + ln_f32(MOST_BEYOND) - height);
-            }
-            let sample = self.values.sample(number);
-            if live < known { sample * (live / known) } else { sample }
-        })
+    #[inline(always)]
+    fn add_part(&mut self, weight: T, part: Part<T>) {
+        self.number = self.number + weight * part.live * part.number;
+        self.live = self.live + weight * part.live;
+        self.known = self.known + weight * part.known;
+        self.is_whole = false;
     }
 }
 
-/// Places with their weights.
-type Weighed = ([u32; AROUND], [f32; AROUND]);
-
-/// The cubic over the rows of an incoming grid, on straight lines between its columns: weights of the places around, and the
-/// places on the rows before and after them; `None` on a row.
-fn rows(own: &Cubic, sphere: &Sphere, wi: Vector, around: [u32; AROUND]) -> Option<([f32; AROUND], Weighed)> {
-    let direction = Direction::from_unit(wi);
-    let [polar, _] = sphere.grid().angles(direction)?;
-    let bracket = Bracket::held(sphere.grid().polar(), polar).snapped(f64::from(f32::EPSILON));
-    if bracket.t == 0.0 || bracket.t == 1.0 {
-        return None;
+impl Lines {
+    /// The whole spectrum of what was found, of the function with a share of straight lines.
+    #[inline]
+    pub(super) fn spectrum_with(&self, straight: f32, found: &Found, out: &mut [f32]) {
+        if let [out] = out {
+            *out = self.samples::<f32>(straight, found, 0);
+            return;
+        }
+        for (start, out) in (0..).step_by(SIDE).zip(out.chunks_mut(SIDE)) {
+            self.samples::<f32x4>(straight, found, start).write_some(out);
+        }
     }
-    let patch = sphere.patch(direction)?;
-    let (_, of_rows) = own.around(bracket.below, bracket.t as f32);
-    let weight = |row: usize, column: usize| {
-        let along = patch.along[row].t;
-        of_rows[row] * if column == 1 { 1.0 - along } else { along }
-    };
-    let mut weights = std::array::from_fn(|k| weight(1 + k / 2, 1 + k % 2));
-    // Places that are one are so here, too.
-    for k in 0..AROUND {
-        for other in k + 1..AROUND {
-            if around[other] == around[k] {
-                weights[k] += std::mem::take(&mut weights[other]);
+
+    /// A sample, or four from `lambda` on, of the function with a share of straight lines.
+    #[inline(always)]
+    pub(super) fn samples<T: Number>(&self, share: f32, found: &Found, lambda: usize) -> T {
+        match &found.between {
+            None => self.mixed_samples(share, found, lambda),
+            Some(_) if share == 1.0 => self.mixed_samples(share, found, lambda),
+            Some(between) => {
+                let curved: T = self.samples_between(between, found, lambda);
+                if share == 0.0 {
+                    return curved;
+                }
+                T::of(1.0 - share) * curved + T::of(share) * self.mixed_samples(1.0, found, lambda)
             }
         }
     }
-    let outer = |k: usize| (3 * (k / 2), 1 + k % 2);
-    let places = std::array::from_fn(|k| patch.places[outer(k).0][outer(k).1]);
-    Some((weights, (places, std::array::from_fn(|k| weight(outer(k).0, outer(k).1)))))
+
+    /// The same on straight lines between incidences.
+    #[inline(always)]
+    fn mixed_samples<T: Number>(&self, share: f32, found: &Found, lambda: usize) -> T {
+        let mut sums = Sums::nothing();
+        for k in 0..found.count {
+            let (table, weight) = (found.tables[k], found.weights[k]);
+            self.add(&mut sums, share, (table, weight), found.patches[k].as_ref(), lambda);
+        }
+        self.settled(&sums, share)
+    }
+
+    /// Adds what one incoming place has, by its table and its weight.
+    #[inline(always)]
+    pub(super) fn add<T: Number>(
+        &self,
+        sums: &mut Sums<T>,
+        share: f32,
+        (table, weight): (usize, f32),
+        patch: Option<&Patch>,
+        lambda: usize,
+    ) {
+        sums.total += weight;
+        let weight = T::of(weight);
+        let Some(patch) = patch else {
+            self.add_without_patch(sums, (table, weight), lambda);
+            return;
+        };
+        if !self.values.is_logarithmic() {
+            // Straight lines, for which the four samples around are enough.
+            let [a, b, c, d]: [T; 4] = self.middle(table, patch, lambda);
+            let [one, two, t] = [patch.along(1).t, patch.along(2).t, patch.across.t];
+            if self.values.is_whole() || (a + b + c + d).is_finite() {
+                sums.add_whole(weight, line(line(a, b, one), line(c, d, two), t));
+            } else {
+                let [a, b, c, d] = [a, b, c, d].map(Part::new);
+                sums.add_part(weight, straight(&straight(&a, &b, one), &straight(&c, &d, two), t));
+            }
+            return;
+        }
+        if share < 1.0 {
+            match self.curved(table, patch, lambda) {
+                Ok(number) => sums.add_whole(weight, number),
+                Err(part) => sums.add_part(weight, part),
+            }
+        }
+        if share > 0.0 {
+            let zero = T::of(0.0);
+            let numbers: [T; 4] = self.middle(table, patch, lambda);
+            let t = [patch.along(1).t, patch.along(2).t];
+            for (k, number) in numbers.into_iter().enumerate() {
+                let along = if k % 2 == 0 { 1.0 - t[k / 2] } else { t[k / 2] };
+                let part = weight * T::of(along * if k < 2 { 1.0 - patch.across.t } else { patch.across.t });
+                let is_known = T::of(f32::NEG_INFINITY).at_most(number);
+                sums.straight = sums.straight + T::choose(is_known, part * self.values.sample(number), zero);
+                sums.straight_known = sums.straight_known + T::choose(is_known, part, zero);
+            }
+        }
+    }
+
+    /// The logarithm in a patch; with shares of light where not all of it has light.
+    #[inline(always)]
+    fn curved<T: Number>(&self, table: usize, patch: &Patch, lambda: usize) -> Result<T, Part<T>> {
+        let mut numbers = [[T::of(0.0); 4]; 4];
+        let mut sum = T::of(0.0);
+        for (r, row) in numbers.iter_mut().enumerate() {
+            for (column, number) in row.iter_mut().enumerate() {
+                *number = self.values.numbers(table, patch.place(r, column), lambda);
+                sum = sum + *number;
+            }
+        }
+        // Logarithms are far from infinite; one of them that is, or is none, leaves no other sum.
+        if !self.values.is_whole() && !sum.is_finite() {
+            return Err(by_shares(&numbers, patch));
+        }
+        let mut rows = [T::of(0.0); 4];
+        for (r, row) in rows.iter_mut().enumerate() {
+            *row = cubic(&numbers[r], patch.along(r));
+        }
+        Ok(cubic(&rows, &patch.across))
+    }
+
+    /// What one incoming place has, of logarithms.
+    #[inline(always)]
+    pub(super) fn part<T: Number>(&self, table: usize, patch: Option<&Patch>, lambda: usize) -> Part<T> {
+        let (zero, one) = (T::of(0.0), T::of(1.0));
+        match (patch, &self.outgoing) {
+            (Some(patch), _) => {
+                self.curved(table, patch, lambda).map_or_else(|part| part, |number| Part { number, live: one, known: one })
+            }
+            (None, None) => Part::new(self.values.numbers(table, 0, lambda)),
+            (None, Some(sphere)) => {
+                Part { number: zero, live: zero, known: if sphere.outside().is_nan() { zero } else { one } }
+            }
+        }
+    }
+
+    /// Adds the one place where there is no outgoing axis, or what lies outside the outgoing grid.
+    fn add_without_patch<T: Number>(&self, sums: &mut Sums<T>, (table, weight): (usize, T), lambda: usize) {
+        let zero = T::of(0.0);
+        if let Some(sphere) = &self.outgoing {
+            let known = T::of(if sphere.outside().is_nan() { 0.0 } else { 1.0 });
+            let live = if self.values.is_logarithmic() { zero } else { known };
+            sums.add_part(weight, Part { number: zero, live, known });
+            sums.straight_known = sums.straight_known + weight * known;
+        } else {
+            let part = Part::new(self.values.numbers(table, 0, lambda));
+            sums.add_part(weight, part);
+            sums.straight = sums.straight + weight * part.live * self.values.sample(part.number);
+            sums.straight_known = sums.straight_known + weight * part.known;
+        }
+    }
+
+    /// The numbers of the four places in the middle of a patch, row by row.
+    #[inline(always)]
+    fn middle<T: Number>(&self, table: usize, patch: &Patch, lambda: usize) -> [T; 4] {
+        let number = |r: usize, column: usize| self.values.numbers::<T>(table, patch.place(r, column), lambda);
+        [number(1, 1), number(1, 2), number(2, 1), number(2, 2)]
+    }
+
+    /// The samples of sums over all incoming places.
+    #[inline(always)]
+    pub(super) fn settled<T: Number>(&self, sums: &Sums<T>, share: f32) -> T {
+        let least = T::of(NO_LIGHT * sums.total);
+        let nothing = T::of(f32::NAN);
+        let on_lines = || {
+            let known = sums.straight_known;
+            T::choose(known.at_most(least), nothing, sums.straight / known)
+        };
+        let is_mixed = self.values.is_logarithmic() && share > 0.0;
+        if is_mixed && share == 1.0 {
+            return on_lines();
+        }
+        let mut sample = self.values.sample(sums.number / sums.live);
+        if !sums.is_whole {
+            let (live, known) = (sums.live, sums.known);
+            sample = T::choose(live.less(known), sample * (live / known), sample);
+            sample = T::choose(known.at_most(least), nothing, T::choose(live.at_most(least), T::of(0.0), sample));
+        }
+        if is_mixed { T::of(1.0 - share) * sample + T::of(share) * on_lines() } else { sample }
+    }
+}
+
+impl<T: Number> Part<T> {
+    /// Nothing known.
+    #[inline(always)]
+    pub(super) fn nothing() -> Self {
+        Self { number: T::of(0.0), live: T::of(0.0), known: T::of(0.0) }
+    }
+
+    /// The number of one place: minus infinity has no light, NaN is not known.
+    #[inline(always)]
+    fn new(number: T) -> Self {
+        let (zero, one, dark) = (T::of(0.0), T::of(1.0), T::of(f32::NEG_INFINITY));
+        // Neither comparison holds for what is masked.
+        let (is_lit, is_known) = (dark.less(number), dark.at_most(number));
+        Self {
+            number: T::choose(is_lit, number, zero),
+            live: T::choose(is_lit, one, zero),
+            known: T::choose(is_known, one, zero),
+        }
+    }
+}
+
+/// Interpolates in a patch where some places have no light: along each row, then across the rows.
+#[inline(never)]
+fn by_shares<T: Number>(numbers: &[[T; 4]; 4], patch: &Patch) -> Part<T> {
+    let mut rows = [Part::nothing(); 4];
+    for (r, row) in rows.iter_mut().enumerate() {
+        let [a, b, c, d] = numbers[r];
+        *row = mixed(&[Part::new(a), Part::new(b), Part::new(c), Part::new(d)], patch.along(r));
+    }
+    mixed(&rows, &patch.across)
+}
+
+/// A cubic through the middle two of four numbers, which hardly leaves their range.
+#[inline(always)]
+fn cubic<T: Number>(&[before, low, high, after]: &[T; 4], along: &Along) -> T {
+    let [a, b, c, d] = along.cubic;
+    let sum = T::of(a) * before + T::of(b) * low + T::of(c) * high + T::of(d) * after;
+    let room = T::of(OVERSHOOT) * (high - low).size();
+    sum.larger(low.smaller(high) - room).smaller(low.larger(high) + room)
+}
+
+/// A straight line between two numbers.
+#[inline(always)]
+fn line<T: Number>(one: T, two: T, t: f32) -> T {
+    T::of(1.0 - t) * one + T::of(t) * two
+}
+
+/// Four parts along a line: a cubic where all four have light, else a straight line.
+#[inline(always)]
+fn mixed<T: Number>(parts: &[Part<T>; 4], along: &Along) -> Part<T> {
+    let [before, one, two, after] = parts;
+    let live = before.live.smaller(one.live).smaller(two.live).smaller(after.live);
+    let is_lit = T::of(1.0).at_most(live);
+    let line = straight(one, two, along.t);
+    let curved = cubic(&[before.number, one.number, two.number, after.number], along);
+    Part {
+        number: T::choose(is_lit, curved, line.number),
+        live: T::choose(is_lit, T::of(1.0), line.live),
+        known: T::choose(is_lit, T::of(1.0), line.known),
+    }
+}
+
+/// Two parts along a straight line, each by the share of light that it stands for.
+#[inline(always)]
+fn straight<T: Number>(one: &Part<T>, two: &Part<T>, t: f32) -> Part<T> {
+    let zero = T::of(0.0);
+    let live = line(one.live, two.live, t);
+    let sum = T::of(1.0 - t) * one.live * one.number + T::of(t) * two.live * two.number;
+    Part { number: T::choose(zero.less(live), sum / live, zero), live, known: line(one.known, two.known, t) }
 }

@@ -46,7 +46,7 @@ impl Lines {
     fn neighbours(&self) -> Vec<(usize, usize)> {
         match &self.incoming.0 {
             Kind::None => Vec::new(),
-            Kind::Elevations(values) => (1..values.len()).map(|node| (node - 1, node)).collect(),
+            Kind::Elevations(values, _) => (1..values.len()).map(|node| (node - 1, node)).collect(),
             Kind::Grid(sphere) => {
                 let [rows, columns] = sphere.grid().shape();
                 let below = (0..(rows - 1) * columns).map(|node| (node, node + columns));

@@ -1,7 +1,9 @@
 //! One line of a grid: the four entries around an angle, with the weights of a cubic and of a straight line between the middle two.
 
-/// Bins of a line, in which a search for an angle starts.
+/// Bins of a line, in which a search for an angle starts, at least, and at most for each interval and in all.
 const BINS: usize = 512;
+const BINS_OF_INTERVAL: usize = 8;
+const MOST_BINS: usize = 1 << 16;
 /// Part of an interval within which a direction counts as a stated one.
 const ROUNDING: f64 = 1e-7;
 /// Degrees in a circle.
@@ -17,11 +19,41 @@ pub(super) struct Node {
 /// Entries in the order of their angles.
 #[derive(Debug)]
 pub(super) struct Line {
-    nodes: Vec<Node>,
+    first: f64,
+    last: f64,
     is_circle: bool,
-    /// Bins in a degree, and by bin the last node at or below its start.
+    /// Bins in a degree, and by bin an interval that starts at or below all angles of the bin, the last such.
     per_degree: f64,
     bins: Vec<u32>,
+    /// Where each interval starts; then infinity, as the last interval has no end.
+    starts: Vec<f64>,
+    intervals: Vec<Interval>,
+}
+
+/// What lies between two neighbouring entries.
+#[derive(Clone, Copy, Debug)]
+struct Interval {
+    start: f64,
+    /// 1 / length; 0 on a line of a single entry.
+    per_degree: f64,
+    entries: [u32; 4],
+    /// The slope at the start and at the end, times the length, by the values of the four entries.
+    slopes: [[f32; 4]; 2],
+}
+
+/// Weights along a line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Along {
+    /// Weights of a cubic through the middle two of four entries whose slope there is that of the parabola through
+    /// three entries (Catmull and Rom 1974, for uneven distances); at an end that of the secant.
+    pub(super) cubic: [f32; 4],
+    /// Weight of the third entry on the straight line between the second and the third.
+    pub(super) t: f32,
+}
+
+impl Along {
+    /// At the second entry.
+    pub(super) const START: Self = Self { cubic: [0.0, 1.0, 0.0, 0.0], t: 0.0 };
 }
 
 /// The entries around an angle.
@@ -29,113 +61,139 @@ pub(super) struct Line {
 pub(super) struct Around {
     /// The two before and the two after; an end stands for what is missing beyond it, with weight 0.
     pub(super) entries: [u32; 4],
-    /// Weights of a cubic through the middle two whose slope there is that of the parabola through three entries
-    /// (Catmull and Rom 1974, for uneven distances); at an end that of the secant.
-    pub(super) cubic: [f32; 4],
-    /// Weight of the third entry on the straight line between the second and the third.
-    pub(super) t: f32,
+    pub(super) along: Along,
 }
 
 impl Line {
     /// A line of at least one node, of strictly increasing angles; around a circle the last node is followed by the first.
-    pub(super) fn new(nodes: Vec<Node>, is_circle: bool) -> Self {
+    pub(super) fn new(mut nodes: Vec<Node>, is_circle: bool) -> Self {
+        if is_circle {
+            let turns = libm::floor((nodes[0].angle + 0.5 * CIRCLE) / CIRCLE);
+            for node in &mut nodes {
+                node.angle -= CIRCLE * turns;
+            }
+        }
         let (first, last) = (nodes[0].angle, nodes[nodes.len() - 1].angle);
+        let count = if nodes.len() == 1 || is_circle { nodes.len() } else { nodes.len() - 1 };
+        let intervals: Vec<Interval> = (0..count).map(|below| Interval::new(&nodes, is_circle, below)).collect();
+        let starts: Vec<f64> = intervals.iter().map(|interval| interval.start).chain([f64::INFINITY]).collect();
         let length = if is_circle { CIRCLE } else { last - first };
-        let per_degree = if length > 0.0 { BINS as f64 / length } else { 0.0 };
-        let below = |bin: usize| {
-            let start = first + bin as f64 * length / BINS as f64;
-            nodes.partition_point(|node| node.angle <= start).saturating_sub(1) as u32
-        };
-        let bins = (0..BINS).map(below).collect();
-        Self { nodes, is_circle, per_degree, bins }
+        let (bins, per_degree) = bins(&starts[..count], length);
+        Self { first, last, is_circle, per_degree, bins, starts, intervals }
     }
 
-    /// The entries around `angle` in degrees; beyond an end, those around the end.
+    /// The entries around `angle` in degrees; beyond an end, those around the end. On a circle it is less than a circle
+    /// before the first entry, or less than two after it.
+    #[inline(always)]
     pub(super) fn around(&self, angle: f64) -> Around {
-        let count = self.nodes.len();
-        let first = self.nodes[0].angle;
-        if count == 1 {
-            return Around { entries: [self.nodes[0].entry; 4], cubic: [0.0, 1.0, 0.0, 0.0], t: 0.0 };
+        let (interval, t) = self.find(angle);
+        let t = t as f32;
+        let rest = 1.0 - t;
+        let second = t * t * (3.0 - 2.0 * t);
+        let (at_start, at_end) = (t * rest * rest, -(t * t * rest));
+        let plain = [0.0, 1.0 - second, second, 0.0];
+        let [start, end] = &interval.slopes;
+        let mut cubic = plain;
+        for k in 0..4 {
+            cubic[k] = plain[k] + at_start * start[k] + at_end * end[k];
         }
-        let last = if self.is_circle { count - 1 } else { count - 2 };
-        let angle =
-            if self.is_circle { around_circle(angle, first) } else { angle.clamp(first, self.nodes[count - 1].angle) };
-        let bin = ((angle - first) * self.per_degree) as usize;
-        let mut below = self.bins.get(bin).map_or(last, |&below| (below as usize).min(last));
-        // Rounding may have left the bin before or after its own.
-        while below > 0 && self.nodes[below].angle > angle {
-            below -= 1;
-        }
-        while below < last && self.nodes[below + 1].angle <= angle {
+        Around { entries: interval.entries, along: Along { cubic, t } }
+    }
+
+    /// The two entries around `angle`, as [`Line::around`] has it, and the weight of the second one.
+    #[inline(always)]
+    pub(super) fn between(&self, angle: f64) -> ([u32; 2], f64) {
+        let (Interval { entries: [_, one, two, _], .. }, t) = self.find(angle);
+        ([*one, *two], t)
+    }
+
+    /// The interval that holds an angle, and the part of it that lies before the angle, 0..=1.
+    #[inline(always)]
+    fn find(&self, angle: f64) -> (&Interval, f64) {
+        let angle = if self.is_circle {
+            let angle = if angle < self.first { angle + CIRCLE } else { angle };
+            if angle >= self.first + CIRCLE { angle - CIRCLE } else { angle }
+        } else {
+            angle.clamp(self.first, self.last)
+        };
+        let bin = ((angle - self.first) * self.per_degree) as usize;
+        let mut below = self.bins[bin.min(self.bins.len() - 1)] as usize;
+        // Nearly always there is one start in a bin at most: then this needs no branch that could be guessed wrongly.
+        below += usize::from(self.starts[below + 1] <= angle);
+        while self.starts[below + 1] <= angle {
             below += 1;
         }
-        let at = |step: isize| self.node(below as isize + step);
-        let (one, two) = (at(0), at(1));
-        let [one, two] = [one.unwrap_or(self.nodes[below]), two.unwrap_or(self.nodes[below])];
-        let (before, after) = (at(-1), at(2));
+        let interval = &self.intervals[below];
         // At a stated angle the entry alone counts, whatever rounding made of the direction.
-        let t = match (angle - one.angle) / (two.angle - one.angle) {
-            t if t < ROUNDING => 0.0,
-            t if t > 1.0 - ROUNDING => 1.0,
-            t => t,
-        };
-        let distances = [before.map(|node| one.angle - node.angle), after.map(|node| node.angle - two.angle)];
-        let entries = [before.unwrap_or(one), one, two, after.unwrap_or(two)].map(|node| node.entry);
-        Around { entries, cubic: cubic(t, two.angle - one.angle, distances).map(|w| w as f32), t: t as f32 }
-    }
-
-    /// The node at a position that may be beyond the ends: turned by whole circles, or none.
-    fn node(&self, position: isize) -> Option<Node> {
-        let count = self.nodes.len() as isize;
-        if !self.is_circle {
-            return usize::try_from(position).ok().and_then(|position| self.nodes.get(position)).copied();
-        }
-        let Node { angle, entry } = self.nodes[position.rem_euclid(count) as usize];
-        Some(Node { angle: angle + CIRCLE * position.div_euclid(count) as f64, entry })
+        let t = (angle - interval.start) * interval.per_degree;
+        let t = if t < ROUNDING { 0.0 } else { t };
+        (interval, if t > 1.0 - ROUNDING { 1.0 } else { t })
     }
 
     /// The intervals between neighbouring nodes: their ends in degrees.
     pub(super) fn intervals(&self) -> Vec<[f64; 2]> {
-        let count = self.nodes.len();
-        let ends = self.nodes.array_windows().map(|[a, b]| [a.angle, b.angle]);
-        let closing = self.is_circle.then(|| [self.nodes[count - 1].angle, self.nodes[0].angle + CIRCLE]);
-        ends.chain(closing).collect()
+        let count = self.intervals.len();
+        let end = if self.is_circle { self.first + CIRCLE } else { self.last };
+        let ends = self.starts[..count].iter().skip(1).copied().chain([end]);
+        let pairs = self.starts.iter().zip(ends).map(|(&start, end)| [start, end]);
+        pairs.filter(|[start, end]| end > start).collect()
     }
 
     pub(super) fn memory(&self) -> usize {
-        size_of_val(&*self.nodes) + size_of_val(&*self.bins)
+        size_of_val(&*self.bins) + size_of_val(&*self.starts) + size_of_val(&*self.intervals)
     }
 }
 
-/// `angle` turned by whole circles into `first` up to a circle further.
-fn around_circle(angle: f64, first: f64) -> f64 {
-    let turned = angle - CIRCLE * libm::floor((angle - first) / CIRCLE);
-    if turned - first < CIRCLE { turned.max(first) } else { first }
-}
-
-/// The weights of the four values around `t`, 0..=1, of an interval of this length; `distances` are those to the values
-/// before and after it.
-fn cubic(t: f64, length: f64, distances: [Option<f64>; 2]) -> [f64; 4] {
-    let (square, cube) = (t * t, t * t * t);
-    let mut weights = [0.0, 2.0 * cube - 3.0 * square + 1.0, 3.0 * square - 2.0 * cube, 0.0];
-    // The slopes at both ends, times the length, by the values around.
-    let slope = |distance: Option<f64>| match distance {
-        None => [0.0, -1.0, 1.0],
-        Some(other) => {
-            let sum = other + length;
-            [-length * length / (other * sum), (length - other) / other, other / sum]
+impl Interval {
+    /// The interval from one of `nodes` to the next.
+    fn new(nodes: &[Node], is_circle: bool, below: usize) -> Self {
+        // The node at a position that may be beyond the ends: turned by whole circles, or none.
+        let node = |position: isize| {
+            let count = nodes.len() as isize;
+            if !is_circle {
+                return usize::try_from(position).ok().and_then(|position| nodes.get(position)).copied();
+            }
+            let Node { angle, entry } = nodes[position.rem_euclid(count) as usize];
+            Some(Node { angle: angle + CIRCLE * position.div_euclid(count) as f64, entry })
+        };
+        let start = nodes[below];
+        if nodes.len() == 1 {
+            return Self { start: start.angle, per_degree: 0.0, entries: [start.entry; 4], slopes: [[0.0; 4]; 2] };
         }
-    };
-    let (at_start, at_end) = (cube - 2.0 * square + t, cube - square);
-    let [before, own, next] = slope(distances[0]);
-    for (weight, part) in weights.iter_mut().zip([before, own, next]) {
-        *weight += at_start * part;
+        let [before, end, after] = [-1, 1, 2].map(|step| node(below as isize + step));
+        let end = end.unwrap_or(start);
+        let length = end.angle - start.angle;
+        // The slope at an end of the interval by the values beyond it, there, and at the other end.
+        let slope = |distance: Option<f64>| match distance {
+            None => [0.0, -1.0, 1.0],
+            Some(other) => {
+                let sum = other + length;
+                [-length * length / (other * sum), (length - other) / other, other / sum]
+            }
+        };
+        let [a, b, c] = slope(before.map(|node| start.angle - node.angle)).map(|part| part as f32);
+        let [f, e, d] = slope(after.map(|node| node.angle - end.angle)).map(|part| -part as f32);
+        let entries = [before.unwrap_or(start), start, end, after.unwrap_or(end)].map(|node| node.entry);
+        let slopes = [[a, b, c, 0.0], [0.0, d, e, f]];
+        Self { start: start.angle, per_degree: 1.0 / length, entries, slopes }
     }
-    let [after, own, previous] = slope(distances[1]).map(|part| -part);
-    for (weight, part) in weights[1..].iter_mut().zip([previous, own, after]) {
-        *weight += at_end * part;
+}
+
+/// Bins over a line of this length whose intervals start here, and their number in a degree: enough that few hold two
+/// starts.
+fn bins(starts: &[f64], length: f64) -> (Vec<u32>, f64) {
+    let mut count = BINS;
+    loop {
+        let per_degree = if length > 0.0 { count as f64 / length } else { 0.0 };
+        // As a search computes it, which rounding leaves in order.
+        let bin_of: Vec<usize> = starts.iter().map(|start| ((start - starts[0]) * per_degree) as usize).collect();
+        let is_fine = bin_of.array_windows().all(|[a, b]| a < b);
+        if is_fine || count >= MOST_BINS.min(BINS_OF_INTERVAL * starts.len()) {
+            let before = |bin: usize| bin_of.partition_point(|&of_start| of_start < bin).saturating_sub(1) as u32;
+            return ((0..count).map(before).collect(), per_degree);
+        }
+        count *= 2;
     }
-    weights
 }
 
 #[cfg(test)]
@@ -150,7 +208,7 @@ mod tests {
     }
 
     fn value(line: &Line, angle: f64, of: impl Fn(u32) -> f64) -> f64 {
-        let Around { entries, cubic, .. } = line.around(angle);
+        let Around { entries, along: Along { cubic, .. } } = line.around(angle);
         entries.iter().zip(cubic).map(|(&entry, weight)| of(entry) * f64::from(weight)).sum()
     }
 
@@ -167,11 +225,17 @@ mod tests {
             let line = line(&angles, is_circle);
             for (entry, &angle) in angles.iter().enumerate() {
                 let found = line.around(angle);
-                let weight: f32 =
-                    found.entries.iter().zip(found.cubic).filter(|(e, _)| **e == entry as u32).map(|(_, w)| w).sum();
+                let weight: f32 = found
+                    .entries
+                    .iter()
+                    .zip(found.along.cubic)
+                    .filter(|(e, _)| **e == entry as u32)
+                    .map(|(_, w)| w)
+                    .sum();
                 assert!((weight - 1.0).abs() < 1e-6, "{angles:?} {angle}: {found:?}");
-                let at = if found.t > 0.5 { 2 } else { 1 };
-                assert!(found.t.min(1.0 - found.t) < 1e-6 && found.entries[at] == entry as u32);
+                let t = found.along.t;
+                let at = if t > 0.5 { 2 } else { 1 };
+                assert!(t.min(1.0 - t) < 1e-6 && found.entries[at] == entry as u32);
             }
         }
     }
@@ -204,7 +268,7 @@ mod tests {
     #[test]
     fn weights_add_up_to_one_anywhere() {
         arbtest(|u| {
-            let (steps, at) = (list(u, 1..=8, |u| number(u, 0.01..80.0))?, number(u, -1000.0..1000.0)?);
+            let (steps, at) = (list(u, 1..=8, |u| number(u, 0.01..80.0))?, number(u, -400.0..600.0)?);
             let angles: Vec<f64> = steps
                 .iter()
                 .scan(-60.0, |angle, step| {
@@ -214,7 +278,7 @@ mod tests {
                 .collect();
             let closes = angles[angles.len() - 1] - angles[0] < 359.0;
             for is_circle in [false, closes] {
-                let found = line(&angles, is_circle).around(at);
+                let found = line(&angles, is_circle).around(at).along;
                 assert!((found.cubic.iter().sum::<f32>() - 1.0).abs() < 1e-4);
                 assert!((0.0..=1.0).contains(&found.t));
             }

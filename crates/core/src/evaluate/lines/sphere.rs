@@ -1,67 +1,97 @@
 //! Both lines of a grid of directions together: the rows and columns around a direction, over the pole and across mirror planes.
 
-use super::line::{Around, Line, Node};
-use crate::domain::{AzimuthExtent, Direction, DirectionGrid, Outside};
+use super::line::{Along, Line, Node};
+use crate::domain::vector::Vector;
+use crate::domain::{AzimuthExtent, Direction, DirectionGrid, Frame, Outside};
+use crate::evaluate::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
+use crate::numeric::wide;
 
 /// Azimuths nearer to one another than this, in degrees, are one: mirror images of an azimuth in the mirror plane.
 const SAME: f64 = 1e-9;
 
+/// Marks rows on the far side of a pole, at the opposite azimuth, among the entries of a polar line.
+const BEYOND: u32 = 1 << 31;
+
 /// The lines of a grid of directions.
+///
+/// Every direction of the grid has a place, which holds what is interpolated: its own sample, or the mean of all that
+/// are stated for the same direction. What is stated for those stands at places of its own after the grid's.
 #[derive(Debug)]
 pub(super) struct Sphere {
     grid: DirectionGrid,
+    /// Entries are the first places of rows, beyond a pole marked by [`BEYOND`].
     polar: Line,
     azimuth: Line,
-    columns: usize,
-    /// Rows of the grid: entries of the polar line from this number on lie beyond a pole, at the opposite azimuth.
-    rows: u32,
-    /// Place of each direction's value: its own, or that of a mean.
-    place_of: Vec<u32>,
-    /// The directions that each place beyond the grid's own is the mean of.
-    means: Vec<Vec<u32>>,
+    /// No azimuth is outside, and each can be looked up as it is.
+    is_round: bool,
+    /// The directions of the grid that are stated several times, those of each together; all of them in increasing
+    /// order.
+    same: Vec<Vec<u32>>,
+    merged: Vec<u32>,
+    /// For each direction of the grid the first that is the same.
+    first_of: Vec<u32>,
 }
 
 /// The places around a direction: four rows of four, and the weights along both lines.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch {
-    pub(super) places: [[u32; 4]; 4],
-    /// Weights along each row.
-    pub(super) along: [Along; 4],
+    /// The first place of each row.
+    rows: [u32; 4],
+    /// Which of the two azimuths below a row has: 1 beyond a pole, where it is the opposite one.
+    sides: [u8; 4],
+    columns: [[u32; 4]; 2],
+    along: [Along; 2],
     /// Weights from row to row.
     pub(super) across: Along,
 }
 
-/// Weights along a line.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Along {
-    pub(super) cubic: [f32; 4],
-    pub(super) t: f32,
-}
+impl Patch {
+    /// A single place.
+    fn one(place: u32) -> Self {
+        Self { rows: [place; 4], sides: [0; 4], columns: [[0; 4]; 2], along: [Along::START; 2], across: Along::START }
+    }
 
-impl From<Around> for Along {
-    fn from(Around { cubic, t, .. }: Around) -> Self {
-        Self { cubic, t }
+    /// Weights along a row.
+    #[inline(always)]
+    pub(super) fn along(&self, row: usize) -> &Along {
+        &self.along[usize::from(self.sides[row] & 1)]
+    }
+
+    /// The place in a row and a column.
+    #[inline(always)]
+    pub(super) fn place(&self, row: usize, column: usize) -> u32 {
+        self.rows[row] + self.columns[usize::from(self.sides[row] & 1)][column]
     }
 }
 
 impl Sphere {
     pub(super) fn new(grid: &DirectionGrid) -> Self {
-        let [rows, columns] = grid.shape();
-        let (place_of, means) = places(grid);
-        Self {
-            polar: polar_line(grid),
-            azimuth: azimuth_line(grid),
-            columns,
-            rows: rows as u32,
-            place_of,
-            means,
-            grid: grid.clone(),
+        let same = same(grid);
+        let merged = same.iter().flatten().copied().collect();
+        let mut first_of: Vec<u32> = (0..grid.len() as u32).collect();
+        for same in &same {
+            for &entry in same {
+                first_of[entry as usize] = same[0];
+            }
         }
+        let (polar, azimuth) = (polar_line(grid), azimuth_line(grid));
+        Self { polar, azimuth, is_round: grid.covers_all_azimuths(), same, merged, first_of, grid: grid.clone() }
     }
 
-    /// The directions that each place after the grid's own is the mean of.
-    pub(super) fn means(&self) -> &[Vec<u32>] {
-        &self.means
+    /// The directions of the grid that are stated several times, those of each together.
+    pub(super) fn same(&self) -> &[Vec<u32>] {
+        &self.same
+    }
+
+    /// The place of what is stated for a direction of the grid.
+    pub(super) fn stated(&self, entry: u32) -> u32 {
+        self.merged.binary_search(&entry).map_or(entry, |position| (self.grid.len() + position) as u32)
+    }
+
+    /// The first of the directions of the grid that are the same as this one.
+    #[inline]
+    pub(super) fn first_of(&self, entry: u32) -> u32 {
+        self.first_of[entry as usize]
     }
 
     pub(super) fn grid(&self) -> &DirectionGrid {
@@ -91,46 +121,91 @@ impl Sphere {
         }
     }
 
-    /// The place of the direction of the grid that is nearest; `None` outside what it covers.
-    pub(super) fn nearest(&self, direction: Direction) -> Option<u32> {
-        self.grid.nearest(direction).map(|entry| self.place_of[entry])
+    /// The direction of the grid that is nearest; `None` outside what it covers.
+    pub(super) fn nearest(&self, direction: Direction) -> Option<Patch> {
+        self.grid.nearest(direction).map(|entry| Patch::one(entry as u32))
     }
 
     /// The places around a direction; `None` outside what the grid covers.
-    pub(super) fn patch(&self, direction: Direction) -> Option<Patch> {
-        let [polar, azimuth] = self.grid.angles(direction)?;
+    #[inline(always)]
+    pub(super) fn patch(&self, direction: Vector) -> Option<Patch> {
+        let frame = self.grid.frame();
+        self.patch_at(frame.angles_of_upright(frame.upright(direction)))
+    }
+
+    /// The places around polar angle and azimuth in the grid's frame; `None` outside what the grid covers.
+    #[inline(always)]
+    pub(super) fn patch_at(&self, angles: [f64; 2]) -> Option<Patch> {
+        let [polar, azimuth] = if self.is_round {
+            let polar = if self.grid.is_polar_mirrored() { angles[0].abs() } else { angles[0] };
+            if !self.grid.covers_polar(polar) {
+                return None;
+            }
+            // The line ends where the grid does, or beyond.
+            let ends = self.grid.polar();
+            [
+                polar.clamp(if self.grid.is_polar_mirrored() { -ends[0] } else { ends[0] }, ends[ends.len() - 1]),
+                angles[1],
+            ]
+        } else {
+            self.grid.held(angles)?
+        };
         let across = self.polar.around(polar);
         let here = self.azimuth.around(azimuth);
-        let is_beyond = |entry: u32| entry >= self.rows;
-        let opposite =
-            if across.entries.into_iter().any(is_beyond) { self.azimuth.around(azimuth + 180.0) } else { here };
-        let of_row = |entry: u32| if is_beyond(entry) { opposite } else { here };
-        let place = |entry: u32, column: u32| {
-            let row = if is_beyond(entry) { entry - self.rows } else { entry };
-            self.place_of[row as usize * self.columns + column as usize]
-        };
+        let [a, b, c, d] = across.entries;
+        let is_beyond = (a | b | c | d) & BEYOND != 0;
+        let opposite = if is_beyond { self.azimuth.around(azimuth + 180.0) } else { here };
         Some(Patch {
-            places: across.entries.map(|entry| of_row(entry).entries.map(|column| place(entry, column))),
-            along: across.entries.map(|entry| of_row(entry).into()),
-            across: across.into(),
+            rows: [a & !BEYOND, b & !BEYOND, c & !BEYOND, d & !BEYOND],
+            sides: [(a >> 31) as u8, (b >> 31) as u8, (c >> 31) as u8, (d >> 31) as u8],
+            columns: [here.entries, opposite.entries],
+            along: [here.along, opposite.along],
+            across: across.along,
         })
     }
 
+    /// Writes polar angles and azimuths of vectors of any length in the grid's frame, as [`Sphere::patch`] has them.
+    pub(super) fn angles(&self, directions: &Vectors, to: &mut [Block; 2]) {
+        let frame = self.grid.frame();
+        wide(
+            #[inline(always)]
+            || {
+                let mut upright = *directions;
+                for i in 0..BLOCK {
+                    set_vector(&mut upright, i, frame.upright(vector_of(directions, i)));
+                }
+                // Apart for each way to measure polar angles, so that neither is chosen in the loop.
+                if frame.polar_range().0 < 0.0 {
+                    angles_of(Frame::TypeA, &upright, to);
+                } else {
+                    angles_of(Frame::Surface, &upright, to);
+                }
+            },
+        );
+    }
+
     pub(super) fn memory(&self) -> usize {
-        let means: usize = self.means.iter().map(|mean| size_of_val(&**mean)).sum();
-        self.polar.memory() + self.azimuth.memory() + size_of_val(&*self.place_of) + means
+        let same: usize = self.same.iter().map(|same| size_of_val(&**same)).sum();
+        self.polar.memory() + self.azimuth.memory() + size_of_val(&*self.merged) + size_of_val(&*self.first_of) + same
     }
 }
 
-/// The polar angles, and beyond a pole or the mirrored equator those on its other side. Rows beyond a pole, where the azimuth is
-/// the opposite one, have numbers from that of the rows on.
+#[inline(always)]
+fn angles_of(frame: Frame, upright: &Vectors, [polar, azimuth]: &mut [Block; 2]) {
+    for i in 0..BLOCK {
+        [polar[i], azimuth[i]] = frame.angles_of_upright(vector_of(upright, i));
+    }
+}
+
+/// The polar angles, and beyond a pole or the mirrored equator those on its other side: the first place of each row.
 fn polar_line(grid: &DirectionGrid) -> Line {
-    let (angles, rows) = (grid.polar(), grid.polar().len());
-    let mut nodes: Vec<Node> = angles.iter().zip(0..).map(|(&angle, entry)| Node { angle, entry }).collect();
+    let (angles, [rows, columns]) = (grid.polar(), grid.shape());
+    let place = |row: usize| (row * columns) as u32;
+    let mut nodes: Vec<Node> = angles.iter().zip(0..).map(|(&angle, row)| Node { angle, entry: place(row) }).collect();
     let (low, high) = grid.frame().polar_range();
     let image = |pole: f64, row: usize, turned: bool| Node {
         angle: 2.0 * pole - angles[row],
-        entry: if turned { (rows + row) as u32 } else { row as u32 },
+        entry: if turned { place(row) | BEYOND } else { place(row) },
     };
     if rows > 1 && angles[rows - 1] == high {
         nodes.push(image(high, rows - 2, true));
@@ -172,33 +247,24 @@ fn azimuth_line(grid: &DirectionGrid) -> Line {
     Line::new(nodes, true)
 }
 
-/// Returns the place of each direction's value, and the directions of each place that is a mean: all azimuths at a pole are
+/// Returns the directions of the grid that are stated several times, those of each together: all azimuths at a pole are
 /// one direction, and so are the first and the last azimuth of a closed circle.
-fn places(grid: &DirectionGrid) -> (Vec<u32>, Vec<Vec<u32>>) {
-    let [rows, columns] = grid.shape();
-    let own = (rows * columns) as u32;
-    let mut place_of: Vec<u32> = (0..own).collect();
-    let mut means = Vec::new();
+fn same(grid: &DirectionGrid) -> Vec<Vec<u32>> {
+    let [_, columns] = grid.shape();
     if columns == 1 {
-        return (place_of, means);
+        return Vec::new();
     }
     let (low, high) = grid.frame().polar_range();
     let is_closed = grid.azimuths().is_some_and(|azimuths| azimuths.extent == AzimuthExtent::Closed);
-    for (row, &angle) in grid.polar().iter().enumerate() {
-        let entries: Vec<u32> = (row * columns..(row + 1) * columns).map(|entry| entry as u32).collect();
-        let merged = if angle == low || angle == high {
-            entries
-        } else if is_closed {
-            vec![entries[0], entries[columns - 1]]
+    let of_row = |(row, &angle): (usize, &f64)| {
+        let entries = (row * columns) as u32..((row + 1) * columns) as u32;
+        if angle == low || angle == high {
+            Some(entries.collect())
         } else {
-            continue;
-        };
-        for &entry in &merged {
-            place_of[entry as usize] = own + means.len() as u32;
+            is_closed.then(|| vec![entries.start, entries.end - 1])
         }
-        means.push(merged);
-    }
-    (place_of, means)
+    };
+    grid.polar().iter().enumerate().filter_map(of_row).collect()
 }
 
 #[cfg(test)]
@@ -213,15 +279,14 @@ mod tests {
 
     fn value(sphere: &Sphere, values: &[f64], direction: Direction) -> f64 {
         let of = |place: u32| {
-            let place = place as usize;
-            values.get(place).copied().unwrap_or_else(|| {
-                let mean = &sphere.means()[place - values.len()];
-                mean.iter().map(|&entry| values[entry as usize]).sum::<f64>() / mean.len() as f64
-            })
+            let same = sphere.same().iter().find(|same| same.contains(&place));
+            let mean =
+                same.map(|same| same.iter().map(|&entry| values[entry as usize]).sum::<f64>() / same.len() as f64);
+            mean.unwrap_or_else(|| values[place as usize])
         };
-        let patch = sphere.patch(direction).unwrap();
+        let patch = sphere.patch(direction.xyz()).unwrap();
         let row = |r: usize| -> f64 {
-            patch.places[r].iter().zip(patch.along[r].cubic).map(|(&place, w)| of(place) * f64::from(w)).sum()
+            (0..4).map(|column| of(patch.place(r, column)) * f64::from(patch.along(r).cubic[column])).sum()
         };
         (0..4).map(|r| row(r) * f64::from(patch.across.cubic[r])).sum()
     }
@@ -284,10 +349,11 @@ mod tests {
     fn places_stated_several_times_are_one() {
         let closed = grid(Frame::TypeC, &[0.0, 90.0, 180.0], Some((&[0.0, 180.0, 360.0], AzimuthExtent::Closed)));
         let sphere = Sphere::new(&closed);
-        assert_eq!(sphere.means(), [vec![0, 1, 2], vec![3, 5], vec![6, 7, 8]]);
-        assert_eq!(sphere.nearest(closed.direction(5)), Some(10));
-        assert_eq!(sphere.nearest(closed.direction(4)), Some(4));
+        assert_eq!(sphere.same(), [vec![0, 1, 2], vec![3, 5], vec![6, 7, 8]]);
+        assert_eq!([3, 4, 5].map(|entry| sphere.stated(entry)), [12, 4, 13]);
+        assert_eq!([3, 4, 5].map(|entry| sphere.first_of(entry)), [3, 4, 3]);
         let plain = Sphere::new(&grid(Frame::TypeC, &[0.0, 90.0], None));
-        assert_eq!((plain.means().len(), plain.nearest(Direction::from_degrees(180.0, 0.0))), (0, Some(0)));
+        let nearest = plain.nearest(Direction::from_degrees(180.0, 0.0)).unwrap();
+        assert_eq!((plain.same().len(), plain.stated(1), nearest.place(1, 1)), (0, 1, 0));
     }
 }

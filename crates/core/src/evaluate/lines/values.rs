@@ -1,5 +1,6 @@
 //! The samples of a grid as they are interpolated: logarithms where no sample is negative, a value for every place.
 
+use crate::evaluate::number::Number;
 use rayon::prelude::*;
 
 /// Samples side by side, in which loops over wavelengths are compiled.
@@ -19,23 +20,29 @@ pub(super) struct Values {
     is_whole: bool,
 }
 
-/// Entries of an axis, and the groups of them whose means are places of their own after them.
+/// Entries of an axis, and the groups of them that are the same direction: their places hold their mean, and what is
+/// stated for them stands at places after those of all entries, group by group.
 pub(super) struct Places<'a> {
     pub(super) own: usize,
-    pub(super) means: &'a [Vec<u32>],
+    pub(super) same: &'a [Vec<u32>],
 }
 
 impl Places<'_> {
     fn count(&self) -> usize {
-        self.own + self.means.len()
+        self.own + self.same.iter().map(Vec::len).sum::<usize>()
     }
 
-    /// The entries that a place is made of.
-    fn entries(&self, place: usize) -> Vec<usize> {
-        match place.checked_sub(self.own) {
-            None => vec![place],
-            Some(mean) => self.means[mean].iter().map(|&entry| entry as usize).collect(),
+    /// By place, the entries that it is made of.
+    fn entries(&self) -> Vec<Vec<usize>> {
+        let mut entries: Vec<Vec<usize>> = (0..self.own).map(|entry| vec![entry]).collect();
+        for same in self.same {
+            let all: Vec<usize> = same.iter().map(|&entry| entry as usize).collect();
+            for &entry in &all {
+                entries[entry].clone_from(&all);
+            }
+            entries.extend(all.into_iter().map(|entry| vec![entry]));
         }
+        entries
     }
 }
 
@@ -48,8 +55,7 @@ impl Values {
         let block = incoming.own * outgoing.own * lambdas;
         let tables = samples.len() / block * n_in;
         let mut numbers = vec![0.0; tables * n_out * stride];
-        let groups: [Vec<Vec<usize>>; 2] =
-            [incoming, outgoing].map(|places| (0..places.count()).map(|place| places.entries(place)).collect());
+        let groups = [incoming, outgoing].map(Places::entries);
         numbers.par_chunks_mut(n_out * stride).enumerate().for_each(|(table, numbers)| {
             let samples = &samples[table / n_in * block..][..block];
             for (row, of_place) in numbers.chunks_exact_mut(stride).zip(&groups[1]) {
@@ -78,24 +84,26 @@ impl Values {
         self.lambdas
     }
 
+    /// Numbers from one place to the next: wavelengths, and padding.
+    pub(super) fn stride(&self) -> usize {
+        self.stride
+    }
+
     /// Places of incoming directions.
     pub(super) fn incoming(&self) -> usize {
         self.incoming
     }
 
-    /// `SIZE` numbers of a place from `lambda` on.
+    /// A number of a place, or four, from `lambda` on.
     #[inline(always)]
-    pub(super) fn numbers<const SIZE: usize>(&self, table: usize, place: u32, lambda: usize) -> [f32; SIZE] {
-        let start = (table * self.outgoing + place as usize) * self.stride + lambda;
-        let mut numbers = [0.0; SIZE];
-        numbers.copy_from_slice(&self.numbers[start..start + SIZE]);
-        numbers
+    pub(super) fn numbers<T: Number>(&self, table: usize, place: u32, lambda: usize) -> T {
+        T::read(&self.numbers, (table * self.outgoing + place as usize) * self.stride + lambda)
     }
 
-    /// The sample of one number.
+    /// The sample of one number, or of each of four.
     #[inline(always)]
-    pub(super) fn sample(&self, number: f32) -> f32 {
-        if self.is_logarithmic { crate::numeric::exponential::exp_estrin(number) } else { number }
+    pub(super) fn sample<T: Number>(&self, number: T) -> T {
+        if self.is_logarithmic { number.exp() } else { number }
     }
 
     pub(super) fn memory(&self) -> usize {
@@ -119,31 +127,42 @@ mod tests {
     fn places_hold_samples_and_their_means() {
         let samples: Vec<f32> = (1..=24).map(|i| i as f32).collect();
         // Two entries of two incoming directions, three outgoing ones, two wavelengths.
-        let incoming = Places { own: 2, means: &[vec![0, 1]] };
-        let outgoing = Places { own: 3, means: &[vec![0, 2]] };
+        let incoming = Places { own: 2, same: &[vec![0, 1]] };
+        let outgoing = Places { own: 3, same: &[vec![0, 2]] };
         let values = Values::new(&samples, 2, &incoming, &outgoing);
         assert!(values.is_logarithmic() && values.is_whole());
-        let at = |table: usize, place: u32| values.numbers::<2>(table, place, 0).map(|log| values.sample(log));
+        let at =
+            |table: usize, place: u32| [0, 1].map(|lambda| values.sample(values.numbers::<f32>(table, place, lambda)));
         let is_near = |found: [f32; 2], expected: [f32; 2]| {
             assert!(found.iter().zip(expected).all(|(a, b)| (a / b - 1.0).abs() < 1e-6), "{found:?} {expected:?}");
         };
-        is_near(at(0, 1), [3.0, 4.0]);
-        is_near(at(4, 2), [23.0, 24.0]);
-        is_near(at(0, 3), [3.0, 4.0]);
-        is_near(at(2, 0), [4.0, 5.0]);
-        is_near(at(5, 3), [18.0, 19.0]);
+        // Tables: both directions' mean twice, then each as stated; places alike, but for the second one.
+        is_near(at(2, 1), [3.0, 4.0]);
+        is_near(at(7, 4), [23.0, 24.0]);
+        for place in [0, 2] {
+            is_near(at(2, place), [3.0, 4.0]);
+            is_near(at(0, place), [6.0, 7.0]);
+            is_near(at(5, place), [18.0, 19.0]);
+        }
+        is_near(at(0, 1), [6.0, 7.0]);
+        is_near(at(2, 3), [1.0, 2.0]);
     }
 
     #[test]
     fn masked_samples_are_no_part_of_a_mean() {
-        let places = Places { own: 4, means: &[vec![0, 1], vec![1, 2], vec![1]] };
-        let one = Places { own: 1, means: &[] };
-        let values = Values::new(&[2.0, f32::NAN, 0.0, -4.0], 1, &one, &places);
-        let at = |place: u32| values.numbers::<1>(0, place, 0)[0];
-        assert_eq!((at(3), at(4), at(5)), (-4.0, 2.0, 0.0));
-        assert!(at(6).is_nan() && !values.is_logarithmic() && !values.is_whole());
-        let values = Values::new(&[2.0, 0.0, 1.0, 4.0], 1, &one, &places);
-        assert_eq!(values.numbers::<1>(0, 1, 0), [f32::NEG_INFINITY]);
+        let one = Places { own: 1, same: &[] };
+        let at = |samples: &[f32], same: &[Vec<u32>]| {
+            let values = Values::new(samples, 1, &one, &Places { own: 4, same });
+            [0, 1, 2, 3].map(|place| values.numbers::<f32>(0, place, 0))
+        };
+        let samples = [2.0, f32::NAN, 0.0, -4.0];
+        assert_eq!(at(&samples, &[vec![0, 1]])[..2], [2.0, 2.0]);
+        assert_eq!(at(&samples, &[vec![1, 2]])[1..], [0.0, 0.0, -4.0]);
+        assert!(at(&samples, &[])[1].is_nan());
+        let values = Values::new(&samples, 1, &one, &Places { own: 4, same: &[] });
+        assert!(!values.is_logarithmic() && !values.is_whole());
+        let values = Values::new(&[2.0, 0.0, 1.0, 4.0], 1, &one, &Places { own: 4, same: &[] });
+        assert_eq!(values.numbers::<f32>(0, 1, 0), f32::NEG_INFINITY);
         assert!(values.is_logarithmic() && !values.is_whole());
     }
 }

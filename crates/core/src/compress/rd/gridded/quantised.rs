@@ -9,7 +9,7 @@ const LINEAR_UNIT: f64 = 32.0;
 /// The quantiser of a header's step.
 pub(super) fn quantiser(step: f32, is_linear: bool, learns: bool) -> Quantiser {
     let step = f64::from(step);
-    Quantiser { step, unit: if is_linear { LINEAR_UNIT * step } else { 1.0 }, learns }
+    Quantiser { step, unit: if is_linear { LINEAR_UNIT * step } else { 1.0 }, learns, dead_zone: 0.0 }
 }
 
 /// Keeps the logarithms of negative samples at or below a bound.

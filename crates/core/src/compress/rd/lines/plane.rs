@@ -70,6 +70,8 @@ pub(super) struct PlaneOf<'a> {
     pub(super) wanted: Option<&'a [f32]>,
     /// Steps in that unit.
     pub(super) per_step: f64,
+    /// Wanted residuals within half a step and this part of one become 0.
+    pub(super) dead_zone: f64,
     /// Squared error at the parent of each node, negative where there was none.
     pub(super) inherited: Option<&'a [f32]>,
     /// Details of this plane and the two before; 0 where none is decoded.
@@ -182,7 +184,8 @@ impl<'a> Halved<'a> {
                 let (detail, error) = if weight > 0.0 {
                     let step = squared_step.sqrt();
                     let wanted = plane.wanted.map_or(0.0, |wanted| f64::from(wanted[node]) * plane.per_step);
-                    let wanted = integer_of((wanted - predicted.blend) / step);
+                    let wanted = (wanted - predicted.blend) / step;
+                    let wanted = if wanted.abs() < 0.5 + plane.dead_zone { 0 } else { integer_of(wanted) };
                     let expected =
                         Expected::new(predicted.variance * weight, predicted.near * weight, self.depth, place);
                     let q = residuals.code(coder, expected, wanted);

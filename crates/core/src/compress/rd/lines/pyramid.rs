@@ -21,6 +21,9 @@ pub(crate) struct Quantiser {
     pub(crate) unit: f64,
     /// Least squares predict beside the fixed filters. They gain on large arrays with noise, and lose on small smooth ones.
     pub(crate) learns: bool,
+    /// An encoder's: residuals within half a step and this part of one become 0. Of smooth functions most details are 0, and
+    /// a lone ±1 takes more bits than its error is worth.
+    pub(crate) dead_zone: f64,
 }
 
 /// The pyramid of planes `[planes, leaves]` on a grid.
@@ -54,7 +57,7 @@ impl PairPyramid {
     pub(crate) fn code<C: BitCoder>(
         &self,
         coder: &mut C,
-        Quantiser { step, unit, learns }: Quantiser,
+        Quantiser { step, unit, learns, dead_zone }: Quantiser,
         (planes, vectors): (usize, usize),
         source: Option<&Source>,
         left_out: usize,
@@ -102,6 +105,7 @@ impl PairPyramid {
                         weights: self.halvings.weights_of((plane, vectors), level),
                         wanted: source.map(|source| source.details(level, plane, parents)),
                         per_step: 1.0 / step,
+                        dead_zone,
                         inherited: inherited.get(plane * parents..).and_then(|all| all.get(..parents)),
                         details: &mut details,
                         errors: &mut errors,

@@ -1,0 +1,240 @@
+//! Lines where a divisor or a cubic was chosen: what differs between incidences, and past the last of them.
+
+use super::between::Part;
+use super::course::{Course, FoundBetween, Outer};
+use super::sphere::{Patch, Sphere};
+use super::{AROUND, Found, Kind, Lines, Nodes};
+use crate::compress::Between;
+use crate::domain::vector::Vector;
+use crate::domain::{Direction, Domain};
+use crate::evaluate::between::{Cubic, Divided, MOST_BEYOND, held};
+use crate::evaluate::incoming::{Alignment, Origin};
+use crate::evaluate::mixed::NO_LIGHT;
+use crate::evaluate::number::Number;
+use crate::numeric::bracket::Bracket;
+use crate::numeric::logarithm::ln_f32;
+
+/// Heights below this count as this where a value is held past the last incidence.
+const LEAST_COSINE: f32 = 1e-3;
+/// Heights this near to that of the last incidence are its own.
+const ROUNDING: f64 = 1e-9;
+
+impl Lines {
+    /// Goes from one incidence to the next as `between` states; as files do that state nothing where samples are negative.
+    pub(in crate::evaluate) fn go(&mut self, entries: usize, between: &Between) {
+        if between.is_default() || !self.values.is_logarithmic() {
+            return;
+        }
+        let angles = match &self.incoming.0 {
+            Kind::None => return,
+            Kind::Elevations(angles, _) => angles,
+            Kind::Grid(sphere) => sphere.grid().polar(),
+        };
+        let cubic = (between.cubic && angles.len() > 1).then(|| Cubic::new(angles));
+        let last =
+            angles.last().map(|angle| (libm::cos(angle.to_radians()), self.largest_at_last(entries, angles.len())));
+        let course = Course { stated: *between, divided: Divided::by(between.divisor), cubic, last };
+        self.course = Some(Box::new(course));
+    }
+
+    /// The interpolation between incidences that was stated.
+    pub(in crate::evaluate) fn between(&self) -> Between {
+        self.course.as_ref().map_or_else(Between::default, |course| course.stated)
+    }
+
+    /// The largest logarithms of f·cos θo at the last of this many incoming elevations, by index entry and wavelength, as far
+    /// apart as the numbers of places.
+    fn largest_at_last(&self, entries: usize, elevations: usize) -> Vec<f32> {
+        let (lambdas, stride) = (self.values.lambdas(), self.values.stride());
+        let mut largest = vec![f32::NEG_INFINITY; entries * stride];
+        let Some(sphere) = &self.outgoing else { return largest };
+        let columns = match &self.incoming.0 {
+            Kind::Grid(sphere) => sphere.grid().len() / elevations,
+            _ => 1,
+        };
+        for (entry, largest) in largest.chunks_exact_mut(stride).enumerate() {
+            for node in (elevations - 1) * columns..elevations * columns {
+                let table = entry * self.values.incoming() + node;
+                for place in 0..sphere.grid().len() {
+                    let height = sphere.grid().direction(place).cos_theta() as f32;
+                    for (lambda, largest) in largest.iter_mut().take(lambdas).enumerate().filter(|_| height > 0.0) {
+                        let number: f32 = self.values.numbers(table, place as u32, lambda);
+                        *largest = largest.max(number + ln_f32(height));
+                    }
+                }
+            }
+        }
+        largest
+    }
+
+    /// As [`Lines::smooth`] on the way of `course`.
+    pub(super) fn smooth_between(&self, course: &Course, entry: usize, wi: Vector, wo: Vector) -> Option<Found> {
+        let Nodes { mut places, mut weights } = self.nodes(wi)?;
+        let is_single = weights.contains(&1.0);
+        let (mut cubic, mut outer) = (None, None);
+        match (&course.cubic, &self.incoming.0) {
+            (Some(own), Kind::Grid(sphere)) if !is_single => {
+                (cubic, outer) = rows(own, sphere, wi, places).unzip();
+            }
+            (Some(own), _) if !is_single => {
+                let (four, cubic_weights) = own.around(places[0] as usize, weights[1] as f32);
+                (places, weights) = (four, [0.0, weights[0], weights[1], 0.0]);
+                cubic = Some(cubic_weights);
+            }
+            _ => {}
+        }
+        let is_past = course.last.as_ref().is_some_and(|(height, _)| wi[2] < *height - ROUNDING);
+        let mut least = 1.0_f32;
+        let mut found = Found::NOTHING;
+        let mut divisors = [0.0; AROUND];
+        for k in 0..AROUND {
+            if weights[k] == 0.0 && cubic.is_none_or(|weights: [f32; AROUND]| weights[k] == 0.0) {
+                continue;
+            }
+            let stays = weights[k] == 1.0 && !is_past;
+            let worth;
+            (found.patches[k], divisors[k], worth) = self.seen_under(course, places[k], (wi, wo), stays, is_past);
+            least = least.min(worth);
+            found.tables[k] = entry * self.values.incoming() + places[k] as usize;
+            found.weights[k] = weights[k] as f32 * worth;
+            found.count = k + 1;
+        }
+        let outer = outer.map(|(places, weights)| {
+            let mut outer = Outer { tables: [0; AROUND], patches: [None; AROUND], divisors: [0.0; AROUND], weights };
+            for k in (0..AROUND).filter(|&k| weights[k] != 0.0) {
+                let worth;
+                (outer.patches[k], outer.divisors[k], worth) =
+                    self.seen_under(course, places[k], (wi, wo), false, false);
+                least = least.min(worth);
+                outer.tables[k] = entry * self.values.incoming() + places[k] as usize;
+            }
+            Box::new(outer)
+        });
+        let single = |d: Vector| d.map(|x| x as f32);
+        let own = course.divided.one(single(wi), single(wo));
+        let height = ln_f32((wo[2].abs() as f32).max(LEAST_COSINE));
+        let is_held = is_past && self.domain == Domain::Hemisphere;
+        let held = is_held.then_some((entry * self.values.stride(), height));
+        let cubic = cubic.map(|weights| (weights, least));
+        found.between = Some(FoundBetween { divisors, own, cubic, outer, held });
+        Some(found)
+    }
+
+    /// Where the incoming place has what is asked for: the patch there, the logarithm of the divisor, and what it is worth. It
+    /// `stays` where a stated direction is asked for.
+    fn seen_under(
+        &self,
+        course: &Course,
+        place: u32,
+        (wi, wo): (Vector, Vector),
+        stays: bool,
+        is_past: bool,
+    ) -> (Option<Patch>, f32, f32) {
+        let to = self.directions[place as usize];
+        let (mut there, worth) = if stays || self.alignment == Alignment::None {
+            (wo, 1.0)
+        } else {
+            self.carried(&Origin::new(wi), place, wo)
+        };
+        let patch = |d: Vector| self.outgoing.as_ref().and_then(|sphere| sphere.patch(d));
+        let mut found = patch(there);
+        if is_past && found.is_none() {
+            // It alone counts: what the grid does not cover there is taken from where it is asked for.
+            (there, found) = (wo, patch(wo));
+        }
+        // A stated direction is the sample, whatever rounding made of it.
+        let from = if stays { wi } else { to };
+        let single = |d: Vector| d.map(|x| x as f32);
+        (found, course.divided.one(single(from), single(there)), worth)
+    }
+
+    /// A sample, or four from `lambda` on, of what was found on the way from one incidence to the next.
+    pub(super) fn samples_between<T: Number>(&self, between: &FoundBetween, found: &Found, lambda: usize) -> T {
+        let part = |table: usize, patch: &Option<Patch>, divisor: f32| {
+            let part: Part<T> = self.part(table, patch.as_ref(), lambda);
+            Part { number: part.number - T::of(divisor), ..part }
+        };
+        let (zero, mut total) = (T::of(0.0), 0.0);
+        let (mut sum, mut live, mut known) = (zero, zero, zero);
+        let mut range = [T::of(f32::INFINITY), T::of(f32::NEG_INFINITY)];
+        let mut cubic = (zero, T::of(between.cubic.map_or(0.0, |(_, worth)| worth)));
+        let add = |cubic: &mut (T, T), part: &Part<T>, weight: f32| {
+            cubic.0 = cubic.0 + T::of(weight) * part.number;
+            // Straight lines where a place fades, or has no light.
+            cubic.1 = cubic.1.smaller(part.live);
+        };
+        for k in 0..found.count {
+            let weight = found.weights[k];
+            let in_cubic = between.cubic.map_or(0.0, |(weights, _)| weights[k]);
+            if weight == 0.0 && in_cubic == 0.0 {
+                continue;
+            }
+            let part = part(found.tables[k], &found.patches[k], between.divisors[k]);
+            if weight != 0.0 {
+                total += weight;
+                let weight = T::of(weight);
+                sum = sum + weight * part.live * part.number;
+                live = live + weight * part.live;
+                known = known + weight * part.known;
+                range = [range[0].smaller(part.number), range[1].larger(part.number)];
+            }
+            if in_cubic != 0.0 {
+                add(&mut cubic, &part, in_cubic);
+            }
+        }
+        if let Some(Outer { tables, patches, divisors, weights }) = between.outer.as_deref() {
+            for k in (0..AROUND).filter(|&k| weights[k] != 0.0) {
+                add(&mut cubic, &part(tables[k], &patches[k], divisors[k]), weights[k]);
+            }
+        }
+        let mut number = sum / live;
+        if between.cubic.is_some() {
+            let (cubic, worth) = cubic;
+            number = T::choose(zero.less(worth), number + worth * (held(cubic, range) - number), number);
+        }
+        number = number + T::of(between.own);
+        if let (Some((first, height)), Some(course)) = (between.held, &self.course)
+            && let Some((_, largest)) = &course.last
+        {
+            let largest = T::read(largest, first + lambda);
+            number = number.smaller(largest + T::of(ln_f32(MOST_BEYOND) - height));
+        }
+        let sample = self.values.sample(number);
+        let sample = T::choose(live.less(known), sample * (live / known), sample);
+        let least = T::of(NO_LIGHT * total);
+        let lit = T::choose(live.at_most(least), zero, sample);
+        T::choose(known.at_most(least), T::of(f32::NAN), lit)
+    }
+}
+
+/// Places with their weights.
+type Weighed = ([u32; AROUND], [f32; AROUND]);
+
+/// The cubic over the rows of an incoming grid, on straight lines between its columns: weights of the places around, and the
+/// places on the rows before and after them; `None` on a row.
+fn rows(own: &Cubic, sphere: &Sphere, wi: Vector, around: [u32; AROUND]) -> Option<([f32; AROUND], Weighed)> {
+    let direction = Direction::from_unit(wi);
+    let [polar, _] = sphere.grid().angles(direction)?;
+    let bracket = Bracket::held(sphere.grid().polar(), polar).snapped(f64::from(f32::EPSILON));
+    if bracket.t == 0.0 || bracket.t == 1.0 {
+        return None;
+    }
+    let patch = sphere.patch(wi)?;
+    let (_, of_rows) = own.around(bracket.below, bracket.t as f32);
+    let weight = |row: usize, column: usize| {
+        let along = patch.along(row).t;
+        of_rows[row] * if column == 1 { 1.0 - along } else { along }
+    };
+    let mut weights = std::array::from_fn(|k| weight(1 + k / 2, 1 + k % 2));
+    // Places that are one are so here, too.
+    for k in 0..AROUND {
+        for other in k + 1..AROUND {
+            if around[other] == around[k] {
+                weights[k] += std::mem::take(&mut weights[other]);
+            }
+        }
+    }
+    let outer = |k: usize| (3 * (k / 2), 1 + k % 2);
+    let places = std::array::from_fn(|k| patch.place(outer(k).0, outer(k).1));
+    Some((weights, (places, std::array::from_fn(|k| weight(outer(k).0, outer(k).1)))))
+}

@@ -1,0 +1,111 @@
+//! Angles of points in a plane, in arithmetic of the same bits on every machine, which loops turn into vector code.
+
+/// A point is turned back by this many degrees where it lies nearer to the diagonal than to an axis.
+const DIAGONAL: f64 = 45.0;
+/// The tangent of half of that.
+const HALF_WAY: f64 = 0.414_213_562_373_095_03;
+/// The arc tangent of q in degrees is q times the sum of these times powers of q², for |q| up to [`HALF_WAY`]:
+/// interpolated at Chebyshev's points, with a relative error of 4e-17 before rounding.
+const TERMS: [f64; 11] = [
+    57.295_779_513_082_316,
+    -19.098_593_171_024_635,
+    11.459_155_901_960_49,
+    -8.185_111_299_001_367,
+    6.366_194_898_616_737,
+    -5.208_629_296_935_886,
+    4.406_018_799_325_049,
+    -3.804_573_786_914_919_4,
+    3.259_184_004_673_347_3,
+    -2.491_250_334_784_828_7,
+    1.210_967_587_482_289_2,
+];
+
+/// Returns the angle from +x of the point (x, y) in degrees, −180..=180, with a relative error below 1e-15 up to 45°
+/// and an error below 1e-13 degrees elsewhere. Multiples of 45° are exact, the angle changes its sign with `y`, and
+/// that of (0, 0) is 0.
+///
+/// Products and sums in one order, one quotient and no branch: what a machine computes side by side has the same bits.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+pub(crate) fn atan2_degrees(y: f64, x: f64) -> f64 {
+    let (up, along) = (y.abs(), x.abs());
+    // Below 0 where the point is nearer to the axis of y; NaN where a coordinate is none, and so are what is added to.
+    let ahead = along - up;
+    let low = if up < along { up } else { along } + 0.0 * ahead;
+    let high = if up < along { along } else { up };
+    let is_turned = HALF_WAY * high - low;
+    let numerator = low - where_negative(is_turned, high);
+    let denominator = high + where_negative(is_turned, low);
+    let q = numerator / if denominator > f64::MIN_POSITIVE { denominator } else { f64::MIN_POSITIVE };
+    // In pairs, whose steps need not wait for one another (Estrin 1960).
+    let z = q * q;
+    let pair = |k: usize| TERMS[k] + TERMS[k + 1] * z;
+    let zz = z * z;
+    let four = |k: usize| pair(k) + pair(k + 2) * zz;
+    let sum = four(0) + (zz * zz) * (four(4) + (zz * zz) * (pair(8) + TERMS[10] * zz));
+    let angle = where_negative(is_turned, DIAGONAL) + q * sum;
+    let angle = where_negative(ahead, 90.0) + angle.copysign(ahead);
+    let angle = where_negative(x, 180.0) + angle.copysign(x);
+    angle.copysign(y)
+}
+
+/// Returns `value` where `sign` has one, else 0: by their bits, as a branch would be guessed wrongly every other time.
+#[inline(always)]
+#[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
+fn where_negative(sign: f64, value: f64) -> f64 {
+    let mask = (sign.to_bits() >> 63).wrapping_neg();
+    f64::from_bits(value.to_bits() & mask)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points all around at many distances, those near axes and diagonals among them.
+    fn points() -> impl Iterator<Item = (f64, f64)> {
+        let near = [1e-300, 1e-20, 1e-9, 1e-5].into_iter().flat_map(|d| [d, 1.0 - d, 1.0 + d]);
+        let slopes: Vec<f64> = near.chain((0..20_000).map(|i| f64::from(i) * 1.3e-4)).collect();
+        slopes.into_iter().flat_map(|slope| {
+            [1.0, 1e-7, 3e5].into_iter().flat_map(move |size| {
+                let (a, b) = (size, slope * size);
+                [(a, b), (b, a), (-a, b), (-b, a), (a, -b), (b, -a), (-a, -b), (-b, -a)]
+            })
+        })
+    }
+
+    #[test]
+    fn angles_are_right_to_the_last_places_all_around() {
+        let (mut relative, mut absolute) = (0.0_f64, 0.0_f64);
+        for (y, x) in points() {
+            let (found, expected) = (atan2_degrees(y, x), libm::atan2(y, x).to_degrees());
+            absolute = absolute.max((found - expected).abs());
+            if expected.abs() < 45.0 && expected != 0.0 {
+                relative = relative.max((found / expected - 1.0).abs());
+            }
+        }
+        assert!(absolute < 1e-13 && relative < 1e-15, "{absolute} {relative}");
+    }
+
+    #[test]
+    fn axes_and_diagonals_are_exact() {
+        for size in [1e-12, 0.3, 1.0, 7e8] {
+            let found = [(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (1.0, -1.0), (0.0, -1.0)]
+                .map(|(y, x)| atan2_degrees(y * size, x * size));
+            assert_eq!(found, [0.0, 45.0, 90.0, 135.0, 180.0]);
+        }
+        assert_eq!(atan2_degrees(0.0, 0.0), 0.0);
+        assert!(atan2_degrees(f64::NAN, 1.0).is_nan() && atan2_degrees(1.0, f64::NAN).is_nan());
+    }
+
+    #[test]
+    fn mirrored_points_have_mirrored_angles() {
+        for (y, x) in points() {
+            let angle = atan2_degrees(y, x);
+            assert_eq!(atan2_degrees(-y, x), -angle);
+            if x > 0.0 && y.is_sign_positive() {
+                assert_eq!(atan2_degrees(y, -x), 180.0 - angle);
+                assert_eq!(atan2_degrees(2.0 * y, 2.0 * x), angle);
+            }
+        }
+    }
+}
