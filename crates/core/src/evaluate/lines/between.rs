@@ -1,63 +1,14 @@
-//! What lies between the places found around a direction: cubics of logarithms or straight lines, by the shares of
-//! light.
+//! The function at the places found around a direction: cubics of logarithms or straight lines, by the shares of light.
 
-use super::line::Along;
+use super::part::{Part, Sums, by_shares, cubic, line, straight};
 use super::sphere::Patch;
 use super::{Found, Lines};
 use crate::evaluate::mixed::NO_LIGHT;
 use crate::evaluate::number::Number;
 use wide::f32x4;
 
-/// Between two entries a value leaves their range by at most this part of it.
-const OVERSHOOT: f32 = 0.1;
 /// Wavelengths that are worked on together.
 const SIDE: usize = 4;
-
-/// A number, or four side by side, with the share of light that it stands for and the share that is known.
-#[derive(Clone, Copy)]
-pub(super) struct Part<T> {
-    pub(super) number: T,
-    pub(super) live: T,
-    pub(super) known: T,
-}
-
-/// Sums over incoming places, by weight: of numbers that have light, of the light, of what is known, of samples on
-/// straight lines.
-#[derive(Clone, Copy)]
-pub(super) struct Sums<T> {
-    number: T,
-    live: T,
-    known: T,
-    straight: T,
-    straight_known: T,
-    total: f32,
-    /// All of it has light so far.
-    is_whole: bool,
-}
-
-impl<T: Number> Sums<T> {
-    #[inline(always)]
-    pub(super) fn nothing() -> Self {
-        let zero = T::of(0.0);
-        Self { number: zero, live: zero, known: zero, straight: zero, straight_known: zero, total: 0.0, is_whole: true }
-    }
-
-    /// Adds a number, all of which has light.
-    #[inline(always)]
-    fn add_whole(&mut self, weight: T, number: T) {
-        self.number = self.number + weight * number;
-        self.live = self.live + weight;
-        self.known = self.known + weight;
-    }
-
-    #[inline(always)]
-    fn add_part(&mut self, weight: T, part: Part<T>) {
-        self.number = self.number + weight * part.live * part.number;
-        self.live = self.live + weight * part.live;
-        self.known = self.known + weight * part.known;
-        self.is_whole = false;
-    }
-}
 
 impl Lines {
     /// The whole spectrum of what was found, of the function with a share of straight lines.
@@ -174,9 +125,9 @@ impl Lines {
     pub(super) fn part<T: Number>(&self, table: usize, patch: Option<&Patch>, lambda: usize) -> Part<T> {
         let (zero, one) = (T::of(0.0), T::of(1.0));
         match (patch, &self.outgoing) {
-            (Some(patch), _) => {
-                self.curved(table, patch, lambda).map_or_else(|part| part, |number| Part { number, live: one, known: one })
-            }
+            (Some(patch), _) => self
+                .curved(table, patch, lambda)
+                .map_or_else(|part| part, |number| Part { number, live: one, known: one }),
             (None, None) => Part::new(self.values.numbers(table, 0, lambda)),
             (None, Some(sphere)) => {
                 Part { number: zero, live: zero, known: if sphere.outside().is_nan() { zero } else { one } }
@@ -228,75 +179,4 @@ impl Lines {
         }
         if is_mixed { T::of(1.0 - share) * sample + T::of(share) * on_lines() } else { sample }
     }
-}
-
-impl<T: Number> Part<T> {
-    /// Nothing known.
-    #[inline(always)]
-    pub(super) fn nothing() -> Self {
-        Self { number: T::of(0.0), live: T::of(0.0), known: T::of(0.0) }
-    }
-
-    /// The number of one place: minus infinity has no light, NaN is not known.
-    #[inline(always)]
-    fn new(number: T) -> Self {
-        let (zero, one, dark) = (T::of(0.0), T::of(1.0), T::of(f32::NEG_INFINITY));
-        // Neither comparison holds for what is masked.
-        let (is_lit, is_known) = (dark.less(number), dark.at_most(number));
-        Self {
-            number: T::choose(is_lit, number, zero),
-            live: T::choose(is_lit, one, zero),
-            known: T::choose(is_known, one, zero),
-        }
-    }
-}
-
-/// Interpolates in a patch where some places have no light: along each row, then across the rows.
-#[inline(never)]
-fn by_shares<T: Number>(numbers: &[[T; 4]; 4], patch: &Patch) -> Part<T> {
-    let mut rows = [Part::nothing(); 4];
-    for (r, row) in rows.iter_mut().enumerate() {
-        let [a, b, c, d] = numbers[r];
-        *row = mixed(&[Part::new(a), Part::new(b), Part::new(c), Part::new(d)], patch.along(r));
-    }
-    mixed(&rows, &patch.across)
-}
-
-/// A cubic through the middle two of four numbers, which hardly leaves their range.
-#[inline(always)]
-fn cubic<T: Number>(&[before, low, high, after]: &[T; 4], along: &Along) -> T {
-    let [a, b, c, d] = along.cubic;
-    let sum = T::of(a) * before + T::of(b) * low + T::of(c) * high + T::of(d) * after;
-    let room = T::of(OVERSHOOT) * (high - low).size();
-    sum.larger(low.smaller(high) - room).smaller(low.larger(high) + room)
-}
-
-/// A straight line between two numbers.
-#[inline(always)]
-fn line<T: Number>(one: T, two: T, t: f32) -> T {
-    T::of(1.0 - t) * one + T::of(t) * two
-}
-
-/// Four parts along a line: a cubic where all four have light, else a straight line.
-#[inline(always)]
-fn mixed<T: Number>(parts: &[Part<T>; 4], along: &Along) -> Part<T> {
-    let [before, one, two, after] = parts;
-    let live = before.live.smaller(one.live).smaller(two.live).smaller(after.live);
-    let is_lit = T::of(1.0).at_most(live);
-    let line = straight(one, two, along.t);
-    let curved = cubic(&[before.number, one.number, two.number, after.number], along);
-    Part {
-        number: T::choose(is_lit, curved, line.number),
-        live: T::choose(is_lit, T::of(1.0), line.live),
-        known: T::choose(is_lit, T::of(1.0), line.known),
-    }
-}
-
-/// Two parts along a straight line, each by the share of light that it stands for.
-#[inline(always)]
-fn straight<T: Number>(one: &Part<T>, two: &Part<T>, t: f32) -> Part<T> {
-    let zero = T::of(0.0);
-    let live = line(one.live, two.live, t);
-    let sum = T::of(1.0 - t) * one.live * one.number + T::of(t) * two.live * two.number;
-    Part { number: T::choose(zero.less(live), sum / live, zero), live, known: line(one.known, two.known, t) }
 }

@@ -1,6 +1,6 @@
 //! Many directions at once: their angles side by side, then the places around each.
 
-use super::between::Sums;
+use super::part::Sums;
 use super::{AROUND, Kind, Lines, Nodes, elevation, nodes_between};
 use crate::domain::Domain;
 use crate::evaluate::carried::known;

@@ -1,7 +1,7 @@
 //! Lines where a divisor or a cubic was chosen: what differs between incidences, and past the last of them.
 
-use super::between::Part;
 use super::course::{Course, FoundBetween, Outer};
+use super::part::Part;
 use super::sphere::{Patch, Sphere};
 use super::{AROUND, Found, Kind, Lines, Nodes};
 use crate::compress::Between;

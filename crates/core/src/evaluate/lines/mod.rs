@@ -18,6 +18,7 @@ mod course;
 mod incidences;
 mod integral;
 mod line;
+mod part;
 mod sphere;
 #[cfg(test)]
 mod tests;
@@ -30,9 +31,9 @@ use crate::domain::{Direction, DirectionGrid, Domain};
 use crate::numeric::arctangent::atan2_degrees;
 use crate::numeric::bracket::Bracket;
 use ::wide::f32x4;
-use between::Sums;
 use course::{Course, FoundBetween};
 use line::{Line, Node};
+use part::Sums;
 use sphere::{Patch, Sphere};
 use values::{Places, Values};
 
@@ -157,7 +158,18 @@ impl Lines {
         };
         let origins = directions.iter().map(|&direction| Origin::new(direction)).collect();
         let changes = Vec::new();
-        Self { incoming, directions, origins, outgoing, values, straight: 0.0, domain, alignment, changes, course: None }
+        Self {
+            incoming,
+            directions,
+            origins,
+            outgoing,
+            values,
+            straight: 0.0,
+            domain,
+            alignment,
+            changes,
+            course: None,
+        }
     }
 
     /// This function with a share, 0..=1, of straight lines between samples.

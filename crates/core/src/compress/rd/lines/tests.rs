@@ -13,8 +13,13 @@ fn encoded(grid: &Grid, planes: &[f32], weights: &[f32], step: f64) -> (Vec<u8>,
     let order = code_order(&mut encoder, grid, &order_of_halvings(grid, planes, (weights, 1), step).0);
     let pyramid = PairPyramid::new(grid, &order, weights, true);
     let source = pyramid.source(planes, count);
-    let (values, _) =
-        pyramid.code(&mut encoder, Quantiser { step, unit: 1.0, learns: true, dead_zone: 0.0 }, (count, count), Some(&source), 0);
+    let (values, _) = pyramid.code(
+        &mut encoder,
+        Quantiser { step, unit: 1.0, learns: true, dead_zone: 0.0 },
+        (count, count),
+        Some(&source),
+        0,
+    );
     (encoder.finish(), values)
 }
 
@@ -22,7 +27,15 @@ fn decoded(grid: &Grid, bytes: &[u8], (planes, weights): (usize, &[f32]), step: 
     let mut decoder = Decoder::new(bytes);
     let order = code_order(&mut decoder, grid, &[]);
     let pyramid = PairPyramid::new(grid, &order, weights, true);
-    pyramid.code(&mut decoder, Quantiser { step, unit: 1.0, learns: true, dead_zone: 0.0 }, (planes, planes), None, left_out).0
+    pyramid
+        .code(
+            &mut decoder,
+            Quantiser { step, unit: 1.0, learns: true, dead_zone: 0.0 },
+            (planes, planes),
+            None,
+            left_out,
+        )
+        .0
 }
 
 fn bits(values: &[f32]) -> Vec<u32> {
