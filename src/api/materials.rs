@@ -157,8 +157,9 @@ struct Manifest {
     /// Light of the material less that of scattered samples, in parts of the latter, by incidence (`theta_i` and `phi_i` in
     /// degrees) and group of bands (first and last of `wavelengths` in nm and of `channels`): `kept` at the samples that were
     /// not rejected, `together` with the rejected ones that lie together, `all` with all; null where there is no sample. Each is a
-    /// sum by the area that a sample stands for, times cos θ for scattering; `light` is that of the `values` compared, `noise` the
-    /// standard error of `together`.
+    /// sum by the area that a sample stands for, times cos θ for scattering; `light` is that of the samples but for rejected ones
+    /// that lie alone, the mean over the channels, and where it is `by_area` and they cover the hemisphere the albedo or flux;
+    /// `noise` is the standard error of `together`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schema(value_type = Vec<Object>)]
     light_at_samples: Vec<Value>,

@@ -85,7 +85,12 @@ fn judged(mut outcome: Outcome, request: &Request) -> Result<Outcome, PipelineEr
     if request.strict && !warnings.is_empty() {
         return Err(PipelineError::Strict(warnings.join("; ")));
     }
-    outcome.report.notes.extend(warnings.into_iter().map(|message| Note { kind: NoteKind::Warning, message }));
+    let albedo =
+        sample_light::too_bright(&outcome.report.light_at_samples).filter(|_| outcome.report.quantity.has_cosine());
+    outcome
+        .report
+        .notes
+        .extend(warnings.into_iter().chain(albedo).map(|message| Note { kind: NoteKind::Warning, message }));
     Ok(outcome)
 }
 

@@ -13,6 +13,8 @@ const GROUPS: usize = 8;
 /// Relative difference of the light that is warned of, if it is above so many standard errors of the noise, too.
 const LIGHT: f64 = 0.03;
 const STANDARD_ERRORS: f64 = 4.0;
+/// Albedo above 1 that is not warned of: sums by area are so far off.
+const ALBEDO: f64 = 0.02;
 /// No row of a sum.
 const NONE: u32 = u32::MAX;
 
@@ -30,8 +32,11 @@ pub struct IncidenceLight {
     pub channels: [usize; 2],
     /// Values that were compared, rejected ones included.
     pub values: u64,
-    /// Sum of the samples, rejected ones included: over a whole hemisphere the directional albedo or flux.
+    /// Sum of the samples but for rejected ones that lie alone, the mean over the channels.
     pub light: f64,
+    /// Whether samples weigh by the areas that they stand for, so that over a whole hemisphere `light` is the directional
+    /// albedo, or the flux: not in a plane of incidence, nor where each sample has its own incidence.
+    pub by_area: bool,
     /// Difference at the samples that were not rejected.
     pub kept: Option<f64>,
     /// Difference with the rejected samples that lie together.
@@ -97,6 +102,7 @@ pub(super) struct LightSums {
     width: usize,
     groups: usize,
     angles: Vec<Option<(f64, Option<f64>)>>,
+    by_area: Vec<bool>,
 }
 
 impl LightSums {
@@ -104,13 +110,16 @@ impl LightSums {
         let width = samples.width();
         let groups = width.clamp(1, GROUPS);
         let mut places = vec![(NONE, 0.0); samples.len()];
+        let mut by_area = Vec::new();
         for (incidence, number) in samples.incidences().iter().zip(0..) {
-            for (&row, weight) in incidence.rows().iter().zip(samples.weights(incidence)) {
+            let (weights, are_areas) = samples.weights(incidence);
+            by_area.push(are_areas);
+            for (&row, weight) in incidence.rows().iter().zip(weights) {
                 places[row as usize] = (number, weight);
             }
         }
         let angles: Vec<_> = samples.incidences().iter().map(Incidence::angles).collect();
-        Self { places, sums: vec![Sum::default(); angles.len() * groups], width, groups, angles }
+        Self { places, sums: vec![Sum::default(); angles.len() * groups], width, groups, angles, by_area }
     }
 
     /// Adds the values of the samples from `from` on, `[sample, wavelength]`; `rejected` are the places of rejected ones,
@@ -179,7 +188,8 @@ impl LightSums {
                 wavelengths: grid.map(|grid: &WavelengthGrid| channels.map(|channel| grid.at(channel))),
                 channels,
                 values: total.values,
-                light: total.stated,
+                light: weighty / (channels[1] + 1 - channels[0]) as f64,
+                by_area: self.by_area[i / self.groups],
                 kept,
                 together,
                 all: total.difference(),
@@ -238,13 +248,37 @@ fn different(lights: &[IncidenceLight]) -> Option<String> {
         0 => String::new(),
         others => format!("; so does that of {others} other incidences or groups of bands, by less"),
     };
-    let more = if worst.together > Some(0.0) { "more" } else { "less" };
+    let (more, advice) = if worst.together > Some(0.0) {
+        ("more", "the cells or the incoming directions may be too coarse for it")
+    } else {
+        (
+            "less",
+            "a lobe may be narrower than the distance between samples, or than the cells; measure more densely where samples \
+             lie far above their neighbours",
+        )
+    };
+    let noise = match 100.0 * STANDARD_ERRORS * worst.noise {
+        0.0 => "noise is unknown".to_owned(),
+        noise => format!("noise explains {noise:.2} %"),
+    };
     Some(format!(
-        "the material has {:.1} % {more} light than its samples{incidence}{bands}, where their noise explains {:.2} %{others}: a lobe may \
-         be narrower than the distance between samples, or than the cells; measure more densely where samples lie far above \
-         their neighbours",
+        "the material has {:.1} % {more} light than its samples{incidence}{bands}, where their {noise}{others}: {advice}",
         100.0 * size(worst),
-        100.0 * STANDARD_ERRORS * worst.noise,
+    ))
+}
+
+/// A warning of samples that send out more light than falls on them, for quantities that have an albedo.
+pub(super) fn too_bright(lights: &[IncidenceLight]) -> Option<String> {
+    let is_above =
+        |light: &&IncidenceLight| light.by_area && light.light > 1.0 + ALBEDO.max(STANDARD_ERRORS * light.noise);
+    let above = lights.iter().filter(is_above);
+    let most = above.clone().reduce(|most, next| if next.light > most.light { next } else { most })?;
+    let incidence = most.theta_i.map_or_else(String::new, |theta| format!(", most under the incidence of {theta:.1}°"));
+    Some(format!(
+        "the samples have an albedo above 1 under {} incidences or groups of bands: {:.3}{incidence}; the scale, the cosine or the \
+         reference may be wrong",
+        above.count(),
+        most.light
     ))
 }
 
@@ -264,6 +298,14 @@ mod tests {
     }
 
     #[test]
+    fn albedos_above_1_are_told_where_they_are_albedos() {
+        let of = |light, by_area| IncidenceLight { theta_i: Some(20.0), light, by_area, ..IncidenceLight::default() };
+        assert_eq!(too_bright(&[of(1.01, true), of(50.0, false)]), None);
+        let message = too_bright(&[of(1.2, true), of(0.9, true), of(1.4, true)]).unwrap();
+        assert!(message.contains("under 2 incidences") && message.contains("1.400, most under"), "{message}");
+    }
+
+    #[test]
     fn sums_without_samples_are_none() {
         let mut sums = LightSums {
             places: vec![(0, 1.0), (0, 2.0), (NONE, 1.0)],
@@ -271,12 +313,13 @@ mod tests {
             width: 2,
             groups: 2,
             angles: vec![None, Some((30.0, None))],
+            by_area: vec![true, false],
         };
         let stated = [1.0, f32::NAN, 1.0, f32::NAN, 7.0, 7.0];
         sums.add(0, (&stated, &[1.0, 1.0, 0.5, 1.0, 0.0, 0.0]), [(2, false)].into_iter());
         let found = sums.finish(Some(0.01), None);
         assert_eq!((found[0].kept, found[0].together, found[0].all), (Some(0.0), Some(0.0), Some(-1.0 / 3.0)));
-        assert_eq!((found[0].values, found[0].light, found[0].noise), (2, 3.0, 0.01));
+        assert_eq!((found[0].values, found[0].light, found[0].noise), (2, 1.0, 0.01));
         for empty in &found[1..] {
             assert_eq!((empty.kept, empty.together, empty.all, empty.values), (None, None, None, 0));
         }

@@ -328,7 +328,10 @@ fn the_light_of_samples_is_their_sum_by_area() {
         // The directional albedo of the base, but for the lowest degree.
         assert!((light.light / 0.3 - 1.0).abs() < 0.003, "{light:?}");
         assert!((light.noise - 0.01 / 4000_f64.sqrt()).abs() < 1e-4 && light.values == 3920, "{light:?}");
-        assert!(light.kept.is_some() && light.kept == light.together && light.kept == light.all, "{light:?}");
+        assert!(
+            light.by_area && light.kept.is_some() && light.kept == light.together && light.kept == light.all,
+            "{light:?}"
+        );
     }
 }
 

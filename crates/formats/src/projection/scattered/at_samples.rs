@@ -57,8 +57,9 @@ impl ScatteredSamples {
         &self.incidences
     }
 
-    /// Weights that make the sum of the values under an incidence its light; see [`Incidence`].
-    pub fn weights(&self, incidence: &Incidence) -> Vec<f64> {
+    /// Weights that make the sum of the values under an incidence its light, and whether they are the areas that the samples
+    /// stand for: they are not in a plane of incidence, nor where each sample has its own incidence.
+    pub fn weights(&self, incidence: &Incidence) -> (Vec<f64>, bool) {
         incidence.weights(&self.directions, self.domain, self.quantity.has_cosine())
     }
 

@@ -33,12 +33,19 @@ impl Incidence {
     }
 
     /// Weights of the samples: the areas of their cells times |cos θ| where the quantity has that factor; 1 instead of the
-    /// area in a plane.
-    pub(super) fn weights(&self, directions: &[(Vector, Vector)], domain: Domain, has_cosine: bool) -> Vec<f64> {
+    /// area in a plane. Beside them, whether they are areas.
+    pub(super) fn weights(
+        &self,
+        directions: &[(Vector, Vector)],
+        domain: Domain,
+        has_cosine: bool,
+    ) -> (Vec<f64>, bool) {
         let outgoing: Vec<Vector> = self.rows.iter().map(|&row| directions[row as usize].1).collect();
-        let areas = if self.is_one { areas(&outgoing, domain) } else { vec![1.0; outgoing.len()] };
+        let areas = if self.is_one { areas(&outgoing, domain) } else { None };
+        let are_areas = areas.is_some();
+        let areas = areas.unwrap_or_else(|| vec![1.0; outgoing.len()]);
         let weigh = |(area, d): (f64, &Vector)| if has_cosine { area * d[2].abs() } else { area };
-        areas.into_iter().zip(&outgoing).map(weigh).collect()
+        (areas.into_iter().zip(&outgoing).map(weigh).collect(), are_areas)
     }
 }
 

@@ -115,7 +115,7 @@ pub(super) fn project(
     let number = |wanted: Standing| standing.iter().filter(|s| **s == wanted).count() as u64;
     let found = scatter(acquisition.quantity, &plan, &rows, &channels);
     let report = report_of(scattered, &plan, &rows, &found);
-    notes.extend(remarks(&report, number(Standing::Filled), number(Standing::Empty)));
+    notes.extend(remarks(&report, scattered.values.len(), number(Standing::Filled), number(Standing::Empty)));
     let coverage = Coverage {
         cells: standing.len() as u64,
         measured: number(Standing::Measured),
@@ -159,15 +159,17 @@ fn report_of(scattered: &Scattered, plan: &Plan, rows: &Rows<'_>, found: &Scatte
     }
 }
 
-fn remarks(report: &ScatterReport, filled: u64, empty: u64) -> Vec<String> {
+/// Notes on samples of so many values.
+fn remarks(report: &ScatterReport, values: usize, filled: u64, empty: u64) -> Vec<String> {
     let mut notes = Vec::new();
     if report.missing > 0 {
         notes.push(format!("{} values are missing and left out of the fits", report.missing));
     }
     if report.negative > 0 {
         notes.push(format!(
-            "{} values are negative and kept: fits around them are of values, not of logarithms",
-            report.negative
+            "{} values ({:.2} % of all) are negative and kept: fits around them are of values, not of logarithms",
+            report.negative,
+            100.0 * report.negative as f64 / values.max(1) as f64
         ));
     }
     if filled > 0 {
