@@ -117,7 +117,7 @@ struct CompressSchema {
     #[schema(nullable = false)]
     random_access: Option<bool>,
     /// Fails the job (`unreachable-target`) where the material adds more to the noise of scattered samples than twice the
-    /// promised error or half of the noise; else that is a warning among its notes.
+    /// promised error or half of the noise, or has another light than they; else that is a warning among its notes.
     #[schema(nullable = false)]
     strict: Option<bool>,
     /// What to call the material.

@@ -152,12 +152,23 @@ struct Manifest {
     #[schema(value_type = Option<Object>)]
     incidences: Option<Value>,
     /// Errors at scattered samples: `noise`, the root mean square of their relative noise (null where too few samples show it);
-    /// `fit`, er(L2) of the evaluated material at all that were not rejected; `added`, the part of it that the material adds to
-    /// the noise; `allowed`, the largest part that it may add; `rejected`, the `values` left out as outliers, and their share
-    /// of all `samples` and of their `light`.
+    /// `fit`, er(L2) of the evaluated material at all that were not rejected; `fit_all`, with these; `added`, the part of `fit`
+    /// that the material adds to the noise; `allowed`, the largest part that it may add; `rejected`, the `values` left out as
+    /// outliers, and their share of all `samples` and of their `light`; `isolated`, the same of those that lie alone; `lobe`, the
+    /// number of values far above their neighbours that are a narrow lobe and were not rejected; `light`, the largest
+    /// differences `kept`, `together` and `all` of `light_at_samples`, null without samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
     scattered: Option<Value>,
+    /// Light of the material less that of scattered samples, in parts of the latter, by incidence (`theta_i` and `phi_i` in
+    /// degrees) and group of bands (first and last of `wavelengths` in nm and of `channels`): `kept` at the samples that were
+    /// not rejected, `together` with the rejected ones that lie together, `all` with all; null where there is no sample. Each is a
+    /// sum by the area that a sample stands for, times cos θ for scattering; `light` is that of the samples but for rejected ones
+    /// that lie alone, the mean over the channels, and where it is `by_area` and they cover the hemisphere the albedo or flux;
+    /// `noise` is the standard error of `together`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schema(value_type = Vec<Object>)]
+    light_at_samples: Vec<Value>,
     /// Standard deviations of the relative noise of the measurement, found by its lack of structure: `relative` of one
     /// sample, its `uncertainty`, `common` to neighbouring spectral samples; null where none can be told.
     #[schema(value_type = Option<Object>)]
@@ -165,8 +176,8 @@ struct Manifest {
     /// What the cells of the projection stand on.
     #[schema(value_type = Object)]
     coverage: Value,
-    /// Everything the parser assumed, filled or skipped, and warnings where the target lies below the noise, and where incoming
-    /// directions are too sparse for the lobe.
+    /// Everything the parser assumed, filled or skipped, and warnings where the target lies below the noise, where incoming
+    /// directions are too sparse for the lobe, and where the material has another light than scattered samples.
     #[schema(value_type = Vec<Object>)]
     notes: Vec<Value>,
     /// What the first bytes of the file hold, coarse first, the whole last: a coarser material is one range request away.

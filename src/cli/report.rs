@@ -5,7 +5,7 @@ use crate::compress::{LevelInfo, Noise};
 use crate::domain::ErrorReport;
 use crate::domain::colour::ColourReport;
 use crate::formats::{Note, NoteKind};
-use crate::pipeline::{FitReport, IncidenceReport, Report};
+use crate::pipeline::{FitReport, IncidenceReport, Report, SampleLight};
 use crate::projection::{Coverage, Rejected, ScatterReport};
 
 /// The report of a compression; `file_bytes` is the size of the input file.
@@ -46,7 +46,7 @@ pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
             per_cent(light.rms),
             three_digits(light.brightest)
         );
-        sheet.line("light", text);
+        sheet.line(if report.fit.is_some() { "light of cells" } else { "light" }, text);
     }
     if let Some(incidences) = &report.incidences {
         incidence_lines(&mut sheet, incidences);
@@ -176,11 +176,16 @@ fn scatter_lines(sheet: &mut Sheet, report: &ScatterReport) {
         "scattered",
         format!("{} samples{negative}, {} neighbours to a fit", count(report.samples), report.neighbours),
     );
-    scatter_noise_lines(sheet, report.noise, report.rejected);
+    scatter_noise_lines(sheet, report.noise, report.rejected, (Some(report.isolated), report.lobe));
 }
 
-/// Noise and outliers of scattered samples.
-fn scatter_noise_lines(sheet: &mut Sheet, noise: Option<f64>, rejected: Rejected) {
+/// Noise and outliers of scattered samples, and what of these lies alone or is a lobe.
+fn scatter_noise_lines(
+    sheet: &mut Sheet,
+    noise: Option<f64>,
+    rejected: Rejected,
+    (isolated, lobe): (Option<Rejected>, u64),
+) {
     let noise = noise.map_or_else(|| "unknown: too few samples".to_owned(), per_cent);
     sheet.line("sample noise", format!("{noise}, from differences between neighbours"));
     let values = match rejected.values {
@@ -193,6 +198,23 @@ fn scatter_noise_lines(sheet: &mut Sheet, noise: Option<f64>, rejected: Rejected
         ),
     };
     sheet.line("rejected", values);
+    if let Some(isolated) = isolated.filter(|isolated| isolated.values < rejected.values) {
+        let text = match isolated.values {
+            0 => "of these no value lies alone".to_owned(),
+            values => format!(
+                "of these {} values lie alone: {} of the samples, {} of the light; the others lie together",
+                count(values),
+                per_cent(isolated.samples),
+                per_cent(isolated.light)
+            ),
+        };
+        sheet.line("rejected", text);
+    }
+    if lobe > 0 {
+        let text =
+            format!("{} values far above their neighbours lie together as a narrow lobe: not rejected", count(lobe));
+        sheet.line("narrow lobe", text);
+    }
 }
 
 /// Adds the line that states the errors at scattered samples.
@@ -204,11 +226,29 @@ fn fit_line(sheet: &mut Sheet, fit: &FitReport) {
         per_cent(fit.allowed)
     );
     sheet.line("fit", text);
+    if let Some(all) = fit.fit_all.filter(|_| fit.rejected.values > 0) {
+        sheet.line("fit", format!("er(L2) {} with the rejected samples", per_cent(all)));
+    }
+    if let Some(light) = &fit.light {
+        sheet.line("light at samples", light_at_samples(light, fit.rejected.values > 0));
+    }
+}
+
+/// The largest differences of the light of a material from that of its samples.
+fn light_at_samples(light: &SampleLight, is_any_rejected: bool) -> String {
+    let signed = |off: f64| format!("{} {}", per_cent(off.abs()), if off > 0.0 { "too much" } else { "too little" });
+    let stated = |off: Option<f64>| off.map_or_else(|| "unknown: no samples there".to_owned(), signed);
+    let kept = format!("{} at worst, over incidences and groups of bands", stated(light.kept));
+    if !is_any_rejected {
+        return kept;
+    }
+    let (together, all) = (stated(light.together), stated(light.all));
+    format!("{kept}; with the rejected samples that lie together {together}, with all rejected ones {all}")
 }
 
 /// The same of a file that states it.
 pub(crate) fn stated_fit_lines(sheet: &mut Sheet, fit: &FitReport) {
-    scatter_noise_lines(sheet, fit.noise, fit.rejected);
+    scatter_noise_lines(sheet, fit.noise, fit.rejected, (fit.isolated, fit.lobe));
     fit_line(sheet, fit);
 }
 

@@ -110,7 +110,8 @@ pub(crate) struct RequestArgs {
     /// Between the directions of a grid of angles: cubics of logarithms that keep a luminaire's flux, or straight lines
     #[arg(long, value_name = "cubic|linear", default_value_t)]
     interpolation: Curve,
-    /// Fail where the material adds more to the noise of scattered samples than twice the promised error or half of the noise
+    /// Fail where the material adds more to the noise of scattered samples than twice the promised error or half of the noise,
+    /// or has another light than they
     #[arg(long)]
     strict: bool,
     /// Leave the provenance out of the file

@@ -91,7 +91,8 @@ pub(crate) struct CompressRequest {
     /// Whether one incoming direction is decoded without the others.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub random_access: bool,
-    /// Refuses a material that adds too much to the noise of scattered samples, instead of warning of it.
+    /// Refuses a material that adds too much to the noise of scattered samples or has another light than they, instead of warning
+    /// of it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub strict: bool,
     /// What to call the material.

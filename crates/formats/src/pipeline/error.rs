@@ -36,7 +36,8 @@ pub enum PipelineError {
     /// The file that was made does not open.
     #[error(transparent)]
     Opened(EvaluateError),
-    /// A material that adds more to the noise of scattered samples than it may, and `strict` was asked for.
+    /// A material that adds more to the noise of scattered samples than it may or has another light than they, and `strict` was
+    /// asked for.
     #[error("strict: {0}")]
     Strict(String),
 }

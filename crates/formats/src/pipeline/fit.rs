@@ -1,10 +1,11 @@
 //! Errors of a material at scattered samples, and what of them it adds to the noise of these.
 
+use super::sample_light::{IncidenceLight, LightSums, SampleLight};
 use crate::compress::Target;
 use crate::domain::{ErrorAccumulator, ErrorReport};
 use crate::evaluate::{Directions, Interpolation, Material, Pairs, Place};
 use crate::formats::Acquisition;
-use crate::projection::{Projected, Rejected, ScatteredSamples, scattered_samples};
+use crate::projection::{Projected, Rejected, ScatterReport, ScatteredSamples, scattered_samples};
 use serde::{Deserialize, Serialize};
 
 /// Values that are compared at a time.
@@ -20,20 +21,47 @@ pub struct FitReport {
     pub noise: Option<f64>,
     /// er(L2) of the evaluated material at all samples that were not rejected.
     pub fit: f64,
+    /// er(L2) at all samples, rejected ones too; `None` in files of earlier versions.
+    #[serde(default)]
+    pub fit_all: Option<f64>,
     /// Error that the material adds to the noise: the root of fit² − noise², 0 where that is negative.
     pub added: f64,
     /// Upper bound on `added`: twice the promised error, or half of the noise if that is more.
     pub allowed: f64,
     /// Samples left out as outliers.
     pub rejected: Rejected,
+    /// Those of them that lie alone; `None` in files of earlier versions.
+    #[serde(default)]
+    pub isolated: Option<Rejected>,
+    /// Values far from their neighbours that are the light of a narrow lobe, and were not rejected.
+    #[serde(default)]
+    pub lobe: u64,
+    /// The largest differences of the light of the material from that of the samples, over incidences and groups of bands;
+    /// `None` in files of earlier versions.
+    #[serde(default)]
+    pub light: Option<SampleLight>,
+}
+
+/// Errors of a material at scattered samples, and its light against theirs.
+#[derive(Clone, Debug, Default)]
+pub(super) struct AtSamples {
+    /// Errors at the samples that were not rejected.
+    pub(super) errors: ErrorReport,
+    /// er(L2) at all samples.
+    pub(super) all: f64,
+    /// Empty where it was not asked for.
+    pub(super) light: Vec<IncidenceLight>,
 }
 
 impl FitReport {
     /// The report on a material with these errors at the samples; `promised` is its relative error against the cells.
-    pub(super) fn new(noise: Option<f64>, rejected: Rejected, errors: &ErrorReport, promised: f64) -> Self {
-        let (fit, sigma) = (errors.er_l2, noise.unwrap_or(0.0));
+    pub(super) fn new(scatter: &ScatterReport, found: &AtSamples, promised: f64) -> Self {
+        let ScatterReport { noise, rejected, isolated, lobe, .. } = *scatter;
+        let (fit, sigma) = (found.errors.er_l2, noise.unwrap_or(0.0));
         let added = (fit * fit - sigma * sigma).max(0.0).sqrt();
-        Self { noise, fit, added, allowed: (2.0 * promised).max(0.5 * sigma), rejected }
+        let allowed = (2.0 * promised).max(0.5 * sigma);
+        let light = (!found.light.is_empty()).then(|| SampleLight::of(&found.light));
+        Self { noise, fit, fit_all: Some(found.all), added, allowed, rejected, isolated: Some(isolated), lobe, light }
     }
 
     /// Returns true where the material adds no more than it may.
@@ -44,13 +72,24 @@ impl FitReport {
     /// The numbers as a file states them, with four digits.
     pub(super) fn stated(&self) -> Self {
         let rounded = |value: f64| format!("{value:.3e}").parse().unwrap_or(value);
-        let Rejected { values, samples, light } = self.rejected;
+        let shares = |Rejected { values, samples, light }: Rejected| {
+            let (samples, light) = (rounded(samples), rounded(light));
+            Rejected { values, samples, light }
+        };
+        let light = |SampleLight { kept, together, all }: SampleLight| {
+            let (kept, together, all) = (kept.map(rounded), together.map(rounded), all.map(rounded));
+            SampleLight { kept, together, all }
+        };
         Self {
             noise: self.noise.map(rounded),
             fit: rounded(self.fit),
+            fit_all: self.fit_all.map(rounded),
             added: rounded(self.added),
             allowed: rounded(self.allowed),
-            rejected: Rejected { values, samples: rounded(samples), light: rounded(light) },
+            rejected: shares(self.rejected),
+            isolated: self.isolated.map(shares),
+            lobe: self.lobe,
+            light: self.light.map(light),
         }
     }
 }
@@ -64,20 +103,26 @@ pub(super) fn promised(target: Target, reached: f64) -> f64 {
 }
 
 /// The noise and the outliers of scattered samples.
-pub(super) fn noise_of(projected: &Projected) -> (Option<f64>, Rejected) {
-    projected.coverage.scatter.as_ref().map_or_else(Default::default, |found| (found.noise, found.rejected))
+pub(super) fn scatter_of(projected: &Projected) -> ScatterReport {
+    projected.coverage.scatter.as_deref().cloned().unwrap_or_default()
 }
 
-/// Errors of `material`, evaluated as it is by default, at the scattered samples of `acquisition` that were not rejected.
-pub(super) fn errors(acquisition: &Acquisition, samples: &ScatteredSamples, material: &Material) -> ErrorReport {
-    let Some(scattered) = scattered_samples(acquisition) else { return ErrorReport::default() };
+/// Errors of `material`, evaluated as it is by default, at the scattered samples of `acquisition`, and its light there where
+/// `light` has sums for it.
+pub(super) fn at_samples(
+    acquisition: &Acquisition,
+    samples: &ScatteredSamples,
+    material: &Material,
+    mut light: Option<(&mut LightSums, Option<f64>)>,
+) -> AtSamples {
+    let Some(scattered) = scattered_samples(acquisition) else { return AtSamples::default() };
     let width = samples.width();
     if material.lambdas() != width {
-        return ErrorReport::default();
+        return AtSamples::default();
     }
     let rows = (PIECE / width.max(1)).clamp(1, samples.len().max(1));
     let (mut original, mut found) = (vec![0.0_f32; rows * width], vec![0.0_f32; rows * width]);
-    let mut errors = ErrorAccumulator::default();
+    let (mut errors, mut all) = (ErrorAccumulator::default(), ErrorAccumulator::default());
     for from in (0..samples.len()).step_by(rows) {
         let to = (from + rows).min(samples.len());
         let (original, found) = (&mut original[..(to - from) * width], &mut found[..(to - from) * width]);
@@ -100,10 +145,19 @@ pub(super) fn errors(acquisition: &Acquisition, samples: &ScatteredSamples, mate
             .zip(&*original)
             .filter(|(_, original)| original.is_nan())
             .for_each(|(found, _)| *found = f32::NAN);
+        all.add(original, found, 0.0);
+        if let Some((sums, _)) = &mut light {
+            sums.add(from, (&*original, &*found), samples.rejected(from, to));
+        }
+        for (place, _) in samples.rejected(from, to) {
+            (original[place], found[place]) = (f32::NAN, f32::NAN);
+        }
         errors.add(original, found, 0.0);
     }
     let mut errors = errors.finish();
     errors.samples -= samples.rejected_values();
     errors.masked_samples -= samples.rejected_values();
-    errors
+    let spectral = material.axes().last();
+    let light = light.map_or_else(Vec::new, |(sums, noise)| sums.finish(noise, spectral));
+    AtSamples { errors, all: all.finish().er_l2, light }
 }

@@ -15,6 +15,7 @@ mod relabelled;
 mod report;
 mod request;
 mod restated;
+mod sample_light;
 mod source;
 mod sparse;
 
@@ -29,5 +30,6 @@ pub use provenance::runs;
 pub use report::{CellErrors, Report};
 pub use request::{Curve, Request};
 pub use restated::{Restated, restate};
+pub use sample_light::{IncidenceLight, SampleLight};
 pub use source::{Input, Source, read};
 pub use sparse::{sparse, sparse_measurement};

@@ -1,12 +1,13 @@
 //! A measurement that was read, put on axes and compressed.
 
 use super::error::PipelineError;
-use super::fit::{self, FitReport, noise_of, promised};
+use super::fit::{FitReport, at_samples, promised, scatter_of};
 use super::light;
 use super::provenance::provenance;
 use super::refinement::{Refined, refined, warning};
 use super::report::{Report, report};
 use super::request::{Curve, Request};
+use super::sample_light::{self, LightSums};
 use super::source::Source;
 use crate::compress::{self, Between, Numbers, Settings, Target};
 use crate::domain::{Axis, Progress, Silent};
@@ -71,15 +72,25 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
     }
 }
 
-/// Refuses a material that breaks the promise at scattered samples, where that was asked for; warns of it else.
+/// Refuses a material that breaks the promise at scattered samples or has another light than they, where that was asked for;
+/// warns of it else.
 fn judged(mut outcome: Outcome, request: &Request) -> Result<Outcome, PipelineError> {
     let axes = compress::inspect(&outcome.bytes).map(|summary| summary.axes).unwrap_or_default();
     let is_named = request.outgoing_level.is_some();
-    let Some(message) = outcome.report.fit.and_then(|fit| warning(&fit, &axes, is_named)) else { return Ok(outcome) };
-    if request.strict {
-        return Err(PipelineError::Strict(message));
+    let warnings = [
+        outcome.report.fit.and_then(|fit| warning(&fit, &axes, is_named)),
+        sample_light::warning(&outcome.report.light_at_samples, outcome.report.fit.map_or(0, |fit| fit.lobe)),
+    ];
+    let warnings: Vec<String> = warnings.into_iter().flatten().collect();
+    if request.strict && !warnings.is_empty() {
+        return Err(PipelineError::Strict(warnings.join("; ")));
     }
-    outcome.report.notes.push(Note { kind: NoteKind::Warning, message });
+    let albedo =
+        sample_light::too_bright(&outcome.report.light_at_samples).filter(|_| outcome.report.quantity.has_cosine());
+    outcome
+        .report
+        .notes
+        .extend(warnings.into_iter().chain(albedo).map(|message| Note { kind: NoteKind::Warning, message }));
     Ok(outcome)
 }
 
@@ -91,7 +102,7 @@ fn compressed(
     progress: &dyn Progress,
 ) -> Result<Outcome, PipelineError> {
     let acquisition = &source.acquisition;
-    let noise = noise_of(&projected);
+    let scatter = scatter_of(&projected);
     let Projected { measurement, coverage, filled, scattered, numbers } = projected;
     let on_grid = measurement.tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_)));
     let provenance = |fit: Option<&FitReport>| provenance(source, request, &filled, (on_grid, fit));
@@ -124,11 +135,12 @@ fn compressed(
     let mut fit = None;
     if let Some(scattered) = scattered {
         let material = Material::open(&compressed.bytes).map_err(PipelineError::Opened)?;
-        let errors = fit::errors(acquisition, &scattered, &material);
+        let mut sums = LightSums::new(&scattered);
+        let at_samples = at_samples(acquisition, &scattered, &material, Some((&mut sums, scatter.noise)));
         drop(material);
         let promised = promised(request.target, compressed.summary.errors.er_l2);
-        let found = FitReport::new(noise.0, noise.1, &errors, promised);
-        fit = Some((found, errors));
+        let found = FitReport::new(&scatter, &at_samples, promised);
+        fit = Some((found, at_samples));
         if request.metadata {
             let whole = compress::with_metadata(&compressed.bytes, &provenance(Some(&found)));
             let whole = whole.map_err(|error| PipelineError::Opened(error.into()))?;

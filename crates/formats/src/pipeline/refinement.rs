@@ -1,9 +1,9 @@
 //! Scattered samples on triangles that are refined until a material adds little to the noise of the samples.
 
 use super::error::PipelineError;
-use super::fit::{FitReport, errors, noise_of, promised};
+use super::fit::{AtSamples, FitReport, at_samples, promised, scatter_of};
 use super::request::Request;
-use crate::domain::{Axis, ErrorReport};
+use crate::domain::Axis;
 use crate::evaluate::Material;
 use crate::formats::Acquisition;
 use crate::projection::{self, Projected};
@@ -51,11 +51,11 @@ fn at(acquisition: &Acquisition, request: &Request, finer: u8) -> Result<Refined
     let axes = projection::AxesRequest { finer, ..request.axes()? };
     let projected = projection::project(acquisition, &axes)?;
     let fit = projected.scattered.as_ref().map(|samples| {
-        let (noise, rejected) = noise_of(&projected);
         // A tensor that does not open is compressed all the same, and says so then.
         let found = Material::of(projected.measurement.clone());
-        let found = found.map_or_else(|_| ErrorReport::default(), |material| errors(acquisition, samples, &material));
-        FitReport::new(noise, rejected, &found, promised(request.target, 0.0))
+        let found =
+            found.map_or_else(|_| AtSamples::default(), |material| at_samples(acquisition, samples, &material, None));
+        FitReport::new(&scatter_of(&projected), &found, promised(request.target, 0.0))
     });
     let axes = projected.measurement.tensor.axes().to_vec();
     Ok(Refined { projected, tried: Tried { axes, fit, finer, is_last: request.outgoing_level.is_some() } })

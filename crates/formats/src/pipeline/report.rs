@@ -1,9 +1,10 @@
 //! What a compression achieved, measured on the decoded file.
 
 use super::digest::digest;
-use super::fit::{FitReport, promised};
+use super::fit::{AtSamples, FitReport, promised};
 use super::incidences::IncidenceReport;
 use super::light;
+use super::sample_light::IncidenceLight;
 use super::sparse::incidences;
 use crate::compress::{self, LevelInfo, LightReport, Noise, Policy, Ranked, Target};
 use crate::domain::colour::ColourReport;
@@ -78,6 +79,9 @@ pub struct Report {
     /// Noise, fit and outliers of scattered samples.
     #[serde(rename = "scattered", skip_serializing_if = "Option::is_none")]
     pub fit: Option<FitReport>,
+    /// Light of the material against that of scattered samples, by incidence and group of bands; empty for other measurements.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub light_at_samples: Vec<IncidenceLight>,
     /// The noise of the tensor that was compressed; `None` where none can be told, and of cells fitted to scattered samples.
     pub noise: Option<Noise>,
     /// What the cells stand on.
@@ -121,7 +125,7 @@ pub(super) fn report(
     acquisition: &Acquisition,
     target: Target,
     samples: usize,
-    (coverage, fit): (Coverage, Option<(FitReport, ErrorReport)>),
+    (coverage, at_scattered): (Coverage, Option<(FitReport, AtSamples)>),
     compressed: &compress::Compressed,
 ) -> Report {
     let summary = &compressed.summary;
@@ -129,7 +133,7 @@ pub(super) fn report(
     let on_grid = summary.axes.iter().any(|axis| matches!(axis, Axis::Grid(_)));
     let projected = !on_grid && matches!(acquisition.samples, formats::Samples::Grid(_));
     // Cells fitted to scattered samples have another noise than these.
-    let noise = compressed.noise.filter(|_| fit.is_none());
+    let noise = compressed.noise.filter(|_| at_scattered.is_none());
     let incidences = incidences(&compressed.bytes, noise).ok().flatten();
     let promised = promised(target, summary.errors.er_l2);
     let warnings = [
@@ -142,7 +146,8 @@ pub(super) fn report(
     let samples = samples as f64;
     let decoded = projected.then(|| compress::decode(&compressed.bytes).ok()).flatten();
     let at_cells = decoded.and_then(|decoded| projection::error_at_samples(acquisition, &decoded.measurement));
-    let at_samples = fit.map(|(_, errors)| errors).or(at_cells);
+    let at_samples = at_scattered.as_ref().map(|(_, found)| found.errors).or(at_cells);
+    let (fit, light_at_samples) = at_scattered.map(|(fit, found)| (fit, found.light)).unzip();
     Report {
         digest: digest(&compressed.bytes),
         payload_digest: compress::payload_digest(&compressed.bytes)
@@ -166,7 +171,8 @@ pub(super) fn report(
         light: compressed.light,
         incidences,
         delta_e: compressed.colour,
-        fit: fit.map(|(fit, _)| fit),
+        fit,
+        light_at_samples: light_at_samples.unwrap_or_default(),
         noise,
         coverage,
         notes: acquisition.report.notes_of(on_grid).cloned().chain(warnings).collect(),

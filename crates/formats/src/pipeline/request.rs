@@ -75,7 +75,8 @@ pub struct Request {
     /// The function between stated directions, of measurements on grids of angles.
     #[serde(default, skip_serializing_if = "Curve::is_default")]
     pub interpolation: Curve,
-    /// Refuses a material that adds too much to the noise of scattered samples, instead of warning of it.
+    /// Refuses a material that adds too much to the noise of scattered samples or has another light than they, instead of warning
+    /// of it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub strict: bool,
 }

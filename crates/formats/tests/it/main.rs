@@ -5,6 +5,7 @@
 mod damaged;
 mod examples;
 mod formats;
+mod narrow_lobes;
 mod phases;
 mod projection;
 mod recorded;

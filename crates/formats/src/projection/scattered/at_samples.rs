@@ -1,12 +1,13 @@
 //! Scattered samples as a material is compared with them: at their own directions, on the wavelengths of the tensor.
 
-use super::noise::Own;
+use super::incidences::Incidence;
+use super::noise::{Own, Rejection};
 use crate::domain::vector::Vector;
-use crate::domain::{Direction, Domain};
+use crate::domain::{Direction, Domain, Quantity};
 use crate::formats::Scattered;
 use crate::projection::resampling::Channels;
 
-/// Scattered samples at their own directions, without those that were rejected.
+/// Scattered samples at their own directions, and which of them were rejected.
 #[derive(Clone, Debug)]
 pub struct ScatteredSamples {
     pub(super) directions: Vec<(Vector, Vector)>,
@@ -16,8 +17,10 @@ pub struct ScatteredSamples {
     pub(super) has_outgoing: bool,
     pub(super) domain: Domain,
     pub(super) channels: Channels,
-    /// Positions `[row, own channel]`, in increasing order.
-    pub(super) rejected: Vec<usize>,
+    pub(super) quantity: Quantity,
+    pub(super) incidences: Vec<Incidence>,
+    /// In increasing order of positions.
+    pub(super) rejected: Vec<Rejection>,
 }
 
 impl ScatteredSamples {
@@ -49,13 +52,35 @@ impl ScatteredSamples {
         self.has_outgoing.then(|| self.directions[from..to].iter().map(of).collect())
     }
 
+    /// The samples by incoming direction; over all, where each has its own.
+    pub fn incidences(&self) -> &[Incidence] {
+        &self.incidences
+    }
+
+    /// Weights that make the sum of the values under an incidence its light, and whether they are the areas that the samples
+    /// stand for: they are not in a plane of incidence, nor where each sample has its own incidence.
+    pub fn weights(&self, incidence: &Incidence) -> (Vec<f64>, bool) {
+        incidence.weights(&self.directions, self.domain, self.quantity.has_cosine())
+    }
+
+    /// Rejected values of the samples `from..to`: their places in what [`write`](Self::write) writes, increasing, and whether
+    /// they lie together with others.
+    pub fn rejected(&self, from: usize, to: usize) -> impl Iterator<Item = (usize, bool)> + '_ {
+        let own = Own(&self.channels).width();
+        let copies = self.width() / own;
+        let at = |row: usize| self.rejected.partition_point(|rejection| rejection.position < row * own);
+        let places = move |rejection: &Rejection| {
+            let (first, is_together) = ((rejection.position - from * own) * copies, rejection.is_together);
+            (first..first + copies).map(move |place| (place, is_together))
+        };
+        self.rejected[at(from)..at(to)].iter().flat_map(places)
+    }
+
     /// Writes the values of the samples `from..to` of `scattered` into `out`, `[sample, wavelength]`, NaN where they are
-    /// missing, rejected, or beyond the directions of the tensor.
+    /// missing or beyond the directions of the tensor.
     pub fn write(&self, scattered: &Scattered, from: usize, to: usize, out: &mut [f32]) {
         let own = Own(&self.channels);
         let (width, given) = (own.width(), self.channels.from());
-        let first = self.rejected.partition_point(|&position| position < from * width);
-        let mut rejected = self.rejected[first..].iter().copied().peekable();
         let (mut wide, mut row) = (Vec::new(), vec![0.0_f32; width]);
         for (number, out) in (from..to).zip(out.chunks_exact_mut(self.width())) {
             let is_beyond = match self.domain {
@@ -67,9 +92,6 @@ impl ScatteredSamples {
                 row.fill(f32::NAN);
             } else {
                 own.write(&scattered.values[number * given..][..given], &mut wide, &mut row);
-            }
-            while let Some(position) = rejected.next_if(|&position| position < (number + 1) * width) {
-                row[position - number * width] = f32::NAN;
             }
             match &self.channels {
                 Channels::Multiplied(factors) => {

@@ -10,8 +10,11 @@
 //!    rows of bands ([`rows`]).
 //! 4. Holes are continued, or taken from mirror images or reciprocal directions where these hold ([`fill`]).
 //! 5. Differences between neighbouring samples tell their noise, and which of them are rejected ([`noise`]). A material is
-//!    compared with the others at their own directions ([`at_samples`]).
+//!    compared with the others at their own directions ([`at_samples`]). Samples of a narrow lobe lie off, too, but together
+//!    ([`together`], in the coordinates of [`relative`]). Under each incoming direction ([`incidences`]) the light of the
+//!    samples is their sum by the areas that they stand for ([`areas`]).
 
+mod areas;
 mod around;
 mod at_samples;
 mod cells;
@@ -21,19 +24,25 @@ mod extent;
 mod fill;
 mod fit;
 mod gathering;
+mod incidences;
+#[cfg(test)]
+mod lobe_tests;
 mod nearby;
 mod noise;
 mod plan;
+mod relative;
 pub(super) mod report;
 mod rows;
 mod system;
 #[cfg(test)]
 mod tests;
+mod together;
 mod tree;
 mod trials;
 mod withheld;
 
 pub use at_samples::ScatteredSamples;
+pub use incidences::Incidence;
 pub use report::{Rejected, ScatterReport};
 
 use super::error::ProjectionError;
@@ -43,6 +52,7 @@ use super::spectral::{self, Spectral};
 use crate::domain::{Axis, Layout, Measurement, Sampling, Tensor, check_axes};
 use crate::formats::{Acquisition, Scattered};
 use cells::{Standing, standings};
+use incidences::incidences;
 use noise::{Scatter, scatter};
 use plan::Plan;
 use rows::{Kind, Rows};
@@ -103,9 +113,9 @@ pub(super) fn project(
     let tensor = Tensor::new(axes, samples)?;
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Average, tensor)?;
     let number = |wanted: Standing| standing.iter().filter(|s| **s == wanted).count() as u64;
-    let found = scatter(&plan, &rows, &channels);
+    let found = scatter(acquisition.quantity, &plan, &rows, &channels);
     let report = report_of(scattered, &plan, &rows, &found);
-    notes.extend(remarks(&report, number(Standing::Filled), number(Standing::Empty)));
+    notes.extend(remarks(&report, scattered.values.len(), number(Standing::Filled), number(Standing::Empty)));
     let coverage = Coverage {
         cells: standing.len() as u64,
         measured: number(Standing::Measured),
@@ -123,6 +133,8 @@ pub(super) fn project(
         has_incoming: !scattered.incoming.is_empty(),
         has_outgoing: !scattered.outgoing.is_empty(),
         domain: plan.outgoing.mesh.domain(),
+        quantity: acquisition.quantity,
+        incidences: incidences(acquisition.quantity, &plan, !scattered.incoming.is_empty()),
         directions: plan.directions,
         channels,
         rejected: found.rejected,
@@ -132,26 +144,32 @@ pub(super) fn project(
 
 /// Counts, noise and outliers of the samples.
 fn report_of(scattered: &Scattered, plan: &Plan, rows: &Rows<'_>, found: &Scatter) -> ScatterReport {
-    let values = found.rejected.len() as u64;
+    let positive = found.positive.max(1) as f64;
+    let share = |values: u64, light| Rejected { values, samples: values as f64 / positive, light };
+    let isolated = found.rejected.iter().filter(|rejection| !rejection.is_together).count() as u64;
     ScatterReport {
         samples: rows.kinds.iter().filter(|kind| **kind != Kind::Missing).count() as u64,
         missing: scattered.values.iter().filter(|v| v.is_nan()).count() as u64,
         negative: scattered.values.iter().filter(|v| **v < 0.0).count() as u64,
         neighbours: plan.neighbours,
         noise: found.noise,
-        rejected: Rejected { values, samples: values as f64 / found.positive.max(1) as f64, light: found.light },
+        rejected: share(found.rejected.len() as u64, found.light),
+        isolated: share(isolated, found.isolated_light),
+        lobe: found.lobe,
     }
 }
 
-fn remarks(report: &ScatterReport, filled: u64, empty: u64) -> Vec<String> {
+/// Notes on samples of so many values.
+fn remarks(report: &ScatterReport, values: usize, filled: u64, empty: u64) -> Vec<String> {
     let mut notes = Vec::new();
     if report.missing > 0 {
         notes.push(format!("{} values are missing and left out of the fits", report.missing));
     }
     if report.negative > 0 {
         notes.push(format!(
-            "{} values are negative and kept: fits around them are of values, not of logarithms",
-            report.negative
+            "{} values ({:.2} % of all) are negative and kept: fits around them are of values, not of logarithms",
+            report.negative,
+            100.0 * report.negative as f64 / values.max(1) as f64
         ));
     }
     if filled > 0 {

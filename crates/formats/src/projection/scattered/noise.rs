@@ -4,14 +4,17 @@
 //! noise and that of the prediction, which the weights of the fit tell; the median over samples of about one brightness is not
 //! moved by lobes and outliers. A sample is rejected if it differs by a third, and by many times the usual difference at its
 //! brightness and the scatter of its neighbours, from their fit or their median, unless several of its neighbours lie off
-//! on the same side: then they are a lobe. Fits are repeated without what lies off, since outliers come in pairs.
+//! on the same side: then they are a lobe. Fits are repeated without what lies off, since outliers come in pairs. Samples that
+//! only those of other incidences show to be a lobe are not rejected either ([`together`](super::together)).
 
 use super::cells::{Fitted, Scratch};
 use super::cloud::Cloud;
 use super::fit::{Place, Support};
 use super::plan::Plan;
 use super::rows::{PARTS, Rows};
+use super::together::{Company, Off, companies};
 use super::tree::Found;
+use crate::domain::Quantity;
 use crate::projection::resampling::Channels;
 use rayon::prelude::*;
 
@@ -33,6 +36,10 @@ const ROUNDING: f64 = 2e-7;
 const FAR_OFF: f64 = 8.0;
 /// Difference of logarithms below which no sample is off: a third.
 const LEAST_OFF: f64 = 0.3;
+/// Difference of logarithms, and standard deviations of the class, beyond which a sample is *high*: it is not rejected, but shows
+/// a lobe together with those that lie off.
+const HIGH: f64 = 0.05;
+const HIGH_OFF: f64 = 4.0;
 /// Neighbours whose median is compared.
 const NEAREST: usize = 12;
 /// Rounds of fits: with all samples, then without what lies off.
@@ -46,12 +53,24 @@ const LOBE: usize = 2;
 pub(super) struct Scatter {
     /// Root mean square of the relative noise of positive samples; `None` where there are too few to tell.
     pub(super) noise: Option<f64>,
-    /// Positions `[row, own channel]` of rejected values, in increasing order.
-    pub(super) rejected: Vec<usize>,
-    /// Share of the sum of all values in the rejected ones.
+    /// Rejected values, in increasing order of positions.
+    pub(super) rejected: Vec<Rejection>,
+    /// Share of the sum of all values in the rejected ones, and in those of them that lie alone.
     pub(super) light: f64,
+    pub(super) isolated_light: f64,
+    /// Values far from their neighbours that are the light of a lobe.
+    pub(super) lobe: u64,
     /// All positive values.
     pub(super) positive: u64,
+}
+
+/// A value that is rejected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Rejection {
+    /// `[row, own channel]`.
+    pub(super) position: usize,
+    /// Whether others lie off beside it.
+    pub(super) is_together: bool,
 }
 
 /// Noise of the samples of one class of brightness.
@@ -138,7 +157,7 @@ fn without_itself(
 }
 
 /// Finds the noise of `rows` and what of them is rejected.
-pub(super) fn scatter(plan: &Plan, rows: &Rows<'_>, channels: &Channels) -> Scatter {
+pub(super) fn scatter(quantity: Quantity, plan: &Plan, rows: &Rows<'_>, channels: &Channels) -> Scatter {
     let own = Own(channels);
     let classes = classes(plan, rows, &own);
     let mut scatter = Scatter::default();
@@ -149,14 +168,11 @@ pub(super) fn scatter(plan: &Plan, rows: &Rows<'_>, channels: &Channels) -> Scat
         scatter.noise = Some(if noise < ROUNDING { 0.0 } else { noise });
     }
     let classes: Vec<Class> = classes.into_iter().map(|(class, _)| class).collect();
-    let (mut rejected_light, mut light) = (0.0, 0.0);
+    let (mut wide, mut row) = (Vec::new(), vec![0.0; own.width()]);
+    let (mut found, mut light) = (Vec::new(), 0.0);
     for cloud in 0..plan.clouds.len() {
         let fitted = Fitted { neighbours: NEIGHBOURS[0], ..plan.fitted(rows, cloud) };
-        for (position, value) in off(&fitted, &own, &classes) {
-            scatter.rejected.push(position);
-            rejected_light += f64::from(value);
-        }
-        let (mut wide, mut row) = (Vec::new(), vec![0.0; own.width()]);
+        found.extend(off(&fitted, &own, &classes, plan.spacing));
         for &number in &fitted.cloud.rows[..fitted.cloud.own()] {
             own.write(rows.row(number), &mut wide, &mut row);
             for value in row.iter().filter(|value| **value > 0.0) {
@@ -165,8 +181,23 @@ pub(super) fn scatter(plan: &Plan, rows: &Rows<'_>, channels: &Channels) -> Scat
             }
         }
     }
+    found.sort_unstable_by_key(|(off, _)| off.row);
+    let (offs, shared): (Vec<Off>, Vec<Vec<bool>>) = found.into_iter().unzip();
+    for ((off, shared), company) in offs.iter().zip(shared).zip(companies(quantity, plan, &offs)) {
+        if company == Company::Light {
+            scatter.lobe += off.channels.len() as u64;
+            continue;
+        }
+        own.write(rows.row(off.row), &mut wide, &mut row);
+        for (&(channel, _), _) in off.channels.iter().zip(shared).filter(|(_, is_shared)| !is_shared) {
+            let (position, value) = (off.row as usize * own.width() + channel, f64::from(row[channel]));
+            let is_together = company == Company::Together;
+            scatter.rejected.push(Rejection { position, is_together });
+            scatter.light += value / light;
+            scatter.isolated_light += if is_together { 0.0 } else { value / light };
+        }
+    }
     scatter.rejected.sort_unstable();
-    scatter.light = if light > 0.0 { rejected_light / light } else { 0.0 };
     scatter
 }
 
@@ -228,43 +259,51 @@ fn divided(mut pairs: Vec<(f32, f32)>) -> Vec<(Class, usize)> {
     classes
 }
 
-/// The channels of a sample that lie off, and on which side: 1 above, −1 below.
-type Sides = Vec<(usize, i8)>;
+/// The channels of a sample that lie off, and the differences of logarithms.
+type Sides = Vec<(usize, f32)>;
 
-/// Values of a cloud that lie off: their positions `[row, own channel]`, and the values.
-fn off(fitted: &Fitted<'_>, own: &Own<'_>, classes: &[Class]) -> Vec<(usize, f32)> {
+/// Samples of a cloud that lie off or are high, and which of their channels are not rejected: so many neighbours share them
+/// that they are a lobe, or they are no more than high. Samples of several incidences lie about `usual` apart.
+fn off(fitted: &Fitted<'_>, own: &Own<'_>, classes: &[Class], usual: f64) -> Vec<(Off, Vec<bool>)> {
     if classes.is_empty() {
         return Vec::new();
     }
     let cloud = fitted.cloud;
     let mut found: Vec<Sides> = vec![Vec::new(); cloud.own()];
     let mut suspects: Vec<u32> = (0..cloud.own() as u32).collect();
+    let mut high: Vec<(u32, Sides)> = Vec::new();
     for _ in 0..ROUNDS {
         let is_left_out = |item: u32| !found[own_point(cloud, item)].is_empty();
         let sides = |compared: &mut Compared, &point: &u32| compared.sides(fitted, point, (own, classes), is_left_out);
-        let looked: Vec<Option<Sides>> = suspects.par_iter().map_init(Compared::default, sides).collect();
+        let looked: Vec<Option<[Sides; 2]>> = suspects.par_iter().map_init(Compared::default, sides).collect();
         let still = suspects.iter().zip(looked).filter_map(|(&point, sides)| Some((point, sides?)));
-        let still: Vec<(u32, Sides)> = still.collect();
+        let still: Vec<(u32, [Sides; 2])> = still.collect();
         suspects = still.iter().map(|(point, _)| *point).collect();
         found.iter_mut().for_each(Vec::clear);
-        for (point, sides) in still {
-            found[point as usize] = sides;
-        }
-    }
-    let mut rejected = Vec::new();
-    let (mut around, mut wide, mut values) = (Vec::new(), Vec::new(), vec![0.0; own.width()]);
-    for (point, sides) in found.iter().enumerate().filter(|(_, sides)| !sides.is_empty()) {
-        let number = cloud.rows[point];
-        cloud.nearest(&cloud.place(point as u32), BESIDE, |item| cloud.rows[item as usize] != number, &mut around);
-        own.write(fitted.rows.row(number), &mut wide, &mut values);
-        for side in sides {
-            let alike = around.iter().filter(|near| found[own_point(cloud, near.1)].contains(side)).count();
-            if alike < LOBE {
-                rejected.push((number as usize * own.width() + side.0, values[side.0]));
+        high.clear();
+        for (point, [off, above]) in still {
+            if off.is_empty() && !above.is_empty() {
+                high.push((point, above));
             }
+            found[point as usize] = off;
         }
     }
-    rejected
+    let mut around = Vec::new();
+    let of = |(point, sides, is_high): (u32, &Sides, bool)| {
+        let number = cloud.rows[point as usize];
+        cloud.nearest(&cloud.place(point), BESIDE, |item| cloud.rows[item as usize] != number, &mut around);
+        let is_shared = |side: &(usize, f32)| {
+            let is_alike = |other: &(usize, f32)| other.0 == side.0 && other.1 * side.1 > 0.0;
+            around.iter().filter(|near| found[own_point(cloud, near.1)].iter().any(is_alike)).count() >= LOBE
+        };
+        let shared = sides.iter().map(|side| is_high || is_shared(side)).collect();
+        let square = around.first().map_or(0.0, |farthest| farthest.0);
+        let apart = (std::f64::consts::PI * square / around.len().max(1) as f64).sqrt();
+        let spacing = if cloud.stretch > 0.0 { usual } else { apart };
+        (Off { row: number, channels: sides.clone(), spacing, is_high }, shared)
+    };
+    let off = found.iter().zip(0..).filter(|(sides, _)| !sides.is_empty()).map(|(sides, point)| (point, sides, false));
+    off.chain(high.iter().map(|(point, sides)| (*point, sides, true))).map(of).collect()
 }
 
 /// The sample that a point is, or is the mirror image of.
@@ -274,19 +313,29 @@ fn own_point(cloud: &Cloud, item: u32) -> usize {
 }
 
 impl Compared {
-    /// The channels of a sample that lie off; `None` if none differs by much from the prediction without what `is_left_out`.
+    /// The channels of a sample that lie off, and those that are high; `None` if none differs by much from the prediction
+    /// without what `is_left_out`.
     fn sides(
         &mut self,
         fitted: &Fitted<'_>,
         point: u32,
         (own, classes): (&Own<'_>, &[Class]),
         is_left_out: impl Fn(u32) -> bool,
-    ) -> Option<Sides> {
+    ) -> Option<[Sides; 2]> {
         let support = self.differences(fitted, point, own, is_left_out)?;
-        if !self.row.iter().any(|difference| f64::from(difference.abs()) > LEAST_OFF) {
-            return None;
-        }
         let scale = (1.0 + support.variance).sqrt();
+        let usual = |found: f32| {
+            let class = classes.partition_point(|class| class.up_to < f64::from(found)).min(classes.len() - 1);
+            classes[class].deviation
+        };
+        let above = |(channel, (&difference, &found)): (usize, (&f32, &f32))| {
+            let is_high = f64::from(difference) > HIGH.max(HIGH_OFF * usual(found) * scale);
+            is_high.then_some((channel, difference))
+        };
+        let high: Sides = self.row.iter().zip(&self.found).enumerate().filter_map(above).collect();
+        if !self.row.iter().any(|difference| f64::from(difference.abs()) > LEAST_OFF) {
+            return (!high.is_empty()).then_some([Vec::new(), high]);
+        }
         let around = self.scratch.fitter.deviation();
         let cloud = fitted.cloud;
         let number = cloud.rows[point as usize];
@@ -297,8 +346,7 @@ impl Compared {
             own.write(fitted.rows.row(row), &mut self.wide, out);
         }
         let side = |(channel, (&difference, &found)): (usize, (&f32, &f32))| {
-            let class = classes.partition_point(|class| class.up_to < f64::from(found)).min(classes.len() - 1);
-            let usual = classes[class].deviation;
+            let usual = usual(found);
             let by_fit = f64::from(difference);
             let by_median = beside_median(
                 neighbours.iter().skip(channel).step_by(own.width()).copied(),
@@ -306,12 +354,12 @@ impl Compared {
             );
             let is_off = |difference: f64, limit: f64| difference.abs() > (FAR_OFF * limit).max(LEAST_OFF);
             if is_off(by_fit, usual.max(around) * scale) {
-                Some((channel, by_fit.signum() as i8))
+                Some((channel, difference))
             } else {
-                by_median.filter(|found| is_off(found.0, usual.max(found.1))).map(|f| (channel, f.0.signum() as i8))
+                by_median.filter(|found| is_off(found.0, usual.max(found.1))).map(|found| (channel, found.0 as f32))
             }
         };
-        Some(self.row.iter().zip(&self.found).enumerate().filter_map(side).collect())
+        Some([self.row.iter().zip(&self.found).enumerate().filter_map(side).collect(), high])
     }
 }
 

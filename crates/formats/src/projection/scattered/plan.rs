@@ -62,6 +62,8 @@ pub(super) struct Plan {
     /// How much of the variance of a value is its own, not that of its row.
     own_noise: f64,
     incoming_reach: f64,
+    /// The usual distance between the samples of one incidence, in radians.
+    pub(super) spacing: f64,
     sides_apart: bool,
     /// A few bands of all rows, if there are more.
     thin: Option<Rows<'static>>,
@@ -180,6 +182,7 @@ impl Plan {
             neighbours: 1,
             own_noise: 0.0,
             incoming_reach: joint.as_ref().map_or(f64::INFINITY, |joint| JOINT_REACH * joint.spacing),
+            spacing: spacing.to_radians(),
             sides_apart: quantity == Quantity::Bsdf,
             thin: rows.thinned(scattered.sigma.as_deref(), BANDS),
             directions,

@@ -18,6 +18,12 @@ pub struct ScatterReport {
     pub noise: Option<f64>,
     /// Outliers.
     pub rejected: Rejected,
+    /// Those of them that lie alone: fewer than three within two sample spacings of each other, whatever the coordinate.
+    pub isolated: Rejected,
+    /// Values far from their neighbours that are the light of a narrow lobe: samples of several incidences lie together about
+    /// the mirror direction, in the slope of the half vector, or about the direction back, and fall off from one peak. They are
+    /// not rejected.
+    pub lobe: u64,
 }
 
 /// Samples that lie so far from their neighbours that they are left out of all errors.

@@ -6,7 +6,7 @@ use crate::domain::vector::Vector;
 use crate::domain::{Axis, AxisError, Direction, Domain, Quantity, TensorError, TriangleMesh, WavelengthGrid};
 use crate::formats::{Acquisition, ParseReport, Samples, Scattered};
 
-fn acquisition(quantity: Quantity, scattered: Scattered) -> Acquisition {
+pub(super) fn acquisition(quantity: Quantity, scattered: Scattered) -> Acquisition {
     Acquisition {
         format: "test",
         dialect: String::new(),
@@ -24,7 +24,7 @@ fn square(i: usize) -> [f64; 2] {
 }
 
 /// Noise of standard deviation 1, about.
-fn noise(i: usize) -> f64 {
+pub(super) fn noise(i: usize) -> f64 {
     let even = |k: u32| {
         let mixed = (i as u32).wrapping_mul(0x9e37_79b9).wrapping_add(k).wrapping_mul(0x85eb_ca6b);
         f64::from((mixed ^ (mixed >> 13)).wrapping_mul(0xc2b2_ae35) >> 8) / f64::from(1 << 24)
@@ -33,14 +33,14 @@ fn noise(i: usize) -> f64 {
 }
 
 /// Directions uniform in solid angle from the normal to `lowest`, in degrees.
-fn uniform(count: usize, lowest: f64) -> Vec<[f64; 2]> {
+pub(super) fn uniform(count: usize, lowest: f64) -> Vec<[f64; 2]> {
     let low = lowest.to_radians().cos();
     let angles = |[u, v]: [f64; 2]| [(low + (1.0 - low) * u).acos().to_degrees(), 360.0 * v];
     (0..count).map(|i| angles(square(i))).collect()
 }
 
 /// An isotropic BRDF `f(wi, wo)` at `outgoing` under each elevation.
-fn isotropic(elevations: &[f64], outgoing: &[[f64; 2]], f: impl Fn(Vector, Vector) -> f64) -> Acquisition {
+pub(super) fn isotropic(elevations: &[f64], outgoing: &[[f64; 2]], f: impl Fn(Vector, Vector) -> f64) -> Acquisition {
     let mut scattered =
         Scattered { incoming: vec![], outgoing: vec![], isotropic: true, spectral: None, values: vec![], sigma: None };
     for &theta in elevations {
@@ -54,7 +54,7 @@ fn isotropic(elevations: &[f64], outgoing: &[[f64; 2]], f: impl Fn(Vector, Vecto
     acquisition(Quantity::Brdf, scattered)
 }
 
-fn scattered(acquisition: &mut Acquisition) -> &mut Scattered {
+pub(super) fn scattered(acquisition: &mut Acquisition) -> &mut Scattered {
     match &mut acquisition.samples {
         Samples::Scattered(scattered) => scattered,
         _ => panic!("scattered samples"),

@@ -1,0 +1,80 @@
+//! Tests of light and outliers: which samples far from their neighbours are a lobe's.
+
+use super::super::{AxesRequest, ScatterReport, project};
+use super::tests::{isotropic, noise, scattered, uniform};
+use crate::domain::vector::{Vector, dot};
+use crate::domain::{Axis, WavelengthGrid};
+use crate::formats::Acquisition;
+
+const ELEVATIONS: [f64; 6] = [0.0, 12.0, 24.0, 36.0, 48.0, 60.0];
+const SAMPLES: usize = 2000;
+
+/// A base, and a Gaussian about the mirror direction, `width` degrees wide at half its maximum; 1 % noise.
+fn scan(elevations: &[f64], width: f64) -> Acquisition {
+    let mut acquired = isotropic(elevations, &uniform(SAMPLES, 88.0), |[x, y, z]: Vector, wo: Vector| {
+        let off = dot([-x, -y, z], wo).clamp(-1.0, 1.0).acos().to_degrees() / width;
+        0.1 + 300.0 * (-2.77 * off * off).exp()
+    });
+    let values = &mut scattered(&mut acquired).values;
+    values.iter_mut().enumerate().for_each(|(i, value)| *value *= 1.0 + 0.01 * noise(i) as f32);
+    acquired
+}
+
+/// Raises the `count` samples nearest to a sample of the second elevation, by a factor.
+fn spiked(acquired: &mut Acquisition, (first, count): (usize, usize), factor: f32) {
+    let directions = uniform(SAMPLES, 88.0);
+    let at = |i: usize| crate::domain::Direction::from_degrees(directions[i][0], directions[i][1]);
+    let mut order: Vec<usize> = (0..SAMPLES).collect();
+    order.sort_by(|&a, &b| at(b).dot(at(first)).total_cmp(&at(a).dot(at(first))));
+    let values = &mut scattered(acquired).values;
+    let start = if values.len() > SAMPLES { SAMPLES } else { 0 };
+    order[..count].iter().for_each(|i| values[start + i] *= factor);
+}
+
+fn report(acquired: &Acquisition) -> ScatterReport {
+    let request = AxesRequest { outgoing_level: Some(3), ..AxesRequest::default() };
+    *project(acquired, &request).unwrap().coverage.scatter.unwrap()
+}
+
+#[test]
+fn a_lobe_that_all_incidences_show_together_is_not_rejected() {
+    // Each incidence has a sample or two of it.
+    let found = report(&scan(&ELEVATIONS, 1.5));
+    assert!(found.lobe >= 6 && found.isolated.values == 0, "{found:?}");
+    // One incidence alone has too few to tell.
+    let found = report(&scan(&ELEVATIONS[2..3], 0.7));
+    assert!(found.lobe == 0 && found.rejected.values <= 2, "{found:?}");
+}
+
+#[test]
+fn a_spike_of_one_incidence_is_no_lobe_beside_others() {
+    let smooth = scan(&ELEVATIONS, 1e-3);
+    assert_eq!((report(&smooth).lobe, report(&smooth).rejected.values), (0, 0));
+    // Two neighbours: alone where other incidences have nothing there, and where there is no other.
+    for mut acquired in [scan(&ELEVATIONS, 1e-3), scan(&ELEVATIONS[..1], 1e-3)] {
+        spiked(&mut acquired, (700, 2), 10.0);
+        let found = report(&acquired);
+        assert_eq!((found.lobe, found.rejected.values, found.isolated.values), (0, 2, 2), "{found:?}");
+    }
+    // Single samples that lie low are outliers, too.
+    let mut acquired = scan(&ELEVATIONS, 1e-3);
+    for first in [100, 500, 900] {
+        spiked(&mut acquired, (first, 1), 0.1);
+    }
+    let found = report(&acquired);
+    assert_eq!((found.lobe, found.rejected.values, found.isolated.values), (0, 3, 3), "{found:?}");
+}
+
+#[test]
+fn bands_that_disagree_are_rejected_within_a_lobe() {
+    let mut acquired = scan(&ELEVATIONS, 1.5);
+    let of_one = report(&acquired);
+    let data = scattered(&mut acquired);
+    data.spectral = Some(Axis::Wavelength(WavelengthGrid::even(400.0, 100.0, 3).unwrap()));
+    let one = std::mem::take(&mut data.values);
+    data.values =
+        one.iter().enumerate().flat_map(|(i, v)| [*v, if i % 500 == 77 { 10.0 * v } else { *v }, *v]).collect();
+    let found = report(&acquired);
+    assert_eq!(found.isolated.values, (one.len() / 500) as u64, "{found:?}");
+    assert!(found.lobe >= 2 * of_one.lobe, "{found:?}, of one band {of_one:?}");
+}
