@@ -142,17 +142,21 @@ fn sheet(summary: &Summary, bytes: usize) -> Sheet {
     sheet.line("compared", format!("{} at {} {places}", error.compared, count(error.pairs as u64)));
     match (&summary.lamp, summary.flux_error) {
         (Some(lamp), _) => {
-            let [peak, flux, rms] = [lamp.peak, lamp.flux, lamp.rms_of_peak].map(|part| 100.0 * part);
+            let (peak, flux, rms) = (deviation(lamp.peak), deviation(lamp.flux), 100.0 * lamp.rms_of_peak);
             let bright = per_cent(lamp.er_l2_bright);
-            let text = format!(
-                "peak {peak:+.3} %, flux {flux:+.3} %, rms {rms:.3} % of the peak, er(L2) {bright} above 1 % of the peak"
-            );
+            let text =
+                format!("peak {peak}, flux {flux}, rms {rms:.3} % of the peak, er(L2) {bright} above 1 % of the peak");
             sheet.line("luminaire", text);
         }
         (None, Some(flux)) => {
-            sheet.line("flux", format!("{:+.3} % of the material's", 100.0 * flux));
+            sheet.line("flux", format!("{} of the material's", deviation(flux)));
         }
         (None, None) => {}
     }
     sheet
+}
+
+/// A relative difference in signed per cent with three digits; one that rounds to zero has no minus sign.
+fn deviation(relative: f64) -> String {
+    format!("{:+.3} %", (1e5 * relative).round() / 1e3 + 0.0)
 }
