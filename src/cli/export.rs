@@ -158,5 +158,6 @@ fn sheet(summary: &Summary, bytes: usize) -> Sheet {
 
 /// A relative difference in signed per cent with three digits; one that rounds to zero has no minus sign.
 fn deviation(relative: f64) -> String {
+    // Adding 0 turns a negative zero into 0.
     format!("{:+.3} %", (1e5 * relative).round() / 1e3 + 0.0)
 }
