@@ -19,6 +19,7 @@ mod direction_grid;
 mod errors;
 mod lattice;
 pub mod limits;
+mod lobe;
 mod progress;
 mod quantity;
 mod tensor;
@@ -35,6 +36,7 @@ pub use direction_grid::{AzimuthExtent, Azimuths, DirectionGrid, DirectionGridEr
 pub use errors::{ErrorAccumulator, ErrorReport};
 pub use lattice::Symmetry;
 pub(crate) use lattice::{MOST_NEIGHBOURS, Neighbours};
+pub use lobe::{CENTRES, Lobe, LobeCentre, LobeError, LobeParameters, LobeUnder};
 pub use progress::{Cancelled, Progress, Silent};
 #[doc(hidden)]
 pub use quantity::named;

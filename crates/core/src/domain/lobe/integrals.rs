@@ -1,0 +1,63 @@
+//! Integrals of a lobe: its light, and its mean over a triangle of directions.
+
+use super::LobeUnder;
+use crate::domain::vector::{Vector, norm, sub};
+use crate::domain::{Vertices, centroid, child, solid_angle};
+
+/// Points of the rule for the light: turns about the centre, and shares of the lobe between it and the horizon.
+const TURNS: usize = 64;
+const SHARES: usize = 32;
+/// A triangle is taken whole where its radius is at most this part of its distance from the centre or of the width of the lobe.
+const COARSE: f64 = 0.3;
+/// Times that a triangle is divided at most: 4,096 times narrower than the triangle is enough for any lobe in its bounds.
+const DEEPEST: u32 = 12;
+
+impl LobeUnder {
+    /// ∫ f · cos θo dωo for a colour of 1: the directional albedo of the lobe.
+    ///
+    /// The rule has its points where the lobe draws directions, so that it is as exact for a narrow lobe as for a wide one.
+    pub fn light(&self) -> f64 {
+        let mut sum = 0.0;
+        for turn in 0..TURNS {
+            for share in 0..SHARES {
+                let at = |i: usize, of: usize| (i as f64 + 0.5) / of as f64;
+                let wo = self.draw([at(share, SHARES), at(turn, TURNS)]);
+                let density = self.density(wo);
+                if density > 0.0 {
+                    sum += self.shape(wo) * wo.cos_theta() / density;
+                }
+            }
+        }
+        sum / (TURNS * SHARES) as f64
+    }
+
+    /// The mean over a spherical triangle, by solid angle, for a colour of 1. A lobe inside it is found, however narrow.
+    pub fn mean_over(&self, vertices: Vertices) -> f64 {
+        let mut sum = [0.0; 2];
+        self.add_over(vertices, DEEPEST, &mut sum);
+        sum[0] / sum[1]
+    }
+
+    /// Adds the integral over a triangle, and its solid angle.
+    fn add_over(&self, vertices: Vertices, depth: u32, sum: &mut [f64; 2]) {
+        let middle = centroid(vertices).xyz();
+        let radius = vertices.iter().map(|&vertex| norm(sub(vertex, middle))).fold(0.0, f64::max);
+        let distance = norm(sub(self.around.centre(), middle));
+        let reach = (distance - radius).max(self.width());
+        if depth > 0 && radius > COARSE * reach {
+            (0..4).for_each(|which| self.add_over(child(vertices, which), depth - 1, sum));
+            return;
+        }
+        let at = |d: Vector| self.shape_at([d[0], d[1], d[2].max(0.0)]);
+        let corners: f64 = vertices.iter().map(|&vertex| at(vertex)).sum();
+        let area = solid_angle(vertices);
+        sum[0] += area * (0.75 * at(middle) + corners / 12.0);
+        sum[1] += area;
+    }
+
+    /// The least half-width in outgoing directions, in radians.
+    fn width(&self) -> f64 {
+        let least = self.widths[0].min(self.widths[1]);
+        if self.roughness.is_some() { 2.0 * least * self.cos_i } else { least }
+    }
+}
