@@ -5,10 +5,12 @@ use crate::domain::vector::{Vector, norm, sub};
 use crate::domain::{Vertices, centroid, child, solid_angle};
 
 /// Points of the rule for the light: turns about the centre, and shares of the lobe between it and the horizon.
-const TURNS: usize = 64;
+const TURNS: usize = 32;
 const SHARES: usize = 32;
 /// A triangle is taken whole where its radius is at most this part of its distance from the centre or of the width of the lobe.
 const COARSE: f64 = 0.3;
+/// Longer lobes are divided as finely as this roundness asks for.
+const LEAST_ROUNDNESS: f64 = 0.1;
 /// Times that a triangle is divided at most: 4,096 times narrower than the triangle is enough for any lobe in its bounds.
 const DEEPEST: u32 = 12;
 
@@ -21,10 +23,12 @@ impl LobeUnder {
         for turn in 0..TURNS {
             for share in 0..SHARES {
                 let at = |i: usize, of: usize| (i as f64 + 0.5) / of as f64;
-                let wo = self.draw([at(share, SHARES), at(turn, TURNS)]);
+                // Points are closer in the tail, where a small share of the lobe lies over many directions.
+                let rest = 1.0 - at(share, SHARES);
+                let wo = self.draw([1.0 - rest * rest, at(turn, TURNS)]);
                 let density = self.density(wo);
                 if density > 0.0 {
-                    sum += self.shape(wo) * wo.cos_theta() / density;
+                    sum += 2.0 * rest * self.shape(wo) * wo.cos_theta() / density;
                 }
             }
         }
@@ -43,7 +47,7 @@ impl LobeUnder {
         let middle = centroid(vertices).xyz();
         let radius = vertices.iter().map(|&vertex| norm(sub(vertex, middle))).fold(0.0, f64::max);
         let distance = norm(sub(self.around.centre(), middle));
-        let reach = (distance - radius).max(self.width());
+        let reach = ((distance - radius) * self.roundness()).max(self.width());
         if depth > 0 && radius > COARSE * reach {
             (0..4).for_each(|which| self.add_over(child(vertices, which), depth - 1, sum));
             return;
@@ -53,6 +57,13 @@ impl LobeUnder {
         let area = solid_angle(vertices);
         sum[0] += area * (0.75 * at(middle) + corners / 12.0);
         sum[1] += area;
+    }
+
+    /// The least over the largest half-width in outgoing directions: along a long lobe it stays narrow far from its centre.
+    fn roundness(&self) -> f64 {
+        let [a, b] = self.widths;
+        let foreshortened = if self.roughness.is_some() { self.cos_i } else { 1.0 };
+        (a.min(b) / a.max(b) * foreshortened).max(LEAST_ROUNDNESS)
     }
 
     /// The least half-width in outgoing directions, in radians.

@@ -150,7 +150,7 @@ fn the_light_is_the_sum_of_the_means_over_triangles() {
                 })
                 .sum::<f64>()
                 / 20_000.0;
-            assert!((light / fine - 1.0).abs() < 5e-3, "{lobe} {}: {light} {fine}", wi.theta_degrees());
+            assert!((light / fine - 1.0).abs() < 1e-2, "{lobe} {}: {light} {fine}", wi.theta_degrees());
         }
     }
 }
