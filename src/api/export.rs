@@ -127,7 +127,7 @@ fn unknown(name: &str) -> Problem {
 }
 
 async fn manifest(app: &App, id: Digest, options: ExportOptions) -> Result<Response, Problem> {
-    let measurement = app.engine.decoded(id).await.map_err(|error| Problem::from(&error))?.measurement;
+    let measurement = app.engine.decoded(id).await.map_err(|error| Problem::from(&error))?;
     export::check_whole(&measurement, "manifest", &options)?;
     let text = app.engine.queries.run(move || manifest_of(&measurement).to_string()).await?;
     let mut response = ([(header::CONTENT_TYPE, HeaderValue::from_static("application/json"))], text).into_response();
@@ -146,7 +146,7 @@ async fn file(
     // leaves.
     let place = app.held.exports.take(peer, 1)?;
     let (exported, place) = if format == ExportFormat::Npy {
-        let measurement = app.engine.decoded(id).await.map_err(|error| Problem::from(&error))?.measurement;
+        let measurement = app.engine.decoded(id).await.map_err(|error| Problem::from(&error))?;
         app.engine.exports.run(move || (export::array(&measurement, &options), place)).await?
     } else {
         known(app, id).await?;

@@ -84,6 +84,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         albedo_error: None,
         straight_lines: 0,
         between: Between::default(),
+        lobe: None,
         metadata: (!args.no_metadata)
             .then(|| json!({ "generator": concat!("wavelume ", env!("CARGO_PKG_VERSION")) }).to_string()),
         random_access: false,

@@ -5,7 +5,7 @@ use super::input::read_file;
 use super::output::{Sheet, count, print, print_json, write_file};
 use super::report::{axes_lines, coverage_lines};
 use super::request::ThreadsArgs;
-use crate::compress::{self, DecodedBlock};
+use crate::compress::{self, DecodeError, Decoded};
 use crate::domain::{Axis, Measurement};
 use crate::formats;
 use crate::projection::Coverage;
@@ -46,17 +46,20 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 pub(crate) fn decode(path: &Path, level: Option<u8>, threads: &ThreadsArgs) -> Result<Measurement, Failure> {
     let bytes = read_file(path)?;
     let decode = || level.map_or_else(|| compress::decode(&bytes), |level| compress::decode_level(&bytes, level));
-    let decoded = threads.run(decode)?.map_err(|error| Failure::from(error).about(path))?;
-    Ok(decoded.measurement)
+    let whole = || decode().and_then(Decoded::whole);
+    threads.run(whole)?.map_err(|error| Failure::from(error).about(path))
 }
 
 /// The slice of the material in `path` behind one entry of the axes in front of the outgoing directions.
 fn decode_slice(path: &Path, block: usize, threads: &ThreadsArgs) -> Result<Measurement, Failure> {
     let bytes = read_file(path)?;
-    let decoded = threads.run(|| compress::decode_block(&bytes, block))?;
-    let DecodedBlock { tensor, summary } = decoded.map_err(|error| Failure::from(error).about(path))?;
-    // A part of what it is: the axes that its quantity asks for are not all there.
-    Ok(Measurement { quantity: summary.quantity, unit: summary.unit, sampling: summary.sampling, tensor })
+    let decode = || {
+        let decoded = compress::decode_block(&bytes, block)?;
+        let (quantity, unit, sampling) = (decoded.summary.quantity, decoded.summary.unit, decoded.summary.sampling);
+        // A part of what it is: the axes that its quantity asks for are not all there.
+        Ok(Measurement { quantity, unit, sampling, tensor: decoded.whole(block)? })
+    };
+    threads.run(decode)?.map_err(|error: DecodeError| Failure::from(error).about(path))
 }
 
 /// Writes a measurement as an array and its manifest beside it, and says so.

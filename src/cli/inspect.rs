@@ -10,7 +10,7 @@ use super::report::{
 };
 use super::request::AxesArgs;
 use crate::compress::{self, LevelInfo, Summary};
-use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
+use crate::domain::{Axis, ErrorReport, Lobe, Quantity, Sampling, Unit};
 use crate::formats::{self, Angles, AzimuthExtent, Note, NoteKind, Samples};
 use crate::pipeline::{self, Request};
 use crate::projection::Coverage;
@@ -213,6 +213,9 @@ struct Material {
     straight_lines: Option<f64>,
     /// Interpolation between incidences.
     between: compress::Between,
+    /// Lobe beside the cells; not there without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lobe: Option<Lobe>,
     #[serde(flatten)]
     errors: ErrorReport,
     /// Coarse first, the last one the whole material.
@@ -259,6 +262,7 @@ impl Material {
             floor: summary.floor,
             straight_lines: summary.straight_lines,
             between: summary.between,
+            lobe: summary.lobe,
             errors: summary.errors,
             levels: compress::levels(bytes)?,
             warnings: pipeline::sparse(bytes)?.into_iter().collect(),
@@ -288,6 +292,9 @@ impl Material {
         }
         if !self.between.is_default() {
             sheet.line("between incidences", self.between);
+        }
+        if let Some(lobe) = &self.lobe {
+            sheet.line("lobe beside cells", lobe);
         }
         error_lines(
             &mut sheet,

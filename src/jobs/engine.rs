@@ -9,6 +9,7 @@ use super::presence::Presence;
 use super::request::JobRequest;
 use crate::catalog::{CatalogError, Claimed, Enqueued, JobRow, NewJob};
 use crate::compress::{Decoded, decode};
+use crate::domain::Measurement;
 use crate::evaluate::{EvaluateError, Material};
 use crate::store::{Digest, StoreError, StoreExt};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -161,9 +162,9 @@ impl Engine {
     }
 
     /// A material decoded to all its samples, which nothing keeps.
-    pub(crate) async fn decoded(&self, id: Digest) -> Result<Decoded, OpenError> {
+    pub(crate) async fn decoded(&self, id: Digest) -> Result<Measurement, OpenError> {
         let bytes = self.archive.store.get(id).await?;
-        Ok(self.queries.run(move || decode(&bytes)).await?.map_err(EvaluateError::from)?)
+        Ok(self.queries.run(move || decode(&bytes).and_then(Decoded::whole)).await?.map_err(EvaluateError::from)?)
     }
 
     /// The bytes of a material.

@@ -109,6 +109,7 @@ fn golden(name: &'static str, quantity: Quantity, tensor: Tensor, target: Target
         albedo_error: None,
         straight_lines: 0,
         between: Between::default(),
+        lobe: None,
         metadata: None,
         random_access: false,
     };

@@ -90,6 +90,15 @@ pub enum AlgebraError {
         /// Why.
         source: DecodeError,
     },
+    /// A material with a lobe beside its cells, which no combination of cells has.
+    #[error(
+        "material {at} has a lobe beside its cells, which is no part of sums and products of materials; combine the \
+         measurements instead, or compress this one on directions without it"
+    )]
+    Lobe {
+        /// Its number among the operands, from 1.
+        at: usize,
+    },
     /// A sum beyond what a sample holds.
     #[error("sample {index} of the combination is {found}, expected a number that an f32 holds")]
     Overflow {

@@ -203,6 +203,9 @@ fn read_headers(operands: &[Operand<'_>]) -> Result<(Vec<OperandReport>, Vec<Sum
             return Err(AlgebraError::NotFinite { what: "weight", index: at, found: operand.weight });
         }
         let summary = compress::inspect(operand.bytes).map_err(|e| undecoded(at, e))?;
+        if summary.lobe.is_some() {
+            return Err(AlgebraError::Lobe { at });
+        }
         let digest = payload_digest(operand.bytes).map_err(|e| undecoded(at, e))?;
         reports.push(OperandReport {
             payload_digest: format!("b3-{}", digest.to_hex()),

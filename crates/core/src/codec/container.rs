@@ -35,6 +35,8 @@ pub(crate) enum ChunkKind {
     Header,
     /// Interpolation between incidences.
     Between,
+    /// A lobe beside the cells.
+    Lobe,
     /// Positive, negative, zero or masked.
     Classes,
     /// The data's own spectral basis.
@@ -67,6 +69,7 @@ impl ChunkKind {
         match self {
             Self::Header => b'H',
             Self::Between => b'V',
+            Self::Lobe => b'A',
             Self::Classes => b'C',
             Self::Basis => b'B',
             Self::Pyramid => b'P',
@@ -84,6 +87,7 @@ impl ChunkKind {
         match self {
             Self::Header => "header chunk",
             Self::Between => "interpolation chunk",
+            Self::Lobe => "lobe chunk",
             Self::Classes => "classes chunk",
             Self::Basis => "basis chunk",
             Self::Pyramid => "pyramid chunk",

@@ -9,6 +9,7 @@ use super::exponential::add_corrections;
 use super::header::{Header, finish_of, plan_of};
 use super::kept_coefficients::coefficients_of;
 use super::light::{Correcting, Light};
+use super::lobe_chunk;
 use super::metadata::metadata_of;
 use super::metadata_chunk::metadata_kind;
 use super::policy::Policy;
@@ -39,7 +40,8 @@ pub fn inspect(bytes: &[u8]) -> Result<Summary, CodecError> {
     Ok(Summary { axes, ..header.summary(metadata) })
 }
 
-/// Decodes a material.
+/// Decodes a material. Where it has a lobe beside its cells ([`Summary::lobe`]), the samples are those of the cells alone;
+/// [`Decoded::whole`] has both.
 pub fn decode(bytes: &[u8]) -> Result<Decoded, CodecError> {
     let (header, container) = open(bytes)?;
     let (metadata, axes) = metadata_of(&header, &container)?;
@@ -97,6 +99,7 @@ pub fn levels(bytes: &[u8]) -> Result<Vec<LevelInfo>, CodecError> {
 pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
     let (mut header, container) = Container::prefix(bytes, announced)?;
     read_between(&mut header, &container)?;
+    read_lobe(&mut header, &container)?;
     let grid = if header.grid_levels { Some(container.require(ChunkKind::Grid)?) } else { None };
     let finest = match grid {
         Some(chunk) => gridded::levels_of(chunk.reader(), chunk.offset + chunk.length)?.0.len() as u8,
@@ -169,7 +172,7 @@ pub struct DecodedBlock {
 
 /// Decodes entry `block` (row-major) of the axes before the last triangle axis: the slice of one incoming direction.
 ///
-/// Its samples are those of [`decode`], bit for bit. Of a material of random access nothing else is decoded but classes,
+/// Its samples are those of [`decode`], bit for bit, without a lobe beside the cells ([`DecodedBlock::whole`] has both). Of a material of random access nothing else is decoded but classes,
 /// basis and model; of any other, all of it.
 pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecError> {
     let (header, container) = open(bytes)?;
@@ -270,6 +273,7 @@ pub fn payload_digest(bytes: &[u8]) -> Result<blake3::Hash, CodecError> {
 pub(crate) fn open(bytes: &[u8]) -> Result<(Header, Container<'_>), CodecError> {
     let (mut header, container) = Container::read(bytes, announced)?;
     read_between(&mut header, &container)?;
+    read_lobe(&mut header, &container)?;
     Ok((header, container))
 }
 
@@ -284,6 +288,15 @@ fn read_between(header: &mut Header, container: &Container<'_>) -> Result<(), Co
         return Err(r.malformed("an interpolation between incidences that does not fit quantity and axes"));
     }
     header.between = Some(between);
+    Ok(())
+}
+
+/// Reads the lobe beside the cells into a header that announces it.
+fn read_lobe(header: &mut Header, container: &Container<'_>) -> Result<(), CodecError> {
+    if header.has_lobe {
+        let mut r = container.require(ChunkKind::Lobe)?.reader();
+        header.lobe = Some(lobe_chunk::read(&mut r, header.quantity, &header.axes)?);
+    }
     Ok(())
 }
 

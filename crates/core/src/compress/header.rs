@@ -13,7 +13,8 @@
 //!         1024 functions between stated directions have a share of straight lines (the last directions are a grid);
 //!         2048 the grid chunk states coarser levels (flag 512);
 //!         4096 samples are a factor times the numbers of the exact chunk (policy 2);
-//!         8192 there is an interpolation chunk (an axis of incoming directions)
+//!         8192 there is an interpolation chunk (an axis of incoming directions);
+//!         16384 there is a lobe chunk (a BRDF over triangles)
 //! axes    as in `codec`'s axes
 //! flag 1024: u8 the share of straight lines in 255ths, 1 … 255
 //! not policy 2, not flags 2, 512: varint a transform for each axis (flag 1: but the last):
@@ -41,7 +42,7 @@ use super::summary::Summary;
 use super::transform_code::{read_transform, write_transform};
 use super::values::Values;
 use crate::codec::{Announced, ChunkKind, CodecError, Reader, Writer, read_axes, write_axes};
-use crate::domain::{Axis, ErrorReport, Measurement, Quantity, Sampling, Unit};
+use crate::domain::{Axis, ErrorReport, Lobe, Measurement, Quantity, Sampling, Unit};
 use crate::transform::{AxisTransform, Plan};
 
 /// Everything in the header chunk.
@@ -65,6 +66,10 @@ pub(crate) struct Header {
     pub(crate) straight_lines: u8,
     /// Interpolation between incidences, where the interpolation chunk states it.
     pub(crate) between: Option<Between>,
+    /// There is a lobe chunk.
+    pub(crate) has_lobe: bool,
+    /// Lobe beside the cells, where its chunk is read.
+    pub(crate) lobe: Option<Lobe>,
     /// The grid chunk states coarser levels.
     pub(crate) grid_levels: bool,
     /// The length of the payload of the pyramid chunk or of a grid chunk with levels, 0 without one.
@@ -101,7 +106,8 @@ impl Flags {
     const LEVELS: u16 = 2048;
     const FACTOR: u16 = 4096;
     const BETWEEN: u16 = 8192;
-    const ALL: u16 = 16_383;
+    const LOBE: u16 = 16_384;
+    const ALL: u16 = 32_767;
 
     fn of(header: &Header) -> Self {
         let e = &header.errors;
@@ -121,6 +127,7 @@ impl Flags {
             (Self::LEVELS, header.grid_levels),
             (Self::FACTOR, header.factor != 1.0),
             (Self::BETWEEN, header.between.is_some()),
+            (Self::LOBE, header.has_lobe),
         ];
         Self(flags.into_iter().filter(|(_, set)| *set).map(|(flag, _)| flag).sum())
     }
@@ -191,6 +198,8 @@ impl Header {
             gridded: false,
             straight_lines: 0,
             between: None,
+            has_lobe: false,
+            lobe: None,
             grid_levels: false,
             pyramid_length: 0,
             linear: false,
@@ -319,6 +328,8 @@ impl Header {
             straight_lines,
             // Its chunk is not read yet.
             between: flags.has(Flags::BETWEEN).then(Between::default),
+            has_lobe: flags.has(Flags::LOBE),
+            lobe: None,
             grid_levels,
             pyramid_length,
             linear: flags.has(Flags::LINEAR),
@@ -364,6 +375,7 @@ impl Header {
         let lossless = self.policy == Policy::Lossless;
         let all = [
             (ChunkKind::Between, self.between.is_some()),
+            (ChunkKind::Lobe, self.has_lobe),
             (ChunkKind::Classes, self.has_classes),
             (ChunkKind::Basis, self.klt),
             (ChunkKind::Pyramid, self.predicted),
@@ -394,6 +406,7 @@ impl Header {
             step: (self.policy == Policy::Rd).then(|| f64::from(self.step)),
             straight_lines: ends_on_grid(&self.axes).then(|| f64::from(self.straight_lines) / 255.0),
             between: self.between.unwrap_or_default(),
+            lobe: self.lobe.clone(),
             factor: self.factor,
             errors: self.errors,
             metadata,
@@ -452,6 +465,8 @@ mod tests {
             gridded: false,
             straight_lines: 0,
             between: None,
+            has_lobe: false,
+            lobe: None,
             grid_levels: false,
             pyramid_length: 300,
             step: 0.015_625,

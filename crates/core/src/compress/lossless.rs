@@ -63,6 +63,8 @@ pub(crate) fn compress(
         factor,
         straight_lines: settings.straight_lines,
         between: settings.between.stated(),
+        has_lobe: settings.lobe.is_some(),
+        lobe: settings.lobe.clone(),
         ..Header::of(measurement, Policy::Lossless)
     };
     let chunks = classes.into_iter().chain([(ChunkKind::Exact, encoder.finish())]).collect();

@@ -1,6 +1,7 @@
 //! Parts of a file before they are put together: the header, and the chunks between it and the metadata.
 
 use super::header::Header;
+use super::lobe_chunk;
 use super::metadata_chunk::metadata_chunk;
 use crate::codec::{ChunkKind, write_container};
 
@@ -23,6 +24,7 @@ pub(super) fn assemble(parts: &Parts, metadata: Option<&str>) -> Vec<u8> {
     let header = Header { pyramid_length, ..parts.header.clone() };
     let mut chunks = vec![(ChunkKind::Header, header.write())];
     chunks.extend(header.between.map(|between| (ChunkKind::Between, between.write())));
+    chunks.extend(header.lobe.as_ref().map(|lobe| (ChunkKind::Lobe, lobe_chunk::write(lobe))));
     chunks.extend(parts.chunks.iter().cloned());
     if let Some(text) = metadata {
         chunks.push(metadata_chunk(&parts.header.axes, text));

@@ -6,6 +6,7 @@ use super::error::CompressError;
 use super::figures::shown;
 use super::header::ends_on_grid;
 use super::light::Light;
+use super::lobe_chunk;
 use super::policy::Policy;
 use super::rd::gridded::Shape as GridShape;
 use super::rd::shape::Shape;
@@ -31,6 +32,11 @@ pub(crate) fn check(measurement: &Measurement, settings: &Settings) -> Result<()
     }
     if !settings.between.is_default() && !settings.between.fits(measurement.quantity, measurement.tensor.axes()) {
         return Err(SettingError::Between);
+    }
+    if let Some(lobe) = &settings.lobe
+        && !lobe_chunk::fits(lobe, measurement.quantity, measurement.tensor.axes())
+    {
+        return Err(SettingError::Lobe);
     }
     if let Some(bound) = settings.albedo_error {
         check_albedo(measurement, settings, bound)?;

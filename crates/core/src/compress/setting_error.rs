@@ -60,6 +60,13 @@ pub enum SettingError {
          directions, cubics for measurements of such; leave it at its default"
     )]
     Between,
+    /// A lobe that the measurement cannot have beside it.
+    #[error(
+        "lobe beside the cells: found a measurement without place for it, expected a BRDF of incoming directions over \
+         triangles of the upper hemisphere with one colour of the lobe for each sample of a spectrum, and incoming azimuths where \
+         its widths differ"
+    )]
+    Lobe,
     /// Metadata that are not a JSON object.
     #[error("metadata is no JSON object, expected text such as {{\"name\": \"value\"}}")]
     MetadataObject,

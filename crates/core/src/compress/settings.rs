@@ -5,7 +5,7 @@ use super::policy::Policy;
 use super::setting_error::{RdOption, SettingError};
 use super::spectral_basis::SpectralBasis;
 use super::target::Target;
-use crate::domain::Measurement;
+use crate::domain::{Lobe, Measurement};
 
 /// Everything that decides the bytes, beside the measurement.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,6 +32,9 @@ pub struct Settings {
     pub straight_lines: u8,
     /// Interpolation between incidences; `evaluate::interpolation_between` finds the one that predicts them best.
     pub between: Between,
+    /// Lobe beside the cells of a BRDF, which the measurement is without: what is evaluated is the sum of both. Errors and
+    /// levels are those of the cells.
+    pub lobe: Option<Lobe>,
 }
 
 impl Default for Settings {
@@ -47,6 +50,7 @@ impl Default for Settings {
             random_access: false,
             straight_lines: 0,
             between: Between::default(),
+            lobe: None,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::between::Between;
 use super::policy::Policy;
-use crate::domain::{Axis, ErrorReport, Quantity, Sampling, Unit};
+use crate::domain::{Axis, ErrorReport, Lobe, Quantity, Sampling, Unit};
 
 /// What is known of a material from its header.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,6 +31,8 @@ pub struct Summary {
     pub straight_lines: Option<f64>,
     /// Interpolation between incidences.
     pub between: Between,
+    /// Lobe beside the cells: what is evaluated is the sum of both.
+    pub lobe: Option<Lobe>,
     /// A sample is this times a number of the file that was measured, where both were kept (lossless only); else 1.
     pub factor: f64,
     /// The errors of the decoded file against its input tensor (each rounded up by at most 0.007 % when read from a file).

@@ -86,6 +86,7 @@ pub(super) fn settings(target: Target, policy: Policy) -> Settings {
     Settings {
         straight_lines: 0,
         between: Between::default(),
+        lobe: None,
         target,
         policy,
         basis: "auto".to_owned(),

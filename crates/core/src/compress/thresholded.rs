@@ -361,6 +361,8 @@ impl<'a> Work<'a> {
         let mut parts = parts_of(self.measurement, plan, self.floor, self.classes.clone(), &self.rows, kept);
         parts.header.straight_lines = self.settings.straight_lines;
         parts.header.between = self.settings.between.stated();
+        parts.header.has_lobe = self.settings.lobe.is_some();
+        parts.header.lobe = self.settings.lobe.clone();
         parts
     }
 }

@@ -55,6 +55,13 @@ impl Albedos {
         }
     }
 
+    /// Adds to the integrals over a whole outgoing axis that has one side.
+    pub(super) fn add(&mut self, add: impl FnOnce(&mut [f32])) {
+        if !self.both.is_empty() {
+            add(&mut self.both);
+        }
+    }
+
     pub(super) fn memory(&self) -> usize {
         size_of_val(&*self.both) + self.halves.iter().map(|half| size_of_val(&**half)).sum::<usize>()
     }

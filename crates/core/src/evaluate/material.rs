@@ -8,6 +8,7 @@ use super::form::{Course, Form};
 use super::function::Function;
 use super::geometry::Geometry;
 use super::incoming::Alignment;
+use super::lobed::Lobed;
 use super::lookup::MeshLookup;
 use super::place::{Beyond, Interpolation, Place};
 use super::planes::Planes;
@@ -20,7 +21,8 @@ use super::turning::Turning;
 use super::warp::SampleOptions;
 use super::wavelength_sampler::WavelengthSampler;
 use crate::compress::{self, Between, Decoded, LevelInfo, Summary};
-use crate::domain::{Axis, Direction, Layout, Measurement, Quantity, Unit, WavelengthGrid};
+use crate::domain::{Axis, Direction, Layout, Measurement, Quantity, Tensor, Unit, WavelengthGrid};
+use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
 /// An opened material; share it between threads by reference.
@@ -66,6 +68,8 @@ struct Cells {
     trees: OnceLock<Trees>,
     /// Nothing without an outgoing axis.
     albedos: Albedos,
+    /// Lobe that is added to the function.
+    lobe: Option<Box<Lobed>>,
 }
 
 impl Material {
@@ -112,7 +116,7 @@ impl Material {
         } else {
             let albedos = Albedos::new(&measurement, &geometry);
             let function = Function::new(measurement, geometry, course);
-            Body::Cells(Cells { function, trees: OnceLock::new(), albedos })
+            Body::Cells(Cells { function, trees: OnceLock::new(), albedos, lobe: None })
         };
         Ok(Self { body, summary: None })
     }
@@ -158,7 +162,10 @@ impl Material {
 
     /// The material of a decoded file, with its header.
     pub(super) fn decoded(Decoded { measurement, summary }: Decoded) -> Result<Self, EvaluateError> {
-        let material = Self::with_between(measurement, summary.between)?;
+        let mut material = Self::with_between(measurement, summary.between)?;
+        if let (Body::Cells(cells), Some(lobe)) = (&mut material.body, &summary.lobe) {
+            cells.take(Lobed::new(lobe.clone()));
+        }
         let material = match summary.straight_lines {
             Some(share) if share > 0.0 => material.with_straight_lines(share as f32),
             _ => material,
@@ -244,7 +251,7 @@ impl Material {
     #[inline]
     pub fn evaluate(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         match &self.body {
-            Body::Cells(cells) => cells.function.spectrum(place, how, out),
+            Body::Cells(cells) => cells.spectrum(place, how, out),
             Body::Grid { stated, .. } => stated.spectrum(place, how, out),
         }
     }
@@ -262,7 +269,7 @@ impl Material {
         out: &mut [f32],
     ) -> Result<(), EvaluateError> {
         match &self.body {
-            Body::Cells(cells) => cells.function.at_wavelengths(place, how, beyond, wavelengths, out),
+            Body::Cells(cells) => cells.at_wavelengths(place, how, beyond, wavelengths, out),
             Body::Grid { stated, .. } => stated.at_wavelengths(place, how, beyond, wavelengths, out),
         }
     }
@@ -271,7 +278,7 @@ impl Material {
     /// colour coordinate, power in a band, a mean. NaN where a sample with a weight is masked.
     pub fn weighted(&self, place: Place<'_>, how: Interpolation, weights: &[f32]) -> Result<f32, EvaluateError> {
         match &self.body {
-            Body::Cells(cells) => cells.function.weighted(place, how, weights),
+            Body::Cells(cells) => cells.weighted(place, how, weights),
             Body::Grid { stated, .. } => stated.weighted(place, how, weights),
         }
     }
@@ -283,7 +290,7 @@ impl Material {
     /// If there is no such entry.
     pub fn slice(&self, slice: usize) -> Vec<f32> {
         match &self.body {
-            Body::Cells(cells) => cells.function.slice(slice),
+            Body::Cells(cells) => cells.slice(slice),
             Body::Grid { stated, .. } => stated.slice(slice),
         }
     }
@@ -291,7 +298,7 @@ impl Material {
     /// The samples as they are opened: those decoded, but for the deviation that [`Material::report`] states.
     pub fn measurement(&self) -> Result<Measurement, EvaluateError> {
         match &self.body {
-            Body::Cells(cells) => cells.function.measurement(),
+            Body::Cells(cells) => cells.measurement(),
             Body::Grid { stated, .. } => stated.measurement(),
         }
     }
@@ -300,7 +307,7 @@ impl Material {
     /// it. As near to [`Material::evaluate`] as the [rules](super#rules) say of batches.
     pub fn spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         match &self.body {
-            Body::Cells(cells) => cells.function.spectra(pairs, how, out),
+            Body::Cells(cells) => cells.spectra(pairs, how, out),
             Body::Grid { stated, .. } => stated.spectra(pairs, how, out),
         }
     }
@@ -308,7 +315,7 @@ impl Material {
     /// [`Material::spectra`] on all threads.
     pub fn par_spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         match &self.body {
-            Body::Cells(cells) => cells.function.par_spectra(pairs, how, out),
+            Body::Cells(cells) => cells.par_spectra(pairs, how, out),
             Body::Grid { stated, .. } => stated.par_spectra(pairs, how, out),
         }
     }
@@ -425,14 +432,15 @@ impl Material {
     /// Builds the trees of one wavelength in nm, linear between the samples of the spectra. Refused outside the measured range.
     pub fn sampler_at(&self, wavelength: f64) -> Result<WavelengthSampler<'_>, EvaluateError> {
         let (cells, lookup) = self.over_triangles()?.sampled()?;
-        WavelengthSampler::at(&cells.function, self.stated(), lookup, cells.mean_trees(lookup), wavelength)
+        let function = (&cells.function, cells.lobe.as_deref());
+        WavelengthSampler::at(function, self.stated(), lookup, cells.mean_trees(lookup), wavelength)
     }
 
     /// The sampler by the mean over wavelengths; its trees are built when they are first asked for.
     #[inline]
     pub(super) fn sampler(&self) -> Result<Sampler<'_>, EvaluateError> {
         let (cells, lookup) = self.over_triangles()?.sampled()?;
-        Ok(Sampler::new(&cells.function, cells.mean_trees(lookup)))
+        Ok(Sampler::new(&cells.function, cells.lobe.as_deref(), cells.mean_trees(lookup)))
     }
 
     #[inline]
@@ -449,9 +457,15 @@ impl Material {
         self.cells().map(|cells| &cells.function)
     }
 
-    /// The function of cells, where a few planes with smooth tables hold them.
+    /// The function of the material, where a few planes with smooth tables hold all of it.
     #[inline(always)]
     pub(super) fn planes(&self) -> Option<(&Function, &Planes, &Smooth)> {
+        if self.cells().is_some_and(|cells| cells.lobe.is_some()) { None } else { self.planes_of_cells() }
+    }
+
+    /// The function of cells without the lobe beside them, where a few planes with smooth tables hold it.
+    #[inline(always)]
+    pub(super) fn planes_of_cells(&self) -> Option<(&Function, &Planes, &Smooth)> {
         let function = self.function()?;
         match function.form() {
             Form::Planes { planes, smooth } => Some((function, planes, smooth)),
@@ -474,6 +488,82 @@ impl Material {
 }
 
 impl Cells {
+    /// Takes a lobe beside the function.
+    fn take(&mut self, lobe: Lobed) {
+        self.albedos.add(|table| lobe.add_light(self.function.geometry(), table));
+        self.lobe = Some(Box::new(lobe));
+    }
+
+    #[inline]
+    fn spectrum(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
+        self.function.spectrum(place, how, out)?;
+        if let Some(lobe) = &self.lobe {
+            lobe.add(place, out);
+        }
+        Ok(())
+    }
+
+    #[inline]
+    fn at_wavelengths(
+        &self,
+        place: Place<'_>,
+        how: Interpolation,
+        beyond: Beyond,
+        wavelengths: &[f64],
+        out: &mut [f32],
+    ) -> Result<(), EvaluateError> {
+        self.function.at_wavelengths(place, how, beyond, wavelengths, out)?;
+        if let (Some(lobe), Some(grid)) = (&self.lobe, self.function.geometry().grid()) {
+            lobe.add_at(place, (grid, beyond), wavelengths, out);
+        }
+        Ok(())
+    }
+
+    fn weighted(&self, place: Place<'_>, how: Interpolation, weights: &[f32]) -> Result<f32, EvaluateError> {
+        let sum = self.function.weighted(place, how, weights)?;
+        Ok(self.lobe.as_ref().map_or(sum, |lobe| sum + lobe.weighted(place, weights)))
+    }
+
+    fn spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
+        self.function.spectra(pairs, how, out)?;
+        let Some(lobe) = &self.lobe else { return Ok(()) };
+        let spectra = out.chunks_exact_mut(self.function.geometry().lambdas().max(1));
+        spectra.enumerate().try_for_each(|(i, spectrum)| {
+            lobe.add(pairs.place(i)?, spectrum);
+            Ok(())
+        })
+    }
+
+    fn par_spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
+        self.function.par_spectra(pairs, how, out)?;
+        let Some(lobe) = &self.lobe else { return Ok(()) };
+        let spectra = out.par_chunks_exact_mut(self.function.geometry().lambdas().max(1));
+        spectra.enumerate().try_for_each(|(i, spectrum)| {
+            lobe.add(pairs.place(i)?, spectrum);
+            Ok(())
+        })
+    }
+
+    /// The samples of a slice, with the means of the lobe.
+    fn slice(&self, slice: usize) -> Vec<f32> {
+        let mut samples = self.function.slice(slice);
+        if let Some(lobe) = &self.lobe {
+            lobe.add_means(self.function.geometry(), slice, &mut samples);
+        }
+        samples
+    }
+
+    /// The samples of cells, with the means of the lobe.
+    fn measurement(&self) -> Result<Measurement, EvaluateError> {
+        let mut measurement = self.function.measurement()?;
+        if self.lobe.is_some() {
+            let slices = self.function.geometry().shape()[0];
+            let samples = (0..slices).flat_map(|slice| self.slice(slice)).collect();
+            measurement.tensor = Tensor::new(measurement.tensor.axes().to_vec(), samples)?;
+        }
+        Ok(measurement)
+    }
+
     #[inline]
     fn mean_trees(&self, lookup: &Arc<MeshLookup>) -> &Trees {
         self.trees.get_or_init(|| trees_of_mean(&self.function, lookup))
@@ -484,6 +574,7 @@ impl Cells {
         let mesh = self.function.geometry().mesh();
         let expected = || mesh.map_or(0, |lookup| Trees::expected_memory(&self.function, lookup));
         let trees = self.trees.get().map_or_else(expected, Trees::memory);
-        self.function.memory() + trees + self.albedos.memory()
+        let lobe = self.lobe.as_ref().map_or(0, |lobe| size_of::<Lobed>() + lobe.memory());
+        self.function.memory() + trees + self.albedos.memory() + lobe
     }
 }

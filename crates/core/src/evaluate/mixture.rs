@@ -115,6 +115,16 @@ impl<'a> Mixture<'a> {
         (self.entry * n_in + incoming) * n_out + leaf
     }
 
+    /// Light of the trees, each by its share; 0 where none has any.
+    pub(super) fn light(&self) -> f64 {
+        let mut sum = 0.0;
+        self.each(|tree, _, share| {
+            sum += share * self.trees.warps().total(tree);
+            false
+        });
+        sum
+    }
+
     /// The trees and their shares.
     #[inline(always)]
     fn each(&self, mut work: impl FnMut(usize, usize, f64) -> bool) {

@@ -59,6 +59,7 @@ mod integrals;
 mod kernel;
 mod level_errors;
 mod lines;
+mod lobed;
 mod located;
 mod lookup;
 mod material;
@@ -101,6 +102,8 @@ pub use wavelength_sampler::WavelengthSampler;
 
 #[cfg(test)]
 mod batch_tests;
+#[cfg(test)]
+mod lobed_tests;
 #[cfg(test)]
 mod mixture_tests;
 #[cfg(test)]

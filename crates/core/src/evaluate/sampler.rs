@@ -9,6 +9,7 @@
 use super::directions::Pairs;
 use super::error::{Argument, Buffer, EvaluateError, QueryError, unfit};
 use super::function::Function;
+use super::lobed::{LobePart, Lobed};
 use super::mixture::Mixture;
 use super::place::{Interpolation, Place};
 use super::stated::Stated;
@@ -43,13 +44,15 @@ impl DirectionSample {
 #[derive(Clone, Copy)]
 pub(super) struct Sampler<'a> {
     function: &'a Function,
+    /// The lobe beside the function, and its colour by the weights of the trees.
+    lobe: Option<(&'a Lobed, f32)>,
     trees: &'a Trees,
 }
 
 impl<'a> Sampler<'a> {
     #[inline]
-    pub(super) fn new(function: &'a Function, trees: &'a Trees) -> Self {
-        Self { function, trees }
+    pub(super) fn new(function: &'a Function, lobe: Option<&'a Lobed>, trees: &'a Trees) -> Self {
+        Self { function, lobe: lobe.map(|lobe| (lobe, lobe.colour(trees.weights()))), trees }
     }
 
     #[inline]
@@ -72,6 +75,19 @@ impl<'a> Sampler<'a> {
         Mixture::new(self.function, self.trees, index, wi, options, self.trees.carry(options.density))
     }
 
+    /// Returns true where directions are drawn from a lobe, too.
+    #[inline]
+    pub(super) fn has_lobe(&self) -> bool {
+        self.lobe.is_some()
+    }
+
+    /// The lobe under `wi`, beside the trees of a mixture.
+    #[inline]
+    fn lobe_beside(&self, mixture: &Mixture<'_>, wi: Option<Direction>) -> Option<LobePart> {
+        let (lobe, colour) = self.lobe?;
+        lobe.part(wi, colour, mixture.light())
+    }
+
     /// Returns true where the function is masked, so that nothing is drawn.
     #[inline]
     fn is_masked(&self, place: Place<'_>, options: SampleOptions) -> Result<bool, EvaluateError> {
@@ -88,7 +104,10 @@ impl<'a> Sampler<'a> {
     ) -> Result<Option<DirectionSample>, EvaluateError> {
         let Some(Draw { direction, pdf, .. }) = self.drawn(index, wi, u, options)? else { return Ok(None) };
         let place = Place { index, wi, wo: Some(direction) };
-        let value = self.function.weighted_known(place, form_of(options), self.trees.weights())?;
+        let mut value = self.function.weighted_known(place, form_of(options), self.trees.weights())?;
+        if let Some((lobe, _)) = self.lobe {
+            value += lobe.weighted(place, self.trees.weights());
+        }
         Ok(Some(DirectionSample::weighted(self.function.geometry().quantity(), direction, pdf, value)))
     }
 
@@ -158,6 +177,9 @@ impl<'a> Sampler<'a> {
     ) -> Result<Option<Draw>, EvaluateError> {
         let mixture = self.mixture(index, wi, options)?;
         check_point(u)?;
+        if let Some(lobe) = self.lobe_beside(&mixture, wi) {
+            return self.drawn_beside(&mixture, &lobe, (index, wi), u, options);
+        }
         let Some((wo, leaf)) = mixture.draw(u) else { return Ok(None) };
         let pdf = mixture.density(wo);
         // The last corner of a triangle, of no measure, may have no density.
@@ -172,6 +194,31 @@ impl<'a> Sampler<'a> {
         Ok(Some(Draw { direction, pdf, incoming: mixture.incoming(), cell }))
     }
 
+    /// A direction of the lobe or of the trees beside it.
+    fn drawn_beside(
+        &self,
+        mixture: &Mixture<'_>,
+        lobe: &LobePart,
+        (index, wi): (&[usize], Option<Direction>),
+        u: [f64; 2],
+        options: SampleOptions,
+    ) -> Result<Option<Draw>, EvaluateError> {
+        let geometry = self.function.geometry();
+        let direction = match lobe.drawn(u) {
+            Ok(direction) => direction,
+            Err(u) => match mixture.draw(u) {
+                Some((wo, _)) => geometry.turned_with(wi, wo),
+                None => return Ok(None),
+            },
+        };
+        let Some((_, wo)) = geometry.outgoing(wi, Some(direction))? else { return Ok(None) };
+        let pdf = lobe.density(direction, mixture.density(wo));
+        if pdf <= 0.0 || self.is_masked(Place { index, wi, wo: Some(direction) }, options)? {
+            return Ok(None);
+        }
+        Ok(Some(Draw { direction, pdf, incoming: None, cell: None }))
+    }
+
     /// The density with which directions are drawn; 0 where nothing is.
     pub(super) fn pdf(
         &self,
@@ -184,8 +231,13 @@ impl<'a> Sampler<'a> {
             #[inline(always)]
             || -> Result<f64, EvaluateError> {
                 let mixture = self.mixture(index, wi, options)?;
+                let asked = wo;
                 let Some((lookup, wo)) = self.function.geometry().outgoing(wi, Some(wo))? else { return Ok(0.0) };
-                Ok(if lookup.holds(wo.xyz()) { mixture.density(wo) } else { 0.0 })
+                if !lookup.holds(wo.xyz()) {
+                    return Ok(0.0);
+                }
+                let cells = mixture.density(wo);
+                Ok(self.lobe_beside(&mixture, wi).map_or(cells, |lobe| lobe.density(asked, cells)))
             },
         )?;
         let is_drawn = pdf > 0.0 && !self.is_masked(Place { index, wi, wo: Some(wo) }, options)?;
@@ -204,8 +256,10 @@ impl<'a> Sampler<'a> {
             return Ok(None);
         }
         let mixture = self.mixture(index, wi, options)?;
+        let asked = wo;
         let Some((_, wo)) = self.function.geometry().outgoing(wi, Some(wo))? else { return Ok(None) };
-        Ok(mixture.invert(wo))
+        let Some(lobe) = self.lobe_beside(&mixture, wi) else { return Ok(mixture.invert(wo)) };
+        Ok(lobe.point_of(asked).or_else(|| mixture.invert(wo).map(|point| lobe.of_cells(point))))
     }
 
     /// A direction and its density alone.

@@ -88,6 +88,7 @@ impl Sampler<'_> {
     pub(super) fn is_staged(&self, options: SampleOptions) -> bool {
         let is_alike = |(alignment, domain)| domain != Domain::Sphere || alignment == Alignment::Rotation;
         options.level.is_none()
+            && !self.has_lobe()
             && matches!(self.function().form(), Form::Planes { .. })
             && self.trees().carry(options.density).is_none_or(is_alike)
     }

@@ -2,6 +2,7 @@
 
 use super::error::{EvaluateError, QueryError, unfit};
 use super::function::Function;
+use super::lobed::Lobed;
 use super::lookup::MeshLookup;
 use super::sampler::{DirectionSample, Sampler};
 use super::stated::{Stated, as_drawn};
@@ -13,15 +14,16 @@ use crate::domain::Direction;
 #[derive(Debug)]
 pub struct WavelengthSampler<'a> {
     function: &'a Function,
+    lobe: Option<&'a Lobed>,
     stated: Option<&'a Stated>,
     trees: Trees,
 }
 
 impl<'a> WavelengthSampler<'a> {
-    /// The sampler at `wavelength` in nm, linear between the samples of the spectra; with the tables of `mean`, the trees by
+    /// The sampler at `wavelength` in nm, linear between the samples of the spectra, of a function and the lobe beside it; with the tables of `mean`, the trees by
     /// the mean; weights are those of `stated` where that is given. Refused outside the measured range.
     pub(super) fn at(
-        function: &'a Function,
+        (function, lobe): (&'a Function, Option<&'a Lobed>),
         stated: Option<&'a Stated>,
         lookup: &MeshLookup,
         mean: &Trees,
@@ -39,11 +41,11 @@ impl<'a> WavelengthSampler<'a> {
         if t > 0.0 {
             weights[below + 1] = t as f32;
         }
-        Ok(Self { function, stated, trees: mean.by(function, lookup, &weights) })
+        Ok(Self { function, lobe, stated, trees: mean.by(function, lookup, &weights) })
     }
 
     fn sampler(&self) -> Sampler<'_> {
-        Sampler::new(self.function, &self.trees)
+        Sampler::new(self.function, self.lobe, &self.trees)
     }
 
     /// As [`super::Material::sample`]; the weight is that of f at the wavelength.

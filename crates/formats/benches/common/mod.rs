@@ -43,6 +43,7 @@ pub(crate) fn encoded(measurement: &Measurement, target: Target) -> Compressed {
         albedo_error: None,
         straight_lines: 0,
         between: Between::default(),
+        lobe: None,
         metadata: None,
         random_access: false,
     };

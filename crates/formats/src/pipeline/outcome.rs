@@ -123,6 +123,7 @@ fn compressed(
             Curve::Cubic => interpolation_between(&measurement).unwrap_or_default(),
             Curve::Linear => Between::default(),
         },
+        lobe: None,
     };
     let stated = numbers.as_ref().map(|found| Numbers { values: found.tensor.samples(), factor: found.factor });
     let mut compressed = light::compress(&measurement, stated, &settings, progress)?;

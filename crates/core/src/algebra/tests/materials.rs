@@ -4,8 +4,8 @@ use super::*;
 use crate::algebra::{AlgebraError, Combined, Method, Operand, Recompress, combine, dot};
 use crate::compress::{self, Between, CompressError, Divisor, Policy, Settings, Target, decode};
 use crate::domain::{
-    Axis, Cancelled, Domain, Measurement, Progress, Quantity, Sampling, Silent, Tensor, TriangleMesh, Unit,
-    WavelengthGrid,
+    Axis, Cancelled, Domain, Lobe, LobeCentre, LobeParameters, Measurement, Progress, Quantity, Sampling, Silent,
+    Tensor, TriangleMesh, Unit, WavelengthGrid,
 };
 
 fn settings(target: Target, policy: Policy, basis: &str) -> Settings {
@@ -17,6 +17,7 @@ fn settings(target: Target, policy: Policy, basis: &str) -> Settings {
         albedo_error: None,
         straight_lines: 0,
         between: Between::default(),
+        lobe: None,
         metadata: Some("{}".to_owned()),
         random_access: false,
     }
@@ -355,5 +356,28 @@ fn the_interpolation_between_incidences_is_kept_where_operands_agree() {
         assert_eq!(of(&[(0, 0.5)]), between, "{policy}");
         assert_eq!(of(&[(0, 1.0), (1, 2.0)]), between, "{policy}");
         assert!(of(&[(0, 1.0), (2, 1.0)]).is_default() && of(&[(0, 1.0), (1, -0.1)]).is_default(), "{policy}");
+    }
+}
+
+#[test]
+fn a_lobe_beside_the_cells_is_refused_by_name() {
+    let measurement = brdf(1);
+    let parameters = LobeParameters {
+        centre: LobeCentre::Mirror,
+        peak: [3.0, 0.0, 0.0],
+        range: [0.0, 1.0],
+        widths: [0.01, 0.01],
+        angle: 0.0,
+        tail: 0.0,
+        colours: vec![1.0; 13],
+    };
+    for policy in [Policy::Rd, Policy::Conventional] {
+        let plain = settings(Target::ErL2(0.05), policy, "auto");
+        let beside = Settings { lobe: Some(Lobe::new(parameters.clone()).unwrap()), ..plain.clone() };
+        let [plain, beside] =
+            [plain, beside].map(|settings| compress::compress(&measurement, &settings, &Silent).unwrap().bytes);
+        let refused = dot(&plain, &beside).unwrap_err();
+        assert_eq!(refused, AlgebraError::Lobe { at: 2 });
+        assert!(refused.to_string().starts_with("material 2 has a lobe beside its cells"));
     }
 }

@@ -203,6 +203,8 @@ impl<'a> Candidate<'a> {
             gridded: self.layer.is_gridded(),
             straight_lines: self.settings.straight_lines,
             between: self.settings.between.stated(),
+            has_lobe: self.settings.lobe.is_some(),
+            lobe: self.settings.lobe.clone(),
             linear: self.plane.values.is_linear(),
             step: steps.first.step,
             light_step: self.light.as_ref().map_or(0.0, |(_, step)| *step),

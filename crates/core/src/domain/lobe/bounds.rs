@@ -4,6 +4,8 @@ use super::LobeParameters;
 
 /// The largest logarithm of a peak in sr⁻¹: more than any surface reflects, less than overflows with a colour.
 pub(super) const LARGEST_LOG: f64 = 40.0;
+/// The largest value in sr⁻¹; times the largest colour it moves no sample to infinity.
+pub(super) const LARGEST_VALUE: f64 = 1e25;
 /// Half-widths: from a hundredth of the sun's disc to a radian.
 const WIDTHS: [f64; 2] = [1e-5, 1.0];
 /// The largest −ln cos θi: an incidence of 89.98 degrees.

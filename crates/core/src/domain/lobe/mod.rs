@@ -203,7 +203,9 @@ impl LobeUnder {
         // Written so that what is no number is 0, too.
         if wo[2] >= 0.0 {
             let place = self.around.place(wo);
-            self.peak * self.profile.at(self.distance(place)) * self.factor(place, wo[2])
+            let value = self.peak * self.profile.at(self.distance(place)) * self.factor(place, wo[2]);
+            // Where both directions are at the horizon, the tail is 0 and the factor has no bound.
+            if value.is_nan() { 0.0 } else { value.min(bounds::LARGEST_VALUE) }
         } else {
             0.0
         }

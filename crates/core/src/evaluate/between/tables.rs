@@ -48,7 +48,7 @@ impl<'a> Tables<'a> {
     /// The tables of a material with several incidences and a smooth form that goes from one to the next.
     pub(super) fn of(material: &'a Material) -> Option<Self> {
         let geometry = material.geometry();
-        let (form, domain, alignment) = match (material.planes(), material.stated()) {
+        let (form, domain, alignment) = match (material.planes_of_cells(), material.stated()) {
             (Some((_, planes, smooth)), _) => (Form::Planes(planes, smooth), smooth.domain(), smooth.alignment()),
             (None, Some(stated)) => {
                 let lines = stated.lines();

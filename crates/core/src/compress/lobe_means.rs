@@ -1,0 +1,71 @@
+//! Means of the lobe beside the cells over these: what a decoded tensor has of it.
+
+use super::decode::{Decoded, DecodedBlock};
+use crate::codec::CodecError;
+use crate::domain::{Axis, Direction, Lobe, Measurement, Sampling, Tensor, TriangleMesh};
+use rayon::prelude::*;
+
+/// Cells that a thread takes at a time.
+const SHARE: usize = 256;
+
+impl Decoded {
+    /// The samples of cells and lobe together: the mean of the lobe over each cell is added, or its value at the centre where
+    /// samples are those of points. Of a material without a lobe the samples stay as they are.
+    pub fn whole(self) -> Result<Measurement, CodecError> {
+        let Self { measurement, summary } = self;
+        let Some(lobe) = &summary.lobe else { return Ok(measurement) };
+        let Measurement { quantity, unit, sampling, tensor } = measurement;
+        let axes = tensor.axes().to_vec();
+        let mut samples = tensor.into_samples();
+        add(lobe, (&axes, sampling), 0, &mut samples);
+        Ok(Measurement { quantity, unit, sampling, tensor: tensor_of(axes, samples)? })
+    }
+}
+
+impl DecodedBlock {
+    /// The samples of cells and lobe together, of incoming entry `block`, as [`Decoded::whole`].
+    pub fn whole(self, block: usize) -> Result<Tensor, CodecError> {
+        let Self { tensor, summary } = self;
+        let Some(lobe) = &summary.lobe else { return Ok(tensor) };
+        let axes = tensor.axes().to_vec();
+        let mut samples = tensor.into_samples();
+        add(lobe, (&summary.axes, summary.sampling), block, &mut samples);
+        tensor_of(axes, samples)
+    }
+}
+
+fn tensor_of(axes: Vec<Axis>, samples: Vec<f32>) -> Result<Tensor, CodecError> {
+    Tensor::new(axes, samples).map_err(|error| CodecError::Malformed { at: 0, reason: error.to_string() })
+}
+
+/// Adds the lobe to the samples of incoming entries from `first` on.
+fn add(lobe: &Lobe, (axes, sampling): (&[Axis], Sampling), first: usize, samples: &mut [f32]) {
+    let (Some(incoming), Some(Axis::Triangles(mesh))) = (axes.first(), axes.get(1)) else { return };
+    let wi = |entry: usize| match incoming {
+        Axis::Elevation(degrees) => degrees.get(entry).map(|&theta| Direction::from_degrees(theta, 0.0)),
+        Axis::Triangles(mesh) => (entry < mesh.len()).then(|| mesh.centroid(entry)),
+        _ => None,
+    };
+    for (entry, samples) in (first..).zip(samples.chunks_mut(mesh.len() * lobe.colours().len())) {
+        if let Some(wi) = wi(entry) {
+            lobe_means(lobe, wi, (*mesh, sampling), samples);
+        }
+    }
+}
+
+/// Adds the means of a lobe under `wi` over all cells to samples `[outgoing, lambda]`.
+pub(crate) fn lobe_means(lobe: &Lobe, wi: Direction, (mesh, sampling): (TriangleMesh, Sampling), samples: &mut [f32]) {
+    let Some(under) = lobe.under(wi) else { return };
+    let lambdas = lobe.colours().len();
+    samples.par_chunks_mut(SHARE * lambdas).enumerate().for_each(|(part, samples)| {
+        for (cell, spectrum) in (part * SHARE..).zip(samples.chunks_mut(lambdas)) {
+            let mean = match sampling {
+                Sampling::Average => under.mean_over(mesh.vertices(cell)),
+                Sampling::Point => under.shape(mesh.centroid(cell)),
+            };
+            for (sample, &colour) in spectrum.iter_mut().zip(lobe.colours()) {
+                *sample += (mean * f64::from(colour)) as f32;
+            }
+        }
+    });
+}
