@@ -8,8 +8,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use wavelume_core::compress::{Between, Divisor, Policy, Settings, Target, compress};
 use wavelume_core::domain::{
-    Axis, AzimuthExtent, Azimuths, DirectionGrid, Domain, Frame, Measurement, Quantity, Sampling, Silent, Tensor,
-    TriangleMesh, WavelengthGrid,
+    Axis, AzimuthExtent, Azimuths, CENTRES, DirectionGrid, Domain, Frame, Lobe, LobeParameters, Measurement, Quantity,
+    Sampling, Silent, Tensor, TriangleMesh, WavelengthGrid,
 };
 use wavelume_formats::formats::{Interpretation, manifest_of, write_npy};
 use wavelume_formats::pipeline::{self, Input, Request};
@@ -179,6 +179,7 @@ fn materials(root: &Path) -> Outcome<Vec<Vec<u8>>> {
         albedo_error: None,
         straight_lines: 0,
         between: Between::default(),
+        lobe: None,
         random_access: false,
         metadata: metadata.then(|| r#"{"generator":"seeds"}"#.to_owned()),
     };
@@ -212,6 +213,10 @@ fn materials(root: &Path) -> Outcome<Vec<Vec<u8>>> {
     ];
     let mut files = Vec::new();
     for measurement in measurements()? {
+        for lobe in lobes(&measurement)? {
+            let settings = Settings { lobe: Some(lobe), ..settings(Target::ErL2(0.05), Policy::Rd, "auto", false) };
+            files.extend(compress(&measurement, &settings, &Silent).map(|compressed| compressed.bytes));
+        }
         for settings in &wanted {
             // A promise that some kind cannot keep is no seed.
             files.extend(compress(&measurement, settings, &Silent).map(|compressed| compressed.bytes));
@@ -236,6 +241,25 @@ fn materials(root: &Path) -> Outcome<Vec<Vec<u8>>> {
         }
     }
     Ok(files)
+}
+
+/// Lobes that a measurement can have beside its cells.
+fn lobes(measurement: &Measurement) -> Outcome<Vec<Lobe>> {
+    let Ok(layout) = measurement.layout() else { return Ok(Vec::new()) };
+    let length = layout.spectral.map_or(1, |axis| measurement.tensor.axes()[axis].len());
+    let mut lobes = Vec::new();
+    for (centre, widths) in CENTRES.into_iter().zip([[0.02, 0.02], [0.01, 0.03], [0.5, 0.5]]) {
+        lobes.push(Lobe::new(LobeParameters {
+            centre,
+            peak: [4.0, 0.5, -0.25],
+            range: [0.0, 1.0],
+            widths,
+            angle: 0.5,
+            tail: 0.25,
+            colours: vec![0.75; length],
+        })?);
+    }
+    Ok(lobes)
 }
 
 fn files(root: &Path) -> Outcome<Vec<Vec<u8>>> {

@@ -23,6 +23,8 @@ pub fn sealed(bytes: &[u8]) -> Vec<u8> {
 fn letter(chunk: &str) -> u8 {
     match chunk {
         "header chunk" => b'H',
+        "interpolation chunk" => b'V',
+        "lobe chunk" => b'A',
         "classes chunk" => b'C',
         "basis chunk" => b'B',
         "pyramid chunk" => b'P',

@@ -449,8 +449,8 @@ def check_layout(quantity, axes):
 
 RD, CONVENTIONAL, LOSSLESS, GENERIC, ADAPTIVE = range(5)
 POLICIES = ["rate-distortion", "conventional", "lossless", "generic", "adaptive"]
-KLT, PREDICTED, CLASSES, FLOOR, CORRECTIONS, UNSCORED, COUNTS, LINEAR, LIGHT, GRIDDED, STRAIGHT, LEVELS, FACTOR, BETWEEN = (
-    1 << k for k in range(14)
+KLT, PREDICTED, CLASSES, FLOOR, CORRECTIONS, UNSCORED, COUNTS, LINEAR, LIGHT, GRIDDED, STRAIGHT, LEVELS, FACTOR, BETWEEN, LOBE = (
+    1 << k for k in range(15)
 )
 FIXED = ["identity", "bio-haar", "orthonormal-area", "orthonormal-count"]
 
@@ -470,8 +470,8 @@ def read_header(r):
     require(h.unit < len(UNITS) and h.policy < len(POLICIES), "an unknown unit or policy")
     r.note(r.at - 1, f"unit {UNITS[h.unit]}, policy {POLICIES[h.policy]}")
     start, h.flags = r.at, r.varint()
-    others = CLASSES | FLOOR | COUNTS | STRAIGHT | BETWEEN
-    allowed = {RD: 4095 | BETWEEN, LOSSLESS: others | FACTOR}.get(h.policy, others | UNSCORED)
+    others = CLASSES | FLOOR | COUNTS | STRAIGHT | BETWEEN | LOBE
+    allowed = {RD: 4095 | BETWEEN | LOBE, LOSSLESS: others | FACTOR}.get(h.policy, others | UNSCORED)
     require(h.flags & ~allowed == 0, "unknown flags, or flags that do not fit the policy")
     r.note(start, f"flags {h.flags:#05x}")
     h.axes = [read_axis(r) for _ in range(axes)]
@@ -546,7 +546,7 @@ def read_header(r):
 
 
 def announced(h):
-    letters = [("V", h.flags & BETWEEN), ("C", h.flags & CLASSES), ("B", h.flags & KLT), ("P", h.flags & PREDICTED), ("G", h.flags & GRIDDED)]
+    letters = [("V", h.flags & BETWEEN), ("A", h.flags & LOBE), ("C", h.flags & CLASSES), ("B", h.flags & KLT), ("P", h.flags & PREDICTED), ("G", h.flags & GRIDDED)]
     letters += [("Q", h.policy != LOSSLESS and not h.flags & (PREDICTED | GRIDDED))]
     letters += [("L", h.flags & LIGHT), ("R", h.flags & CORRECTIONS), ("X", h.policy == LOSSLESS)]
     return [letter for letter, there in letters if there]
@@ -592,6 +592,74 @@ class Between:
         d = aa / ((h[0] ** 2 + h[1] ** 2 + aa * h[2] ** 2) / length**2) ** 2
         reflectance, base = self.numbers[1:]
         return base + (reflectance + (1 - reflectance) * (1 - length / 2) ** 5) * d / masking
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# A lobe beside the cells
+
+CENTRES = ["the mirror direction", "the mirror direction, in half vectors", "the direction back to the source"]
+OF_LOBE = [("p0", -1024, 1024), ("p1", -1024, 1024), ("p2", -1024, 1024), ("t0", 0, 8), ("t1", 0, 8)]
+WIDTH, ANGLE, TAIL = ("half-width", 1e-5, 1), ("angle", -3.2, 3.2), ("tail", 0, 0.5)
+
+
+class Lobe:
+    """Chunk A: an analytic lobe that is added to the function of the cells."""
+
+    def __init__(self, r, h):
+        first = r.unsigned(1)
+        self.centre, two = first & 3, bool(first & 4)
+        require(first < 8 and self.centre < len(CENTRES), "an unknown lobe")
+        r.note(r.at - 1, f"a lobe about {CENTRES[self.centre]}, {'two widths' if two else 'one width'}")
+        fields = OF_LOBE + [WIDTH] + [WIDTH, ANGLE] * two + [TAIL]
+        numbers = []
+        for name, low, high in fields:
+            number = float(r.number("f"))
+            # Bounds are those of the f32 nearest to them.
+            require(F(low) <= number <= F(high), f"a {name} of a lobe out of bounds")
+            numbers.append(number)
+            r.note(r.at - 4, f"{name} {number:.9g}")
+        self.peak, self.range, self.tail = numbers[:3], numbers[3:5], numbers[-1]
+        self.widths, self.angle = (numbers[5:7], numbers[7]) if two else ([numbers[5]] * 2, 0.0)
+        require(self.range[0] <= self.range[1], "incidences of a lobe out of order")
+        require(not two or self.widths[0] != self.widths[1], "two widths that are one")
+        kinds = [axis.kind for axis in h.axes]
+        require(h.quantity == 3 and kinds[:1] in (["elevation"], ["triangles"]), "a lobe without incidences of a BRDF")
+        require(kinds[1:2] == ["triangles"] and h.axes[1].domain == HEMISPHERE, "a lobe without triangles above")
+        require(len(kinds) == 2 or len(kinds) == 3 and kinds[2] in ("wavelength", "rgb"), "a lobe beside other axes")
+        require(h.axes[0].count <= 4096, "a lobe beside too many incidences")
+        require(not two or kinds[0] == "triangles", "a lobe that turns with the surface beside elevations")
+        count = h.axes[2].count if len(kinds) == 3 else 1
+        start, self.colours = r.at, np.ones(count)
+        if count > 1:
+            raw = [r.unsigned(3) << 8 for _ in range(count)]
+            self.colours = np.array(raw, np.uint32).view(F).astype(np.float64)
+            require(((self.colours >= 0) & (self.colours <= 65536)).all(), "a colour of a lobe out of bounds")
+            r.note(start, "colours: " + ", ".join(f"{colour:.6g}" for colour in self.colours))
+        require(r.left() == 0, "bytes after the end of chunk A")
+
+    def value(self, wi, wo):
+        """The spectrum of the lobe for unit vectors, f64; see section 18."""
+        if not (wi[2] > 0 and wo[2] >= 0):
+            return 0 * self.colours
+        t = min(max(-math.log(wi[2]), self.range[0]), self.range[1])
+        masking = 1
+        if self.centre == 1:
+            x, y, z = (a + b for a, b in zip(wi, wo))
+            a, b = x / z, y / z
+            rr = 1.5537739740300373**2 * self.widths[0] * self.widths[1]
+            m = lambda c: c + math.sqrt(rr + (1 - rr) * c * c)
+            masking = m(wi[2]) / m(wo[2]) * (1 + a * a + b * b) ** 2
+        else:
+            c = (-wi[0], -wi[1], wi[2]) if self.centre == 0 else wi
+            s = 1 / (1 + c[2])
+            u, v = (1 - c[0] ** 2 * s, -c[0] * c[1] * s, -c[0]), (-c[0] * c[1] * s, 1 - c[1] ** 2 * s, -c[1])
+            scale = math.sqrt(2 / (1 + sum(x * y for x, y in zip(wo, c))))
+            a, b = (sum(x * y for x, y in zip(wo, axis)) * scale for axis in (u, v))
+        cos, sin = math.cos(self.angle), math.sin(self.angle)
+        x = ((a * cos + b * sin) / self.widths[0]) ** 2 + ((b * cos - a * sin) / self.widths[1]) ** 2
+        fall = 2**-x if self.tail == 0 else (1 + (2**self.tail - 1) * x) ** (-1 / self.tail)
+        peak = math.exp(min(self.peak[0] + t * (self.peak[1] + t * self.peak[2]), 40))
+        return self.colours * min(peak * fall * masking, 1e25)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -2556,6 +2624,7 @@ class Material:
             self.chunks[last] = self.chunk(r, last, level)
         require(r.left() == 0, "bytes after the last chunk")
         self.between = Between(self.chunks["V"], h) if "V" in self.chunks else None
+        self.lobe = Lobe(self.chunks["A"], h) if "A" in self.chunks else None
         lanes = h.shape[-1] if h.shape else 1
         if h.axes and h.axes[-1].kind == "grid":
             polar, azimuths = h.axes[-1].values[:2]
@@ -2738,6 +2807,18 @@ def damaged_files(data):
             yield f"the first {end} bytes", data[:end]
 
 
+def lobe_values(material):
+    """The lobe at the incidences and at the centroids of the outgoing triangles, over the axes of the samples."""
+    incoming, outgoing = material.header.axes[:2]
+    if incoming.kind == "elevation":
+        angles = [math.radians(angle) for angle in incoming.values]
+        incidences = [(math.sin(angle), 0.0, math.cos(angle)) for angle in angles]
+    else:
+        incidences = centroids(incoming.domain, incoming.level)
+    directions = centroids(outgoing.domain, outgoing.level)
+    return np.array([material.lobe.value(wi, wo) for wi in incidences for wo in directions]).reshape(-1)
+
+
 def check():
     golden, failed, found = os.path.join(HERE, "golden"), 0, set()
     for name in sorted(name for name in os.listdir(golden) if name.endswith(".wlm")):
@@ -2767,9 +2848,15 @@ def check():
             off = 0 if same else int((bits(wanted) != bits(samples)).sum()) if len(wanted) == len(samples) else "?"
             print(f"{name}, {what}: {len(wanted)} samples, " + ("every bit" if same else f"{off} DIFFER"))
             failed += not same
+        if material.lobe:
+            found.add(CENTRES[material.lobe.centre])
+            values, wanted = lobe_values(material), np.fromfile(base + ".lobe.f32", "<f4")
+            off = float(np.max(np.abs(values - wanted) / np.maximum(wanted, 1e-30)))
+            print(f"{name}, lobe at centroids: {len(wanted)} values, at most {off:.1e} off")
+            failed += not off < 1e-5
         found |= set(material.chunks) | {"H"} | {POLICIES[h.policy]} | {str(t) for t in h.transforms}
     models = {("model", k) for k in range(4)}
-    wanted = models | set("HVCBPGQLRXM") | {"symmetries", "dead triangles", "conventional", "orthonormal-count", "bio-haar"}
+    wanted = models | set("HVACBPGQLRXM") | set(CENTRES) | {"symmetries", "dead triangles", "conventional", "orthonormal-count", "bio-haar"}
     wanted |= {"random access", "samples", "samples with signs", "levels of a grid"}
     wanted |= {"(0, 4)", "(78, 2)", "(87, 2)"}
     for what, damaged in damaged_files(open(os.path.join(golden, DUMPED + ".wlm"), "rb").read()):

@@ -1,7 +1,8 @@
 //! The container is frozen: the golden files decode to these very bits, and the same measurements give these very bytes.
 //!
 //! `tests/container/golden/NAME.wlm` is what `compress` makes of the measurement NAME below, `NAME.f32` its samples and
-//! `NAME.level0.f32` those of its coarsest level (little-endian, row-major, a NaN where masked). With the variable
+//! `NAME.level0.f32` those of its coarsest level, `NAME.lobe.f32` the lobe beside its cells at their centroids
+//! (little-endian, row-major, a NaN where masked). With the variable
 //! `WAVELUME_REMAKE_GOLDEN` set the files are written instead of compared: a change of any of them is a change of format.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test's helper fails by panicking, like the test")]
@@ -13,8 +14,8 @@ use wavelume_core::compress::{
     decode_numbers, levels,
 };
 use wavelume_core::domain::{
-    Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Domain, Frame, Measurement, Outside, Quantity, Sampling,
-    Silent, Tensor, TriangleMesh, Unit, WavelengthGrid,
+    Axis, AzimuthExtent, Azimuths, Direction, DirectionGrid, Domain, Frame, Lobe, LobeCentre, LobeParameters,
+    Measurement, Outside, Quantity, Sampling, Silent, Tensor, TriangleMesh, Unit, WavelengthGrid,
 };
 use wavelume_core::evaluate::state_levels;
 
@@ -148,6 +149,9 @@ fn all() -> Vec<Golden> {
         varnish(),
         brushed(),
         lacquer(),
+        nacre(),
+        silk(),
+        reflector(),
         conventional(),
     ]
 }
@@ -450,6 +454,75 @@ fn lacquer() -> Golden {
     golden
 }
 
+/// A lobe narrower than the cells beside them, about the mirror direction; each band has its own share of it.
+fn nacre() -> Golden {
+    let axes = vec![Axis::Elevation(vec![0.0, 20.0, 40.0, 60.0]), mesh(Domain::Hemisphere, 2), wavelengths(4)];
+    let lobe = LobeParameters {
+        centre: LobeCentre::Mirror,
+        peak: [5.5, 0.25, -0.125],
+        range: [0.0, 0.6875],
+        widths: [0.0125, 0.0125],
+        angle: 0.0,
+        tail: 0.0,
+        colours: vec![0.7, 0.9, 1.1, 1.3],
+    };
+    beside("nacre", axes, lobe)
+}
+
+/// A lobe in half vectors that turns with the surface, with a tail like that of GGX.
+fn silk() -> Golden {
+    let axes = vec![mesh(Domain::Hemisphere, 1), mesh(Domain::Hemisphere, 2), Axis::Rgb];
+    let lobe = LobeParameters {
+        centre: LobeCentre::HalfVector,
+        peak: [4.0, 0.5, 0.0],
+        range: [0.0, 1.0],
+        widths: [0.03, 0.01],
+        angle: 0.7,
+        tail: 0.5,
+        colours: vec![1.0, 0.5, 0.25],
+    };
+    beside("silk", axes, lobe)
+}
+
+/// A lobe about the direction back to the source, of one colour, beside samples that are kept as they are.
+fn reflector() -> Golden {
+    let axes = vec![Axis::Elevation(vec![10.0, 30.0, 50.0]), mesh(Domain::Hemisphere, 1)];
+    let lobe = LobeParameters {
+        centre: LobeCentre::Source,
+        peak: [6.0, -0.5, 0.0],
+        range: [0.0, 0.5],
+        widths: [0.008, 0.008],
+        angle: 0.0,
+        tail: 0.3,
+        colours: vec![1.0],
+    };
+    let mut golden = beside("reflector", axes, lobe);
+    (golden.settings.target, golden.settings.policy) = (Target::Lossless, Policy::Lossless);
+    golden
+}
+
+/// A coloured ground with a lobe beside its cells.
+fn beside(name: &'static str, axes: Vec<Axis>, lobe: LobeParameters) -> Golden {
+    let data = tensor(axes.clone(), |i, at| {
+        let colour = at.get(2).map_or(1.0, |&k| 0.4 + 0.1 * k as f64);
+        (0.1 + 0.05 * direction(&axes[1], at[1])[2]) * colour * (1.0 + 0.01 * noise(i))
+    });
+    let mut golden = golden(name, Quantity::Brdf, data, Target::ErL2(0.02));
+    golden.settings.lobe = Some(Lobe::new(lobe).unwrap());
+    golden
+}
+
+/// The lobe of a material at its incidences and at the centroids of its outgoing triangles, over the axes of the samples.
+fn lobe_values(axes: &[Axis], lobe: &Lobe) -> Vec<f32> {
+    let at = |axis: usize, i: usize| Direction::from_unit(direction(&axes[axis], i));
+    let pairs = (0..axes[0].len()).flat_map(|i| (0..axes[1].len()).map(move |o| (i, o)));
+    let values = pairs.flat_map(|(i, o)| {
+        let shape = lobe.shape(at(0, i), at(1, o));
+        lobe.colours().iter().map(move |&colour| (shape * f64::from(colour)) as f32)
+    });
+    values.collect()
+}
+
 /// Samples instead of logarithms, none of them negative.
 fn linear() -> Golden {
     let axes = vec![mesh(Domain::Hemisphere, 2), wavelengths(6)];
@@ -569,6 +642,9 @@ fn golden_files_are_made_and_decoded_to_the_last_bit() {
         let stored = fs::read(path(&format!("{name}.wlm"))).unwrap();
         let decoded = decode(&stored).unwrap();
         same(&format!("{name}.f32"), &bytes_of(decoded.measurement.tensor.samples()));
+        if let Some(lobe) = &decoded.summary.lobe {
+            same(&format!("{name}.lobe.f32"), &bytes_of(&lobe_values(decoded.measurement.tensor.axes(), lobe)));
+        }
         let kept = decode_numbers(&stored).unwrap();
         assert_eq!(kept.is_some(), factor != 1.0, "{name}");
         if let Some(kept) = &kept {

@@ -13,10 +13,12 @@
 use crate::codec::{CodecError, Reader, Writer};
 use crate::domain::{Axis, Domain, Layout, Lobe, LobeCentre, LobeParameters, Quantity};
 
+/// Incidences beside a lobe at most: its means over cells and its light are found for each of them, when a file is opened.
+const MOST_INCIDENCES: usize = 4096;
 const CENTRE: u8 = 3;
 const TWO_WIDTHS: u8 = 4;
 
-/// Returns true where a measurement on these axes can have the lobe beside its cells: a BRDF of incoming directions over the
+/// Returns true where a measurement on these axes can have the lobe beside its cells: a BRDF of few incoming directions over the
 /// triangles of the upper hemisphere, with a colour for each sample of a spectrum. A lobe that turns with the surface needs
 /// incoming azimuths.
 pub(crate) fn fits(lobe: &Lobe, quantity: Quantity, axes: &[Axis]) -> bool {
@@ -31,7 +33,7 @@ pub(crate) fn fits(lobe: &Lobe, quantity: Quantity, axes: &[Axis]) -> bool {
 fn spectrum_length(quantity: Quantity, axes: &[Axis]) -> Option<usize> {
     let layout = Layout::of(quantity, axes).ok()?;
     let is_incoming = |axis: &Axis| matches!(axis, Axis::Elevation(_) | Axis::Triangles(_));
-    let has_incoming = layout.incoming == Some(0) && is_incoming(&axes[0]);
+    let has_incoming = layout.incoming == Some(0) && is_incoming(&axes[0]) && axes[0].len() <= MOST_INCIDENCES;
     let has_outgoing =
         layout.outgoing == Some(1) && matches!(axes[1], Axis::Triangles(mesh) if mesh.domain() == Domain::Hemisphere);
     let spectrum = layout.spectral.map_or(1, |axis| axes[axis].len());
