@@ -25,6 +25,7 @@ mod fill;
 mod fit;
 mod gathering;
 mod incidences;
+mod lobe;
 #[cfg(test)]
 mod lobe_tests;
 mod nearby;
