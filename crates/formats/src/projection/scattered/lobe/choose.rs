@@ -1,7 +1,7 @@
 //! Which lobe the samples show: about which centre, how wide, with which tail; or none.
 
 use super::candidates::{Candidate, FEWEST, deviation};
-use super::near::{FOLDS, Near, TERMS};
+use super::near::{FOLDS, Near, Sample, TERMS};
 use super::scan::Scan;
 use super::shape::{ANGLE, LEAST_TAIL, NUMBERS, STRETCH, Shape, TAIL, WIDTH, of_outgoing};
 use super::solve::{Fit, Problem, predicted};
@@ -274,4 +274,29 @@ pub(super) fn stretched(found: Found) -> Found {
         }
     }
     found
+}
+
+/// Samples of all incidences within half the maximum.
+pub(super) fn within_half(found: &Found) -> u64 {
+    found.near.groups.iter().map(|group| count(found, group)).sum()
+}
+
+/// Samples within half the maximum under an incidence, in the middle of all: as many as lie there if they are even.
+pub(super) fn usually_within_half(found: &Found) -> f64 {
+    let half = found.shape.width() / found.spacing;
+    let even = std::f64::consts::PI * half * half;
+    let mut counts: Vec<u64> = found.near.groups.iter().map(|group| count(found, group)).collect();
+    counts.sort_unstable();
+    counts.get(counts.len() / 2).map_or(even, |&count| (count as f64).min(even))
+}
+
+fn count(found: &Found, group: &[Sample]) -> u64 {
+    let [a, b] = found.shape.widths();
+    let (sin, cos) = libm::sincos(found.shape.numbers[ANGLE]);
+    let is_within = |sample: &&Sample| {
+        let [x, y] = sample.place;
+        let [x, y] = [(cos * x + sin * y) / a, (cos * y - sin * x) / b];
+        x * x + y * y <= 1.0
+    };
+    group.iter().filter(is_within).count() as u64
 }

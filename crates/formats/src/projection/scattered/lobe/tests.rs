@@ -14,10 +14,10 @@ use crate::projection::scattered::tests::acquisition;
 use std::borrow::Cow;
 
 /// Independent numbers, even between 0 and 1 (`SplitMix64`, Steele and others 2014).
-struct Random(u64);
+pub(super) struct Random(pub(super) u64);
 
 impl Random {
-    fn even(&mut self) -> f64 {
+    pub(super) fn even(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -25,13 +25,13 @@ impl Random {
     }
 
     /// Of standard deviation 1 (Box and Muller 1958).
-    fn normal(&mut self) -> f64 {
+    pub(super) fn normal(&mut self) -> f64 {
         (-2.0 * (1.0 - self.even()).ln()).sqrt() * (std::f64::consts::TAU * self.even()).cos()
     }
 }
 
 const ELEVATIONS: [f64; 8] = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0];
-const BASE: f64 = 0.3 / std::f64::consts::PI;
+pub(super) const BASE: f64 = 0.3 / std::f64::consts::PI;
 
 /// A lobe that is `width` degrees wide at half its maximum and takes 0.3 of the light of each elevation.
 fn truth(centre: LobeCentre, width: f64, tail: f64) -> impl Fn(Direction, Direction) -> f64 + Copy {
@@ -112,7 +112,9 @@ fn figures() {
                             colours: vec![],
                         };
                         let under = Lobe::new(parameters).unwrap().under(wi).unwrap();
-                        let scale = lobe(wi, wi) / under.shape(wi);
+                        let [x, y, z] = wi.xyz();
+                        let at = if centre == LobeCentre::Source { wi } else { Direction::new(-x, -y, z).unwrap() };
+                        let scale = lobe(wi, at) / under.shape(at);
                         carried.under(wi).unwrap().light() / (under.light() * scale)
                     })
                     .collect();
