@@ -129,7 +129,7 @@ pub(super) fn random_scan(seed: u64, has_lobe: bool, outliers: f64) -> Case {
 }
 
 /// The light under an incidence, by a grid that is fine about the mirror direction.
-pub(super) fn light(truth: &Truth, theta: f64) -> f64 {
+pub(super) fn light(truth: &dyn Fn(Direction, Direction) -> f64, theta: f64) -> f64 {
     let wi = Direction::from_degrees(theta, 0.0);
     let [x, y, z] = wi.xyz();
     let centre: Vector = [-x, -y, z];
@@ -216,16 +216,72 @@ fn random_figures() {
     eprintln!("lost {lost}, carried of smooth {carried_of_smooth}, warned {warned_of_smooth}, outside of the range {outside} of {}", to - from);
 }
 
-/// Time of a projection with a lobe and without.
+/// Projections of single scans that no random one is like.
+#[test]
+#[ignore = "figures"]
+fn odd_figures() {
+    let spread = |wi: Direction, wo: Direction| {
+        let [x, y, z] = wi.xyz();
+        Direction::new(-x, -y, z).unwrap().dot(wo).clamp(-1.0, 1.0).acos().to_degrees()
+    };
+    let scale = |width: f64| 0.3 / (1.1331 * width.to_radians().powi(2));
+    let (gauss6, gauss8, micro) = (gaussian(6.0, 0.3), gaussian(8.0, 0.3), microfacets(6.0, 0.2));
+    let (rough, rough3) = (gloss(0.2), gloss(0.3));
+    let list: Vec<(&str, Box<Truth>)> = vec![
+        ("gauss 6", Box::new(gauss6)),
+        ("gauss 8", Box::new(gauss8)),
+        ("cusp", Box::new(move |wi, wo| BASE + scale(1.5) * (-spread(wi, wo) / 0.8).exp())),
+        ("two", Box::new(move |wi, wo| micro(wi, wo) + 0.3 * scale(1.0) * (-2.77 * spread(wi, wo).powi(2)).exp())),
+        ("on gloss", Box::new(move |wi, wo| rough(wi, wo) + 0.3 * scale(2.0) * (-0.69 * spread(wi, wo).powi(2)).exp())),
+        ("on gloss .3", Box::new(move |wi, wo| rough3(wi, wo) + 0.3 * scale(1.0) * (-2.77 * spread(wi, wo).powi(2)).exp())),
+        ("long tail", Box::new(move |wi, wo| BASE + 0.2 * scale(2.0) / (1.0 + spread(wi, wo).powi(2)).powf(1.5))),
+        ("flat top", Box::new(move |wi, wo| BASE + scale(3.0) * (-0.69 * (spread(wi, wo) / 1.5).powi(4)).exp())),
+    ];
+    for (name, truth) in list {
+        let elevations = [0.0, 15.0, 30.0, 45.0, 60.0];
+        let data = super::tests::spiral(&*truth, &elevations, 0.01, 91);
+        let start = std::time::Instant::now();
+        let projected = project(&acquisition(Quantity::Brdf, data), &AxesRequest::default()).unwrap();
+        let took = start.elapsed();
+        let kept = kept(&projected, &elevations);
+        let off: Vec<f64> =
+            kept.iter().zip(elevations).map(|(kept, theta)| 100.0 * (kept / light(&*truth, theta) - 1.0)).collect();
+        let note = projected.lobe.as_ref().map_or("none".to_owned(), |lobe| format!("{} {:?}", lobe.note(), lobe.warning()));
+        eprintln!("{name} [{took:.2?}]: {off:.2?} %; {note}");
+    }
+}
+
+/// Time of the parts of a projection with a lobe and without.
 #[test]
 #[ignore = "figures"]
 fn times() {
-    for seed in [3, 5, 7] {
-        for (has_lobe, number) in [(true, 1000), (false, 5000)] {
-            let case = random_scan(number + seed, has_lobe, 0.0);
+    use super::super::incidences::incidences;
+    use super::super::noise::scatter;
+    use super::super::plan::Plan;
+    use super::super::rows::Rows;
+    let lobe = gaussian(2.0, 0.3);
+    let list: [(&str, &Truth); 4] =
+        [("cosine", &|_, _| BASE), ("gloss", &gloss(0.2)), ("gauss 2", &lobe), ("ggx 2", &microfacets(2.0, 0.3))];
+    for _ in 0..2 {
+        for (name, truth) in list {
+            let elevations = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0];
+            let data = super::tests::spiral(truth, &elevations, 0.01, 91);
+            let acquired = acquisition(Quantity::Brdf, data.clone());
             let start = std::time::Instant::now();
-            let projected = project(&case.acquired, &AxesRequest::default()).unwrap();
-            eprintln!("{} {:.3?} {}", case.what, start.elapsed(), projected.lobe.is_some());
+            let projected = project(&acquired, &AxesRequest::default()).unwrap();
+            let whole = start.elapsed();
+            let rows = Rows::new(std::borrow::Cow::Borrowed(&data.values), None, 1);
+            let start = std::time::Instant::now();
+            let plan = Plan::new(Quantity::Brdf, &data, &rows, &AxesRequest::default(), 1).unwrap();
+            let planned = start.elapsed();
+            let channels = crate::projection::resampling::Channels::Kept(1);
+            let start = std::time::Instant::now();
+            let found = scatter(Quantity::Brdf, &plan, &rows, &channels);
+            let noise = start.elapsed();
+            let incidences = incidences(Quantity::Brdf, &plan, true);
+            let start = std::time::Instant::now();
+            let split = super::split(&plan, &rows, None, &channels, &incidences, &found.raised);
+            eprintln!("{name}: {whole:.2?}; plan {planned:.2?}, noise {noise:.2?}, lobe {:.2?}, {} {}", start.elapsed(), split.is_some(), projected.lobe.is_some());
         }
     }
 }

@@ -20,6 +20,8 @@ const SOFTER: f64 = 0.2;
 const MOST_DAMPING: f64 = 1e8;
 /// The longest step of the logarithm of a width, and of a peak.
 const LONGEST: f64 = 0.7;
+/// The longest step of a term of a base.
+const LONGEST_OF_BASE: f64 = 3.0;
 /// Logarithms of a base are expected within this over the radius: where too few samples tell.
 const BASE_DEVIATION: f64 = 1.5;
 /// What p₁ and p₂ are expected to be, as (mean, standard deviation): peaks rise with the angle of incidence.
@@ -60,6 +62,16 @@ struct Block {
     lobe_right: [f64; NUMBERS],
     base_right: [f64; TERMS],
     cost: f64,
+}
+
+/// The equations of a lobe, from which those of the bases are eliminated.
+struct Reduced {
+    /// The factored matrix, its rows and columns scaled to a diagonal of 1.
+    matrix: [[f64; NUMBERS]; NUMBERS],
+    right: [f64; NUMBERS],
+    scales: [f64; NUMBERS],
+    /// The factored matrix and the right-hand side of each base.
+    factored: Vec<([[f64; TERMS]; TERMS], [f64; TERMS])>,
 }
 
 impl Problem<'_> {
@@ -180,8 +192,46 @@ impl Problem<'_> {
         block
     }
 
+    /// Standard deviation of a sum of the free numbers of a lobe, each times its factor.
+    pub(super) fn deviation(&self, fit: &Fit, factors: [f64; NUMBERS]) -> f64 {
+        let step = self.reduced(fit, &self.blocks(fit), 0.0);
+        let held = std::array::from_fn(|i| if self.free[i] { factors[i] * step.scales[i] } else { 0.0 });
+        let half = forward::<NUMBERS, NUMBERS>(&step.matrix, held);
+        inner(&half, &half).sqrt()
+    }
+
     /// The fit after a damped step.
     fn step(&self, from: &Fit, blocks: &[Block], damping: f64) -> Fit {
+        let Reduced { matrix, right, scales, factored } = self.reduced(from, blocks, damping);
+        let shape = from.shape.map(|shape| {
+            let mut step = backward::<NUMBERS, NUMBERS>(&matrix, forward::<NUMBERS, NUMBERS>(&matrix, right));
+            step.iter_mut().zip(scales).for_each(|(step, scale)| *step *= scale);
+            let longest = step[WIDTH].abs().max(step[STRETCH].abs()).max(0.3 * step[0].abs());
+            if longest > LONGEST {
+                step.iter_mut().for_each(|step| *step *= LONGEST / longest);
+            }
+            let mut numbers = shape.numbers;
+            numbers.iter_mut().zip(step).for_each(|(number, step)| *number += step);
+            numbers[WIDTH] = numbers[WIDTH].clamp(self.widths[0], self.widths[1]);
+            numbers[TAIL] = numbers[TAIL].clamp(LEAST_TAIL, 0.5);
+            numbers[STRETCH] = numbers[STRETCH].clamp(-2.0, 2.0);
+            numbers[ANGLE] = numbers[ANGLE].clamp(-10.0, 10.0);
+            Shape { numbers, ..shape }
+        });
+        let taken = |i: usize| shape.zip(from.shape).map_or(0.0, |(to, from)| to.numbers[i] - from.numbers[i]);
+        let taken: [f64; NUMBERS] = std::array::from_fn(taken);
+        let bases = factored.iter().zip(blocks).zip(&from.bases).map(|(((own, own_right), block), base)| {
+            let left = std::array::from_fn(|k| {
+                own_right[k] - (0..NUMBERS).map(|i| block.border[i][k] * taken[i]).sum::<f64>()
+            });
+            let change = backward::<TERMS, TERMS>(own, forward::<TERMS, TERMS>(own, left));
+            std::array::from_fn(|k| base[k] + change[k].clamp(-LONGEST_OF_BASE, LONGEST_OF_BASE))
+        });
+        Fit { shape, bases: bases.collect(), cost: f64::INFINITY }
+    }
+
+    /// The damped equations of the lobe alone.
+    fn reduced(&self, from: &Fit, blocks: &[Block], damping: f64) -> Reduced {
         let (mut matrix, mut right) = ([[0.0; NUMBERS]; NUMBERS], [0.0; NUMBERS]);
         let certainty = 1.0 / (BASE_DEVIATION * BASE_DEVIATION);
         let mut factored = Vec::with_capacity(blocks.len());
@@ -205,55 +255,28 @@ impl Problem<'_> {
             }
             factored.push((own, own_right));
         }
-        let mut step = [0.0; NUMBERS];
-        if let Some(shape) = &from.shape {
-            let diagonals: [f64; NUMBERS] =
-                std::array::from_fn(|i| blocks.iter().map(|block| block.lobe[i][i]).sum::<f64>());
-            for (i, (off, certainty)) in self.expected(shape).into_iter().enumerate() {
-                matrix[i][i] += damping * diagonals[i] + certainty * (1.0 + damping) + 1e-9;
-                right[i] -= certainty * off;
+        let expected = from.shape.map_or([(0.0, 0.0); NUMBERS], |shape| self.expected(&shape));
+        for (i, (off, certainty)) in expected.into_iter().enumerate() {
+            let diagonal: f64 = blocks.iter().map(|block| block.lobe[i][i]).sum();
+            matrix[i][i] += damping * diagonal + certainty * (1.0 + damping) + 1e-9;
+            right[i] -= certainty * off;
+        }
+        for i in (0..NUMBERS).filter(|&i| !self.free[i]) {
+            for j in 0..NUMBERS {
+                (matrix[i][j], matrix[j][i]) = (0.0, 0.0);
             }
-            for i in (0..NUMBERS).filter(|&i| !self.free[i]) {
-                for j in 0..NUMBERS {
-                    (matrix[i][j], matrix[j][i]) = (0.0, 0.0);
-                }
-                (matrix[i][i], right[i]) = (1.0, 0.0);
-            }
-            // Equal scales, as pivots are clamped against the first.
-            let scales: [f64; NUMBERS] = std::array::from_fn(|i| 1.0 / matrix[i][i].max(1e-300).sqrt());
-            for i in 0..NUMBERS {
-                right[i] *= scales[i];
-                for j in 0..=i {
-                    matrix[i][j] *= scales[i] * scales[j];
-                }
-            }
-            factor_clamped::<NUMBERS, NUMBERS>(&mut matrix);
-            step = backward::<NUMBERS, NUMBERS>(&matrix, forward::<NUMBERS, NUMBERS>(&matrix, right));
-            step.iter_mut().zip(scales).for_each(|(step, scale)| *step *= scale);
-            let longest = step[WIDTH].abs().max(step[STRETCH].abs()).max(0.3 * step[0].abs());
-            if longest > LONGEST {
-                step.iter_mut().for_each(|step| *step *= LONGEST / longest);
+            (matrix[i][i], right[i]) = (1.0, 0.0);
+        }
+        // Equal scales, as pivots are clamped against the first.
+        let scales: [f64; NUMBERS] = std::array::from_fn(|i| 1.0 / matrix[i][i].max(1e-300).sqrt());
+        for i in 0..NUMBERS {
+            right[i] *= scales[i];
+            for j in 0..=i {
+                matrix[i][j] *= scales[i] * scales[j];
             }
         }
-        let shape = from.shape.map(|shape| {
-            let mut numbers = shape.numbers;
-            numbers.iter_mut().zip(step).for_each(|(number, step)| *number += step);
-            numbers[WIDTH] = numbers[WIDTH].clamp(self.widths[0], self.widths[1]);
-            numbers[TAIL] = numbers[TAIL].clamp(LEAST_TAIL, 0.5);
-            numbers[STRETCH] = numbers[STRETCH].clamp(-2.0, 2.0);
-            numbers[ANGLE] = numbers[ANGLE].clamp(-10.0, 10.0);
-            Shape { numbers, ..shape }
-        });
-        let taken = |i: usize| shape.zip(from.shape).map_or(0.0, |(to, from)| to.numbers[i] - from.numbers[i]);
-        let taken: [f64; NUMBERS] = std::array::from_fn(taken);
-        let bases = factored.iter().zip(blocks).zip(&from.bases).map(|(((own, own_right), block), base)| {
-            let left = std::array::from_fn(|k| {
-                own_right[k] - (0..NUMBERS).map(|i| block.border[i][k] * taken[i]).sum::<f64>()
-            });
-            let change = backward::<TERMS, TERMS>(own, forward::<TERMS, TERMS>(own, left));
-            std::array::from_fn(|k| base[k] + change[k].clamp(-3.0, 3.0))
-        });
-        Fit { shape, bases: bases.collect(), cost: f64::INFINITY }
+        factor_clamped::<NUMBERS, NUMBERS>(&mut matrix);
+        Reduced { matrix, right, scales, factored }
     }
 
     /// The robust cost of the samples of a fold, as `fit` predicts them.
