@@ -103,7 +103,7 @@ fn compressed(
 ) -> Result<Outcome, PipelineError> {
     let acquisition = &source.acquisition;
     let scatter = scatter_of(&projected);
-    let Projected { measurement, coverage, filled, scattered, numbers } = projected;
+    let Projected { measurement, coverage, filled, scattered, numbers, lobe: _ } = projected;
     let on_grid = measurement.tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_)));
     let provenance = |fit: Option<&FitReport>| provenance(source, request, &filled, (on_grid, fit));
     let settings = Settings {

@@ -60,7 +60,7 @@ pub(super) fn project(
     let coverage = Coverage { notes, ..cover(grid, &resampling, &incoming, &outgoing, &samples, missing > 0) };
     let tensor = Tensor::new(axes, samples)?;
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Average, tensor)?;
-    Ok(Projected { measurement, coverage, filled: Vec::new(), numbers: None, scattered: None })
+    Ok(Projected { measurement, coverage, filled: Vec::new(), numbers: None, scattered: None, lobe: None })
 }
 
 /// Checks count and finiteness; how many samples are missing.

@@ -94,7 +94,7 @@ pub(super) fn project(
     let coverage = Coverage { cells, measured: 0, interpolated: cells - empty, empty, notes, ..Coverage::default() };
     let tensor = Tensor::new(axes, samples)?;
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Average, tensor)?;
-    Ok(Projected { measurement, coverage, filled: Vec::new(), numbers: None, scattered: None })
+    Ok(Projected { measurement, coverage, filled: Vec::new(), numbers: None, scattered: None, lobe: None })
 }
 
 fn incoming(modelled: &Modelled, domain: Domain, level: Option<u8>) -> Result<Incoming<'_>, ProjectionError> {

@@ -51,7 +51,7 @@ pub(super) fn project(
     };
     let sampling = if averaged { Sampling::Average } else { sampling };
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, sampling, tensor)?;
-    Ok(Projected { measurement, coverage, filled: Vec::new(), numbers: None, scattered: None })
+    Ok(Projected { measurement, coverage, filled: Vec::new(), numbers: None, scattered: None, lobe: None })
 }
 
 /// The axis at `level`, and how it comes from `axis`.

@@ -1,6 +1,6 @@
 //! A projected measurement, and what its cells stand on.
 
-use super::scattered::ScatteredSamples;
+use super::scattered::{CarriedLobe, ScatteredSamples};
 use super::scattered::report::ScatterReport;
 use crate::domain::{Measurement, Tensor};
 use crate::formats::Contradictions;
@@ -21,6 +21,8 @@ pub struct Projected {
     pub numbers: Option<Numbers>,
     /// The samples that a material made of the measurement is compared with, where they lie at scattered directions.
     pub scattered: Option<ScatteredSamples>,
+    /// A lobe narrower than the cells: the measurement is the sum of both.
+    pub lobe: Option<CarriedLobe>,
 }
 
 /// Numbers as the file writes them: a value of the measurement is `factor` times one of them.

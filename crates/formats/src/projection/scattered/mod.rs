@@ -9,7 +9,9 @@
 //!    [`tree`]); a fit ([`fit`]) takes its own from them as columns ([`gathering`]), solves for them ([`system`]) and weighs their
 //!    rows of bands ([`rows`]).
 //! 4. Holes are continued, or taken from mirror images or reciprocal directions where these hold ([`fill`]).
-//! 5. Differences between neighbouring samples tell their noise, and which of them are rejected ([`noise`]). A material is
+//! 5. A lobe that is narrower than cells is fitted to all samples together and carried beside the cells, which are made of
+//!    what it leaves of them ([`lobe`]).
+//! 6. Differences between neighbouring samples tell their noise, and which of them are rejected ([`noise`]). A material is
 //!    compared with the others at their own directions ([`at_samples`]). Samples of a narrow lobe lie off, too, but together
 //!    ([`together`], in the coordinates of [`relative`]). Under each incoming direction ([`incidences`]) the light of the
 //!    samples is their sum by the areas that they stand for ([`areas`]).
@@ -25,6 +27,7 @@ mod fill;
 mod fit;
 mod gathering;
 mod incidences;
+mod lobe;
 #[cfg(test)]
 mod lobe_tests;
 mod nearby;
@@ -43,16 +46,18 @@ mod withheld;
 
 pub use at_samples::ScatteredSamples;
 pub use incidences::Incidence;
+pub use lobe::CarriedLobe;
 pub use report::{Rejected, ScatterReport};
 
 use super::error::ProjectionError;
 use super::projected::{Coverage, Projected};
 use super::request::AxesRequest;
 use super::spectral::{self, Spectral};
-use crate::domain::{Axis, Layout, Measurement, Sampling, Tensor, check_axes};
+use crate::domain::{Axis, Layout, Measurement, Quantity, Sampling, Tensor, check_axes};
 use crate::formats::{Acquisition, Scattered};
 use cells::{Standing, standings};
 use incidences::incidences;
+use lobe::Split;
 use noise::{Scatter, scatter};
 use plan::Plan;
 use rows::{Kind, Rows};
@@ -81,6 +86,23 @@ pub(super) fn project(
     let count = check_axes(&axes)?;
     let mut notes = plan.notes.clone();
     notes.extend(spectral_notes);
+    let incidences = incidences(acquisition.quantity, &plan, !scattered.incoming.is_empty());
+    let mut found = scatter(acquisition.quantity, &plan, &rows, &channels);
+    let sigma = scattered.sigma.as_deref();
+    let split = (acquisition.quantity == Quantity::Brdf && !scattered.incoming.is_empty())
+        .then(|| lobe::split(&plan, &rows, sigma, &channels, &incidences, &found.raised))
+        .flatten();
+    // What cells are made of.
+    let (rows, carried) = match split {
+        Some(Split { carried, left, values }) => {
+            let rows = Rows::new(Cow::Owned(left), sigma, width);
+            found = Scatter { lobe: values, ..scatter(acquisition.quantity, &plan, &rows, &channels) };
+            notes.push(carried.note());
+            notes.extend(carried.warning());
+            (rows, Some(carried))
+        }
+        None => (rows, None),
+    };
 
     let mesh = plan.outgoing.mesh;
     let plane = mesh.len() * channels.to();
@@ -113,7 +135,6 @@ pub(super) fn project(
     let tensor = Tensor::new(axes, samples)?;
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Average, tensor)?;
     let number = |wanted: Standing| standing.iter().filter(|s| **s == wanted).count() as u64;
-    let found = scatter(acquisition.quantity, &plan, &rows, &channels);
     let report = report_of(scattered, &plan, &rows, &found);
     notes.extend(remarks(&report, scattered.values.len(), number(Standing::Filled), number(Standing::Empty)));
     let coverage = Coverage {
@@ -134,12 +155,12 @@ pub(super) fn project(
         has_outgoing: !scattered.outgoing.is_empty(),
         domain: plan.outgoing.mesh.domain(),
         quantity: acquisition.quantity,
-        incidences: incidences(acquisition.quantity, &plan, !scattered.incoming.is_empty()),
+        incidences,
         directions: plan.directions,
         channels,
         rejected: found.rejected,
     };
-    Ok(Projected { measurement, coverage, filled, numbers: None, scattered: Some(samples) })
+    Ok(Projected { measurement, coverage, filled, numbers: None, scattered: Some(samples), lobe: carried })
 }
 
 /// Counts, noise and outliers of the samples.

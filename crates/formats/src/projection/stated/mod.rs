@@ -92,7 +92,7 @@ pub(super) fn project(
     };
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Point, tensor)?;
     let numbers = (is_kept && factor != 1.0).then_some(Numbers { tensor: numbers, factor });
-    Ok(Projected { measurement, coverage, filled: Vec::new(), numbers, scattered: None })
+    Ok(Projected { measurement, coverage, filled: Vec::new(), numbers, scattered: None, lobe: None })
 }
 
 /// The numbers times their factor.

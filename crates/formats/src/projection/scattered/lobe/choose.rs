@@ -1,0 +1,302 @@
+//! Which lobe the samples show: about which centre, how wide, with which tail; or none.
+
+use super::candidates::{Candidate, FEWEST, deviation};
+use super::near::{FOLDS, Near, Sample, TERMS};
+use super::scan::Scan;
+use super::shape::{ANGLE, LEAST_TAIL, NUMBERS, STRETCH, Shape, TAIL, WIDTH, of_outgoing};
+use super::solve::{Fit, Problem, predicted};
+use crate::domain::LobeCentre;
+use rayon::prelude::*;
+
+/// Half-widths that fits start from, in distances between samples, and the factor between them.
+const NARROWEST_START: f64 = 0.1;
+const WIDER: f64 = 1.6;
+const WIDTHS: usize = 7;
+const TAILS: [f64; 3] = [LEAST_TAIL, 0.2, 0.5];
+/// Rounds that starts compete after, and how many go on.
+const FIRST_ROUNDS: usize = 6;
+const BEST: usize = 3;
+/// Bounds of half-widths in distances between samples.
+const NARROWEST: f64 = 0.04;
+const WIDEST: f64 = 4.0;
+/// Radius of the samples that a lobe is fitted to, in half-widths, and at most.
+const REACH: f64 = 8.0;
+const FARTHEST: f64 = 0.7;
+/// Rounds of a fit without a part of the samples, from the fit to all.
+const FOLD_ROUNDS: usize = 10;
+/// What a lobe must gain of the robust cost of withheld samples, and of that for each sample of it.
+const LEAST_GAIN: f64 = 15.0;
+/// What another centre, or a second width, must gain above that.
+const OTHER_GAIN: f64 = 3.0;
+/// A sample is of the lobe if this part of it is; those of them that lie above the base must be as many as `MOST` says.
+const SHARE: f64 = 0.1;
+const MOST: f64 = 0.7;
+
+/// A lobe that samples show.
+#[derive(Clone, Debug)]
+pub(super) struct Found {
+    pub(super) near: Near,
+    pub(super) spacing: f64,
+    pub(super) noise: f64,
+    pub(super) shape: Shape,
+    pub(super) bases: Vec<[f64; TERMS]>,
+    pub(super) free: [bool; NUMBERS],
+    /// How much less the robust cost of withheld samples is than without a lobe.
+    pub(super) gain: f64,
+    pub(super) cost: f64,
+}
+
+impl Found {
+    pub(super) fn problem(&self) -> Problem<'_> {
+        Problem {
+            near: &self.near,
+            noise: self.noise,
+            free: self.free,
+            without: None,
+            beyond: 0.0,
+            widths: bounds(self.shape.centre, self.spacing),
+        }
+    }
+
+    pub(super) fn fit(&self) -> Fit {
+        Fit { shape: Some(self.shape), bases: self.bases.clone(), cost: self.cost }
+    }
+}
+
+/// Bounds of the logarithm of a width.
+fn bounds(centre: LobeCentre, spacing: f64) -> [f64; 2] {
+    [NARROWEST, WIDEST].map(|width| libm::log(width * spacing / of_outgoing(centre)))
+}
+
+/// Which numbers are free: as many of the peak as there are incidences.
+fn free(near: &Near, has_two_widths: bool) -> [bool; NUMBERS] {
+    let [low, high] = near.range();
+    let joint = near.groups.iter().any(|group| group.iter().any(|sample| sample.terms[TERMS - 1] != 0.0));
+    let mut ts: Vec<f64> = near.groups.iter().filter_map(|group| Some(group.first()?.t)).collect();
+    ts.sort_by(f64::total_cmp);
+    ts.dedup_by(|a, b| (*a - *b).abs() < 1e-4);
+    let count = if joint && high > low { 3 } else { ts.len() };
+    [true, count > 1, count > 2, true, true, has_two_widths, has_two_widths]
+}
+
+/// The best lobe about the centre of a candidate, in each of the coordinates there.
+pub(super) fn best(scan: &Scan<'_>, candidate: &Candidate) -> Option<Found> {
+    let centres: &[LobeCentre] = if candidate.near.centre == LobeCentre::Source {
+        &[LobeCentre::Source]
+    } else {
+        &[LobeCentre::Mirror, LobeCentre::HalfVector]
+    };
+    let first: Vec<(Near, Fit)> = centres.iter().filter_map(|&centre| started(scan, candidate, centre)).collect();
+    // All coordinates with the same samples, as far as the widest lobe reaches.
+    let reach = |(_, fit): &(Near, Fit)| fit.shape.map_or(0.0, |shape| REACH * shape.width());
+    let radius = first.iter().map(reach).fold(candidate.near.radius, f64::max).min(FARTHEST.max(candidate.near.radius));
+    let fitted: Vec<Found> = first.iter().filter_map(|first| widened(scan, candidate, first, radius)).collect();
+    let noise = fitted.iter().map(|found| found.noise).fold(f64::INFINITY, f64::min);
+    let none = fitted.first().map(|found| withheld(&Problem { noise, ..found.problem() }, None))?;
+    let mut best: Option<Found> = None;
+    for mut found in fitted {
+        found.noise = noise;
+        found = refitted(found);
+        found.gain = none - withheld(&found.problem(), Some(found.fit()));
+        if best.as_ref().is_none_or(|best| found.gain > best.gain + OTHER_GAIN) {
+            best = Some(found);
+        }
+    }
+    best.filter(|found| found.gain > LEAST_GAIN && is_seen(found))
+}
+
+/// A fit of a lobe to the samples within the ring of the candidate.
+fn started(scan: &Scan<'_>, candidate: &Candidate, centre: LobeCentre) -> Option<(Near, Fit)> {
+    let near = Near::new(scan, centre, candidate.near.radius);
+    if near.groups.len() != candidate.bases.len() {
+        return None;
+    }
+    let problem = Problem {
+        near: &near,
+        noise: candidate.noise,
+        free: free(&near, false),
+        without: None,
+        beyond: 0.0,
+        widths: bounds(centre, candidate.spacing),
+    };
+    let mut narrowest = NARROWEST_START * candidate.spacing / of_outgoing(centre);
+    let mut starts = Vec::new();
+    for _ in 0..WIDTHS {
+        starts.extend(TAILS.map(|tail| (narrowest, tail)));
+        narrowest *= WIDER;
+    }
+    let begun = |&(width, tail): &(f64, f64)| {
+        let start = start(&near, &candidate.bases, (centre, width, tail), candidate.noise)?;
+        Some(problem.fit(start, FIRST_ROUNDS))
+    };
+    let begun: Vec<Option<Fit>> = starts.par_iter().map(begun).collect();
+    let mut begun: Vec<Fit> = begun.into_iter().flatten().collect();
+    begun.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    begun.truncate(BEST);
+    let ended: Vec<Fit> = begun.into_par_iter().map(|fit| problem.fit(fit, 40)).collect();
+    let best = ended.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+    Some((near, best))
+}
+
+/// A lobe of this width and tail, as high as the samples that lie above the base make it in their middle.
+fn start(
+    near: &Near,
+    bases: &[[f64; TERMS]],
+    (centre, width, tail): (LobeCentre, f64, f64),
+    noise: f64,
+) -> Option<Fit> {
+    let mut numbers = [0.0; NUMBERS];
+    numbers[1] = if centre == LobeCentre::HalfVector { 2.0 } else { 0.0 };
+    (numbers[WIDTH], numbers[TAIL]) = (libm::log(width), tail);
+    let prepared = Shape { centre, numbers }.prepared();
+    let mut peaks = Vec::new();
+    for (group, base) in near.groups.iter().zip(bases) {
+        for sample in group {
+            let base = predicted(sample, base, None).log;
+            if sample.log - base > (4.0 * noise).max(0.05) {
+                let lobe = sample.log + libm::log(-libm::expm1(base - sample.log));
+                peaks.push(lobe - prepared.at(sample).log);
+            }
+        }
+    }
+    peaks.sort_by(f64::total_cmp);
+    numbers[0] = peaks.get(peaks.len() / 2)?.min(30.0);
+    Some(Fit { shape: Some(Shape { centre, numbers }), bases: bases.to_vec(), cost: f64::INFINITY })
+}
+
+/// The same lobe fitted to all samples within `radius`.
+fn widened(scan: &Scan<'_>, candidate: &Candidate, (near, fit): &(Near, Fit), radius: f64) -> Option<Found> {
+    let shape = fit.shape?;
+    let wide = Near::new(scan, shape.centre, radius);
+    let scale = radius / near.radius;
+    // t is less another mean, and groups may have come to it.
+    let [p0, p1, p2, ..] = shape.numbers;
+    let by = wide.mean_t - near.mean_t;
+    let mut numbers = shape.numbers;
+    (numbers[0], numbers[1]) = (p0 + by * (p1 + by * p2), p1 + 2.0 * by * p2);
+    let bases: Vec<[f64; TERMS]> = if wide.groups.len() == near.groups.len() {
+        fit.bases.iter().map(|b| [b[0], b[1] * scale, b[2] * scale, 0.0, 0.0, 0.0, 0.0]).collect()
+    } else {
+        let beyond = (2.0 * shape.width()).min(0.5 * radius);
+        let problem = Problem {
+            near: &wide,
+            noise: candidate.noise,
+            free: [false; NUMBERS],
+            without: None,
+            beyond,
+            widths: [0.0; 2],
+        };
+        problem.base().bases
+    };
+    let found = Found {
+        spacing: candidate.spacing,
+        noise: candidate.noise,
+        shape: Shape { numbers, ..shape },
+        bases,
+        free: free(&wide, false),
+        gain: 0.0,
+        cost: f64::INFINITY,
+        near: wide,
+    };
+    let found = refitted(found);
+    let noise = noise_of(&found);
+    Some(Found { noise, ..found })
+}
+
+/// The fit from where it was.
+pub(super) fn refitted(found: Found) -> Found {
+    let fit = found.problem().fit(found.fit(), 40);
+    Found { shape: fit.shape.unwrap_or(found.shape), bases: fit.bases, cost: fit.cost, ..found }
+}
+
+/// Standard deviation of the logarithms of samples about a fit.
+fn noise_of(found: &Found) -> f64 {
+    let prepared = found.shape.prepared();
+    let mut residuals = Vec::new();
+    for (group, base) in found.near.groups.iter().zip(&found.bases) {
+        residuals.extend(group.iter().map(|sample| (sample.log - predicted(sample, base, Some(&prepared)).log).abs()));
+    }
+    deviation(residuals, (TERMS - 1) * found.near.groups.len())
+}
+
+/// The robust cost of all samples, each predicted by a fit without its fold: of a lobe that starts from `with`, or of none.
+pub(super) fn withheld(problem: &Problem<'_>, with: Option<Fit>) -> f64 {
+    let of = |fold: u32| {
+        let problem = Problem { without: Some(fold), ..*problem };
+        let fit = match &with {
+            Some(fit) => problem.fit(fit.clone(), FOLD_ROUNDS),
+            None => problem.base(),
+        };
+        problem.cost_of(&fit, fold)
+    };
+    let costs: Vec<f64> = (0..FOLDS).into_par_iter().map(of).collect();
+    costs.iter().sum()
+}
+
+/// Whether enough samples lie above the base, and most of those that should.
+fn is_seen(found: &Found) -> bool {
+    let prepared = found.shape.prepared();
+    let (mut high, mut of_lobe) = (0, 0);
+    for (group, base) in found.near.groups.iter().zip(&found.bases) {
+        for sample in group {
+            let at = predicted(sample, base, Some(&prepared));
+            let limit = (4.0 * found.noise.max(sample.stated)).max(0.05);
+            // Above the base by about as much as the lobe says.
+            if at.log - at.base > limit.max(SHARE) {
+                of_lobe += 1;
+                high += usize::from(sample.log - at.base > 0.5 * (at.log - at.base));
+            }
+        }
+    }
+    high >= FEWEST && high as f64 >= MOST * f64::from(of_lobe)
+}
+
+/// A lobe with two widths, where withheld samples are clearly better predicted by it.
+pub(super) fn stretched(found: Found) -> Found {
+    let one = withheld(&found.problem(), Some(found.fit()));
+    let mut best = found.clone();
+    for quarter in 0..4 {
+        let mut start = found.clone();
+        start.free[STRETCH] = true;
+        start.free[ANGLE] = true;
+        start.shape.numbers[STRETCH] = 0.3;
+        start.shape.numbers[ANGLE] = f64::from(quarter) * std::f64::consts::FRAC_PI_4;
+        let next = refitted(start);
+        if next.cost < best.cost {
+            best = next;
+        }
+    }
+    if best.free[STRETCH] {
+        let two = withheld(&best.problem(), Some(best.fit()));
+        if two + 3.0 * OTHER_GAIN < one {
+            best.gain += one - two;
+            return best;
+        }
+    }
+    found
+}
+
+/// Samples of all incidences within half the maximum.
+pub(super) fn within_half(found: &Found) -> u64 {
+    found.near.groups.iter().map(|group| count(found, group)).sum()
+}
+
+/// Samples within half the maximum under an incidence, in the middle of all: as many as lie there if they are even.
+pub(super) fn usually_within_half(found: &Found) -> f64 {
+    let half = found.shape.width() / found.spacing;
+    let even = std::f64::consts::PI * half * half;
+    let mut counts: Vec<u64> = found.near.groups.iter().map(|group| count(found, group)).collect();
+    counts.sort_unstable();
+    counts.get(counts.len() / 2).map_or(even, |&count| (count as f64).min(even))
+}
+
+fn count(found: &Found, group: &[Sample]) -> u64 {
+    let [a, b] = found.shape.widths();
+    let (sin, cos) = libm::sincos(found.shape.numbers[ANGLE]);
+    let is_within = |sample: &&Sample| {
+        let [x, y] = sample.place;
+        let [x, y] = [(cos * x + sin * y) / a, (cos * y - sin * x) / b];
+        x * x + y * y <= 1.0
+    };
+    group.iter().filter(is_within).count() as u64
+}

@@ -1,0 +1,137 @@
+//! A lobe that cells cannot hold: found in the samples of all incidences together, and carried beside the cells.
+//!
+//! 1. Samples about a centre ([`near`]) of a [`scan`] are compared with a base continued from around ([`candidates`]): a scan
+//!    without high samples there has no lobe.
+//! 2. A lobe ([`shape`]) and a base under each incidence are fitted together ([`solve`]), about each centre; withheld samples
+//!    choose between these, and against no lobe ([`choose`]).
+//! 3. Each band has its own factor ([`bands`]). Cells are fitted to what the lobe leaves of the samples ([`residual`]), if
+//!    that predicts samples better than cells alone do ([`against_cells`]).
+//! 4. No more light is reflected than comes in ([`bound`]); where few samples see the lobe, the light that it may have is
+//!    told ([`range`]). That is the lobe which is [`carried`].
+
+mod against_cells;
+mod bands;
+mod bound;
+mod candidates;
+mod carried;
+mod choose;
+mod near;
+#[cfg(test)]
+mod random_scans;
+mod range;
+mod residual;
+mod scan;
+mod shape;
+mod solve;
+#[cfg(test)]
+mod tests;
+
+pub use carried::CarriedLobe;
+
+use super::incidences::Incidence;
+use super::plan::Plan;
+use super::rows::Rows;
+use crate::domain::vector::Vector;
+use crate::domain::{Direction, Lobe, LobeCentre, LobeParameters};
+use crate::projection::resampling::Channels;
+use carried::RESOLVED;
+use choose::Found;
+use scan::Scan;
+
+/// Samples within half the maximum under one incidence with which cells hold a lobe.
+const ENOUGH: f64 = 16.0;
+/// Samples of all incidences within half the maximum that tell the light of a lobe so well that no range of it is given.
+const CERTAIN: u64 = 30;
+/// The least factor of a lobe that is too bright.
+const DARKEST: f64 = 1e-3;
+
+/// A lobe, and what it leaves of the samples.
+pub(super) struct Split {
+    pub(super) carried: CarriedLobe,
+    /// The values without the lobe, `[row, band]`.
+    pub(super) left: Vec<f32>,
+    /// Values that lie off their neighbours by its light.
+    pub(super) values: u64,
+}
+
+/// The lobe of a reflection that cells cannot hold, if its samples show one. `raised` are rows that lie above their
+/// neighbours, in increasing order.
+pub(super) fn split(
+    plan: &Plan,
+    rows: &Rows<'_>,
+    sigma: Option<&[f32]>,
+    channels: &Channels,
+    incidences: &[Incidence],
+    raised: &[u32],
+) -> Option<Split> {
+    let scan = Scan::new(plan, rows, incidences);
+    let mut best: Option<Found> = None;
+    for centre in [LobeCentre::Mirror, LobeCentre::Source] {
+        let found = candidates::candidate(&scan, centre, raised).and_then(|candidate| choose::best(&scan, &candidate));
+        if let Some(found) = found
+            && best.as_ref().is_none_or(|best| found.gain > best.gain)
+        {
+            best = Some(found);
+        }
+    }
+    let mut found = best?;
+    if !plan.isotropic && found.shape.centre == LobeCentre::HalfVector {
+        found = choose::stretched(found);
+    }
+    if choose::usually_within_half(&found) > ENOUGH {
+        return None;
+    }
+    let colours = bands::colours(&scan, &found);
+    let parameters = found.shape.parameters(found.near.mean_t, found.near.range());
+    let mut lobe = Lobe::new(parameters).ok()?;
+    let (mut left, values) = residual::residual(&scan, &found, &lobe, &colours);
+    let left_rows = Rows::new(std::borrow::Cow::Borrowed(&left), sigma, rows.width);
+    if !against_cells::is_better(&scan, &found, &left_rows) {
+        return None;
+    }
+    drop(left_rows);
+    let factor = bound::factor(&scan, &lobe, &colours, &left);
+    if factor < 1.0 {
+        let LobeParameters { peak: [p0, p1, p2], .. } = lobe.parameters();
+        let peak = [p0 + libm::log(factor.max(DARKEST)), p1, p2];
+        lobe = Lobe::new(LobeParameters { peak, ..lobe.parameters() }).ok()?;
+        left = residual::residual(&scan, &found, &lobe, &colours).0;
+    }
+    let (lobe, scale) = coloured(&lobe, channels, &colours.lobe)?;
+    let elevations = elevations(&scan, &found);
+    let samples_within_half = choose::within_half(&found);
+    let range = (samples_within_half < CERTAIN).then(|| range::range(&found, &elevations).map(|light| light * scale));
+    let carried = CarriedLobe {
+        full_width: lobe.full_widths(),
+        samples_within_half,
+        is_resolved: samples_within_half >= RESOLVED,
+        light_range: range,
+        light: range::light(&lobe, &elevations),
+        incidences: elevations,
+        reduced: (factor < 1.0).then(|| 1.0 - factor.max(DARKEST)),
+        unseen_bands: colours.unseen,
+        lobe,
+    };
+    Some(Split { carried, left, values })
+}
+
+/// The lobe with a colour for each wavelength of the tensor, their mean 1, and the factor by which its grey value has grown.
+fn coloured(lobe: &Lobe, channels: &Channels, colours: &[f64]) -> Option<(Lobe, f64)> {
+    let mut on_axis = vec![0.0_f32; channels.to()];
+    channels.write(colours, &mut on_axis);
+    on_axis.iter_mut().filter(|colour| colour.is_nan()).for_each(|colour| *colour = 0.0);
+    let mean = on_axis.iter().map(|&colour| f64::from(colour)).sum::<f64>() / on_axis.len() as f64;
+    if mean.is_nan() || mean <= 0.0 {
+        return None;
+    }
+    let colours = on_axis.iter().map(|&colour| (f64::from(colour) / mean) as f32).collect();
+    let LobeParameters { peak: [p0, p1, p2], .. } = lobe.parameters();
+    let peak = [p0 + libm::log(mean), p1, p2];
+    Lobe::new(LobeParameters { peak, colours, ..lobe.parameters() }).ok().map(|lobe| (lobe, mean))
+}
+
+/// The elevations of the incidences that a lobe was fitted to, in degrees.
+fn elevations(scan: &Scan<'_>, found: &Found) -> Vec<f64> {
+    let wi = |group: &Vec<near::Sample>| -> Option<Vector> { Some(scan.plan.directions[group.first()?.row as usize].0) };
+    found.near.groups.iter().filter_map(wi).map(|wi| Direction::from_unit(wi).theta_degrees()).collect()
+}

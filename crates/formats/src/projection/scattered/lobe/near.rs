@@ -1,0 +1,143 @@
+//! Samples about the centre of a lobe: their logarithms, and where they lie in the coordinates of the lobe and of the base.
+
+use super::scan::Scan;
+use crate::domain::LobeCentre;
+use crate::domain::vector::{Vector, norm, sub};
+use crate::projection::scattered::cloud::slope;
+use crate::projection::scattered::relative::{ORIGINS, places};
+
+/// Terms of the logarithm of the base under one incidence: a quadratic of the place about the centre, and a slope in t where
+/// samples of many incidences are taken together.
+pub(super) const TERMS: usize = 7;
+/// Parts into which samples are divided so that each part is predicted from the others.
+pub(super) const FOLDS: u32 = 5;
+/// Incidences with fewer samples about the centre are left out.
+const FEWEST: usize = 8;
+/// The sample nearest to the centre, by number, whose distance tells how far samples lie apart.
+const DENSITY: usize = 12;
+
+/// A sample near the centre.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sample {
+    pub(super) row: u32,
+    /// Logarithm of its grey value.
+    pub(super) log: f64,
+    /// Stated standard deviation of that logarithm; 0 if none is stated.
+    pub(super) stated: f64,
+    /// Chord to the centre.
+    pub(super) distance: f64,
+    /// Terms of the base.
+    pub(super) terms: [f64; TERMS],
+    /// Place in the plane of the lobe; about a direction only its distance from the origin matters.
+    pub(super) place: [f64; 2],
+    /// −ln cos θi, less its mean over all incidences.
+    pub(super) t: f64,
+    /// Cosines of both directions.
+    pub(super) cosines: [f64; 2],
+    pub(super) fold: u32,
+}
+
+/// The samples near one centre, by incidence.
+#[derive(Clone, Debug)]
+pub(super) struct Near {
+    pub(super) centre: LobeCentre,
+    /// The largest chord to the centre that counts.
+    pub(super) radius: f64,
+    pub(super) groups: Vec<Vec<Sample>>,
+    /// The mean of t, which places of samples are less by.
+    pub(super) mean_t: f64,
+}
+
+impl Near {
+    /// The samples of `scan` within `radius` of `centre`; those about the mirror direction and in half vectors are the same.
+    pub(super) fn new(scan: &Scan<'_>, centre: LobeCentre, radius: f64) -> Self {
+        let mut groups: Vec<Vec<Sample>> = Vec::new();
+        for incidence in scan.incidences {
+            let rows = incidence.rows.iter();
+            let group: Vec<Sample> = rows.filter_map(|&row| sample(scan, centre, row, radius)).collect();
+            if group.len() >= FEWEST {
+                groups.push(group);
+            }
+        }
+        // The mean over incidences, not over samples.
+        let means = groups.iter().map(|group| group.iter().map(|sample| sample.t).sum::<f64>() / group.len() as f64);
+        let mean_t = means.sum::<f64>() / groups.len().max(1) as f64;
+        for group in &mut groups {
+            group.iter_mut().for_each(|sample| sample.t -= mean_t);
+            let middle = group.iter().map(|sample| sample.t).sum::<f64>() / group.len() as f64;
+            group.iter_mut().for_each(|sample| sample.terms[TERMS - 1] = sample.t - middle);
+        }
+        let mut near = Self { centre, radius, groups, mean_t };
+        near.divide();
+        near
+    }
+
+    /// Sets the folds: neighbours in the order of their distances are in different ones.
+    fn divide(&mut self) {
+        let at = |&(i, k): &(usize, usize)| self.groups[i][k];
+        let all = self.groups.iter().enumerate().flat_map(|(i, group)| (0..group.len()).map(move |k| (i, k)));
+        let mut order: Vec<(usize, usize)> = all.collect();
+        order.sort_by(|a, b| at(a).distance.total_cmp(&at(b).distance).then(at(a).row.cmp(&at(b).row)));
+        for ((i, k), number) in order.into_iter().zip(0..) {
+            self.groups[i][k].fold = number % FOLDS;
+        }
+    }
+
+    /// The usual distance between samples near the centre, in radians; `None` where no incidence has enough of them.
+    pub(super) fn spacing(&self, is_half: bool) -> Option<f64> {
+        let mut found: Vec<f64> = Vec::new();
+        for group in &self.groups {
+            let mut distances: Vec<f64> = group.iter().map(|sample| sample.distance).collect();
+            distances.sort_by(f64::total_cmp);
+            found.extend(distances.get(DENSITY - 1).map(|far| far * (std::f64::consts::PI / DENSITY as f64).sqrt()));
+        }
+        found.sort_by(f64::total_cmp);
+        let half = if is_half { std::f64::consts::FRAC_1_SQRT_2 } else { 1.0 };
+        found.get(found.len() / 2).map(|spacing| spacing * half)
+    }
+
+    /// All samples.
+    pub(super) fn all(&self) -> impl Iterator<Item = &Sample> {
+        self.groups.iter().flatten()
+    }
+
+    /// The least and the largest t.
+    pub(super) fn range(&self) -> [f64; 2] {
+        let ts = self.all().map(|sample| sample.t + self.mean_t);
+        let [low, high] = ts.fold([f64::INFINITY, 0.0], |[low, high], t| [t.min(low), t.max(high)]);
+        [low.min(high), high]
+    }
+}
+
+fn sample(scan: &Scan<'_>, centre: LobeCentre, row: u32, radius: f64) -> Option<Sample> {
+    let (wi, wo) = scan.plan.directions[row as usize];
+    let onward = if centre == LobeCentre::Source { wi } else { [-wi[0], -wi[1], wi[2]] };
+    let distance = norm(sub(wo, onward));
+    let log = scan.logs[row as usize];
+    if distance > radius || wi[2] <= 0.0 || wo[2] <= 0.0 || log.is_nan() {
+        return None;
+    }
+    let (which, place) = match centre {
+        LobeCentre::Mirror => (0, [distance, 0.0]),
+        LobeCentre::HalfVector => (0, slope(wi, wo)),
+        LobeCentre::Source => (2, [distance, 0.0]),
+    };
+    let [x, y] = beside(wi, wo, which).map(|x| x / radius);
+    Some(Sample {
+        row,
+        log,
+        stated: scan.stated(row),
+        distance,
+        terms: [1.0, x, y, x * x, x * y, y * y, 0.0],
+        place: if place[0].is_nan() { return None } else { place },
+        t: -libm::log(wi[2]),
+        cosines: [wi[2], wo[2]],
+        fold: 0,
+    })
+}
+
+/// Where `wo` lies beside the centre, along and across the plane of incidence.
+fn beside(wi: Vector, wo: Vector, which: usize) -> [f64; 2] {
+    let place = sub(places(crate::domain::Quantity::Brdf, (wi, wo))[which], ORIGINS[which]);
+    [place[1], place[2]]
+}

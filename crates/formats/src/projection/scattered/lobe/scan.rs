@@ -1,0 +1,60 @@
+//! A scan as lobes are looked for in it: one grey value for each sample.
+
+use crate::projection::scattered::incidences::Incidence;
+use crate::projection::scattered::plan::Plan;
+use crate::projection::scattered::rows::{Kind, Rows};
+
+/// The samples of a scan.
+pub(super) struct Scan<'a> {
+    pub(super) plan: &'a Plan,
+    pub(super) rows: &'a Rows<'a>,
+    pub(super) incidences: &'a [Incidence],
+    /// Logarithms of grey values, the means over bands; NaN where such a mean is not positive or there is no value.
+    pub(super) logs: Vec<f64>,
+}
+
+impl<'a> Scan<'a> {
+    pub(super) fn new(plan: &'a Plan, rows: &'a Rows<'a>, incidences: &'a [Incidence]) -> Self {
+        let is_partial = rows.kinds.contains(&Kind::Partial);
+        let usual = if is_partial { usual(rows) } else { Vec::new() };
+        let grey = |row: usize| match rows.kinds[row] {
+            Kind::Missing => f64::NAN,
+            Kind::Partial => of_part(rows.row(row as u32), &usual),
+            Kind::Positive | Kind::Whole => rows.light[row][1],
+        };
+        let log = |value: f64| if value > 0.0 { libm::log(value) } else { f64::NAN };
+        let whole = |row: usize| if rows.width == 1 { rows.light[row][0] } else { log(grey(row)) };
+        let logs = (0..rows.kinds.len()).map(whole).collect();
+        Self { plan, rows, incidences, logs }
+    }
+
+    /// Stated standard deviation of the logarithm of a row's grey value; 0 if none is stated.
+    pub(super) fn stated(&self, row: u32) -> f64 {
+        let certainty = self.rows.certainty.get(row as usize).map_or(0.0, |certainty| certainty[1]);
+        if certainty > 0.0 { 1.0 / (certainty * self.rows.width as f64).sqrt() } else { 0.0 }
+    }
+}
+
+/// Geometric means of the bands over all their positive values.
+fn usual(rows: &Rows<'_>) -> Vec<f64> {
+    let mut sums = vec![(0.0, 0.0_f64); rows.width];
+    for row in 0..rows.kinds.len() as u32 {
+        for (sum, &value) in sums.iter_mut().zip(rows.row(row)).filter(|(_, value)| **value > 0.0) {
+            *sum = (sum.0 + libm::log(f64::from(value)), sum.1 + 1.0);
+        }
+    }
+    sums.into_iter().map(|(sum, count)| if count > 0.0 { libm::exp(sum / count) } else { 0.0 }).collect()
+}
+
+/// The mean over bands of a row that lacks some: its others, in parts of what is usual there.
+fn of_part(row: &[f32], usual: &[f64]) -> f64 {
+    let (mut sum, mut part, mut whole) = (0.0, 0.0, 0.0);
+    for (&value, &usual) in row.iter().zip(usual) {
+        whole += usual;
+        if !value.is_nan() {
+            sum += f64::from(value);
+            part += usual;
+        }
+    }
+    sum / part * (whole / row.len() as f64)
+}

@@ -1,0 +1,328 @@
+//! The fit of a lobe and of the base beneath it: Levenberg and Marquardt's steps, with a robust loss.
+//!
+//! Each incidence has a base of its own, so that the normal equations are those of the lobe bordered by a small block for each
+//! incidence, which is eliminated.
+
+use super::near::{Near, Sample, TERMS};
+use super::shape::{ANGLE, LEAST_TAIL, NUMBERS, Prepared, STRETCH, Shape, TAIL, WIDTH};
+use crate::numeric::cholesky::{backward, factor_clamped, forward};
+
+/// Rounds at most.
+const ROUNDS: usize = 40;
+/// A fit has ended where a round lessens the cost by less than this part and this much.
+const ENOUGH: f64 = 1e-5;
+const LITTLE: f64 = 1e-2;
+/// Damping at first, and its factors after steps that fail and that succeed.
+const DAMPING: f64 = 1e-3;
+const HARDER: f64 = 8.0;
+const SOFTER: f64 = 0.2;
+/// Damping beyond which no step is expected to succeed.
+const MOST_DAMPING: f64 = 1e8;
+/// The longest step of the logarithm of a width, and of a peak.
+const LONGEST: f64 = 0.7;
+/// The longest step of a term of a base.
+const LONGEST_OF_BASE: f64 = 3.0;
+/// Logarithms of a base are expected within this over the radius: where too few samples tell.
+const BASE_DEVIATION: f64 = 1.5;
+/// What p₁ and p₂ are expected to be, as (mean, standard deviation): peaks rise with the angle of incidence.
+const RISE: [(f64, f64); 2] = [(1.0, 2.0), (0.0, 1.0)];
+/// Standard deviation of the logarithm of the ratio of a width to the mean of both.
+const STRETCH_DEVIATION: f64 = 1.0;
+
+/// What is fitted to which samples.
+#[derive(Clone, Copy)]
+pub(super) struct Problem<'a> {
+    pub(super) near: &'a Near,
+    /// Standard deviation of the logarithms of samples.
+    pub(super) noise: f64,
+    /// Which numbers of the lobe are free.
+    pub(super) free: [bool; NUMBERS],
+    /// The fold that is left out.
+    pub(super) without: Option<u32>,
+    /// Samples nearer to the centre are left out.
+    pub(super) beyond: f64,
+    /// Bounds of the logarithm of the width.
+    pub(super) widths: [f64; 2],
+}
+
+/// A lobe, or none, and the base under each incidence.
+#[derive(Clone, Debug)]
+pub(super) struct Fit {
+    pub(super) shape: Option<Shape>,
+    pub(super) bases: Vec<[f64; TERMS]>,
+    pub(super) cost: f64,
+}
+
+/// The normal equations of one incidence.
+#[derive(Clone, Copy)]
+struct Block {
+    lobe: [[f64; NUMBERS]; NUMBERS],
+    border: [[f64; TERMS]; NUMBERS],
+    base: [[f64; TERMS]; TERMS],
+    lobe_right: [f64; NUMBERS],
+    base_right: [f64; TERMS],
+    cost: f64,
+}
+
+/// The equations of a lobe, from which those of the bases are eliminated.
+struct Reduced {
+    /// The factored matrix, its rows and columns scaled to a diagonal of 1.
+    matrix: [[f64; NUMBERS]; NUMBERS],
+    right: [f64; NUMBERS],
+    scales: [f64; NUMBERS],
+    /// The factored matrix and the right-hand side of each base.
+    factored: Vec<([[f64; TERMS]; TERMS], [f64; TERMS])>,
+}
+
+impl Problem<'_> {
+    fn is_counted(&self, sample: &Sample) -> bool {
+        Some(sample.fold) != self.without && sample.distance >= self.beyond
+    }
+
+    /// The base alone.
+    pub(super) fn base(&self) -> Fit {
+        let medians = self.near.groups.iter().map(|group| {
+            let mut logs: Vec<f64> =
+                group.iter().filter(|sample| self.is_counted(sample)).map(|sample| sample.log).collect();
+            logs.sort_by(f64::total_cmp);
+            let mut base = [0.0; TERMS];
+            base[0] = logs.get(logs.len() / 2).copied().unwrap_or(0.0);
+            base
+        });
+        let start = Fit { shape: None, bases: medians.collect(), cost: f64::INFINITY };
+        self.fit(start, ROUNDS)
+    }
+
+    /// Steps from `start`, so many at most.
+    pub(super) fn fit(&self, start: Fit, rounds: usize) -> Fit {
+        let mut best = start;
+        let mut blocks = self.blocks(&best);
+        best.cost = self.cost(&best, &blocks);
+        let (mut damping, mut done) = (DAMPING, 0);
+        while done < rounds && damping < MOST_DAMPING {
+            done += 1;
+            let mut next = self.step(&best, &blocks, damping);
+            let found = self.blocks(&next);
+            next.cost = self.cost(&next, &found);
+            if next.cost < best.cost {
+                let gain = best.cost - next.cost;
+                (best, blocks) = (next, found);
+                damping = (damping * SOFTER).max(1e-9);
+                if gain < ENOUGH * best.cost && gain < LITTLE {
+                    break;
+                }
+            } else {
+                damping *= HARDER;
+            }
+        }
+        best
+    }
+
+    /// The robust cost, with what is expected beforehand.
+    fn cost(&self, fit: &Fit, blocks: &[Block]) -> f64 {
+        let samples: f64 = blocks.iter().map(|block| block.cost).sum();
+        let bases: f64 = fit.bases.iter().flat_map(|base| &base[1..]).map(|b| (b / BASE_DEVIATION).powi(2)).sum();
+        let lobe = fit.shape.map_or(0.0, |shape| {
+            let expected = self.expected(&shape);
+            (0..NUMBERS).map(|i| expected[i].1 * expected[i].0 * expected[i].0).sum()
+        });
+        samples + bases + lobe
+    }
+
+    /// How far each number is above what is expected, and the certainty of that.
+    fn expected(&self, shape: &Shape) -> [(f64, f64); NUMBERS] {
+        let mut expected = [(0.0, 0.0); NUMBERS];
+        for (i, (mean, deviation)) in RISE.into_iter().enumerate() {
+            expected[i + 1] = (shape.numbers[i + 1] - mean, 1.0 / (deviation * deviation));
+        }
+        expected[STRETCH] = (shape.numbers[STRETCH], 1.0 / (STRETCH_DEVIATION * STRETCH_DEVIATION));
+        for (expected, free) in expected.iter_mut().zip(self.free) {
+            if !free {
+                expected.1 = 0.0;
+            }
+        }
+        expected
+    }
+
+    fn blocks(&self, fit: &Fit) -> Vec<Block> {
+        let prepared = fit.shape.map(|shape| shape.prepared());
+        let groups = self.near.groups.iter().zip(&fit.bases);
+        groups.map(|(group, base)| self.block(group, base, prepared.as_ref())).collect()
+    }
+
+    fn block(&self, group: &[Sample], base: &[f64; TERMS], shape: Option<&Prepared>) -> Block {
+        let mut block = Block {
+            lobe: [[0.0; NUMBERS]; NUMBERS],
+            border: [[0.0; TERMS]; NUMBERS],
+            base: [[0.0; TERMS]; TERMS],
+            lobe_right: [0.0; NUMBERS],
+            base_right: [0.0; TERMS],
+            cost: 0.0,
+        };
+        for sample in group.iter().filter(|sample| self.is_counted(sample)) {
+            let at = predicted(sample, base, shape);
+            let certainty = 1.0 / self.noise.max(sample.stated);
+            let residual = (sample.log - at.log) * certainty;
+            let root = (1.0 + residual * residual).sqrt();
+            block.cost += 2.0 * (root - 1.0);
+            let weight = certainty * certainty / root;
+            let residual = sample.log - at.log;
+            let by_base = sample.terms.map(|term| (1.0 - at.share) * term);
+            for i in 0..TERMS {
+                let weighted = weight * by_base[i];
+                block.base_right[i] += weighted * residual;
+                for (sum, other) in block.base[i][..=i].iter_mut().zip(&by_base) {
+                    *sum += weighted * other;
+                }
+            }
+            if at.share <= 1e-9 {
+                continue;
+            }
+            for i in 0..NUMBERS {
+                let weighted = weight * at.share * at.slopes[i];
+                block.lobe_right[i] += weighted * residual;
+                for (sum, other) in block.lobe[i][..=i].iter_mut().zip(&at.slopes) {
+                    *sum += weighted * at.share * other;
+                }
+                for (sum, other) in block.border[i].iter_mut().zip(&by_base) {
+                    *sum += weighted * other;
+                }
+            }
+        }
+        block
+    }
+
+    /// Standard deviation of a sum of the free numbers of a lobe, each times its factor.
+    pub(super) fn deviation(&self, fit: &Fit, factors: [f64; NUMBERS]) -> f64 {
+        let step = self.reduced(fit, &self.blocks(fit), 0.0);
+        let held = std::array::from_fn(|i| if self.free[i] { factors[i] * step.scales[i] } else { 0.0 });
+        let half = forward::<NUMBERS, NUMBERS>(&step.matrix, held);
+        inner(&half, &half).sqrt()
+    }
+
+    /// The fit after a damped step.
+    fn step(&self, from: &Fit, blocks: &[Block], damping: f64) -> Fit {
+        let Reduced { matrix, right, scales, factored } = self.reduced(from, blocks, damping);
+        let shape = from.shape.map(|shape| {
+            let mut step = backward::<NUMBERS, NUMBERS>(&matrix, forward::<NUMBERS, NUMBERS>(&matrix, right));
+            step.iter_mut().zip(scales).for_each(|(step, scale)| *step *= scale);
+            let longest = step[WIDTH].abs().max(step[STRETCH].abs()).max(0.3 * step[0].abs());
+            if longest > LONGEST {
+                step.iter_mut().for_each(|step| *step *= LONGEST / longest);
+            }
+            let mut numbers = shape.numbers;
+            numbers.iter_mut().zip(step).for_each(|(number, step)| *number += step);
+            numbers[WIDTH] = numbers[WIDTH].clamp(self.widths[0], self.widths[1]);
+            numbers[TAIL] = numbers[TAIL].clamp(LEAST_TAIL, 0.5);
+            numbers[STRETCH] = numbers[STRETCH].clamp(-2.0, 2.0);
+            numbers[ANGLE] = numbers[ANGLE].clamp(-10.0, 10.0);
+            Shape { numbers, ..shape }
+        });
+        let taken = |i: usize| shape.zip(from.shape).map_or(0.0, |(to, from)| to.numbers[i] - from.numbers[i]);
+        let taken: [f64; NUMBERS] = std::array::from_fn(taken);
+        let bases = factored.iter().zip(blocks).zip(&from.bases).map(|(((own, own_right), block), base)| {
+            let left = std::array::from_fn(|k| {
+                own_right[k] - (0..NUMBERS).map(|i| block.border[i][k] * taken[i]).sum::<f64>()
+            });
+            let change = backward::<TERMS, TERMS>(own, forward::<TERMS, TERMS>(own, left));
+            std::array::from_fn(|k| base[k] + change[k].clamp(-LONGEST_OF_BASE, LONGEST_OF_BASE))
+        });
+        Fit { shape, bases: bases.collect(), cost: f64::INFINITY }
+    }
+
+    /// The damped equations of the lobe alone.
+    fn reduced(&self, from: &Fit, blocks: &[Block], damping: f64) -> Reduced {
+        let (mut matrix, mut right) = ([[0.0; NUMBERS]; NUMBERS], [0.0; NUMBERS]);
+        let certainty = 1.0 / (BASE_DEVIATION * BASE_DEVIATION);
+        let mut factored = Vec::with_capacity(blocks.len());
+        for (block, base) in blocks.iter().zip(&from.bases) {
+            let (mut own, mut own_right) = (block.base, block.base_right);
+            for i in 0..TERMS {
+                if i > 0 {
+                    own[i][i] += certainty;
+                    own_right[i] -= certainty * base[i];
+                }
+                own[i][i] = own[i][i] * (1.0 + damping) + 1e-9;
+            }
+            factor_clamped::<TERMS, TERMS>(&mut own);
+            let solved = forward::<TERMS, TERMS>(&own, own_right);
+            let borders = block.border.map(|row| forward::<TERMS, TERMS>(&own, row));
+            for i in 0..NUMBERS {
+                right[i] += block.lobe_right[i] - inner(&borders[i], &solved);
+                for j in 0..=i {
+                    matrix[i][j] += block.lobe[i][j] - inner(&borders[i], &borders[j]);
+                }
+            }
+            factored.push((own, own_right));
+        }
+        let expected = from.shape.map_or([(0.0, 0.0); NUMBERS], |shape| self.expected(&shape));
+        for (i, (off, certainty)) in expected.into_iter().enumerate() {
+            let diagonal: f64 = blocks.iter().map(|block| block.lobe[i][i]).sum();
+            matrix[i][i] += damping * diagonal + certainty * (1.0 + damping) + 1e-9;
+            right[i] -= certainty * off;
+        }
+        for i in (0..NUMBERS).filter(|&i| !self.free[i]) {
+            for j in 0..NUMBERS {
+                (matrix[i][j], matrix[j][i]) = (0.0, 0.0);
+            }
+            (matrix[i][i], right[i]) = (1.0, 0.0);
+        }
+        // Equal scales, as pivots are clamped against the first.
+        let scales: [f64; NUMBERS] = std::array::from_fn(|i| 1.0 / matrix[i][i].max(1e-300).sqrt());
+        for i in 0..NUMBERS {
+            right[i] *= scales[i];
+            for j in 0..=i {
+                matrix[i][j] *= scales[i] * scales[j];
+            }
+        }
+        factor_clamped::<NUMBERS, NUMBERS>(&mut matrix);
+        Reduced { matrix, right, scales, factored }
+    }
+
+    /// The robust cost of the samples of a fold, as `fit` predicts them.
+    pub(super) fn cost_of(&self, fit: &Fit, fold: u32) -> f64 {
+        let prepared = fit.shape.map(|shape| shape.prepared());
+        let mut cost = 0.0;
+        for (group, base) in self.near.groups.iter().zip(&fit.bases) {
+            for sample in group.iter().filter(|sample| sample.fold == fold) {
+                let at = predicted(sample, base, prepared.as_ref());
+                let residual = (sample.log - at.log) / self.noise.max(sample.stated);
+                cost += 2.0 * ((1.0 + residual * residual).sqrt() - 1.0);
+            }
+        }
+        cost
+    }
+}
+
+/// What a fit predicts at a sample.
+pub(super) struct Predicted {
+    /// Logarithm of the sum of base and lobe.
+    pub(super) log: f64,
+    /// Logarithm of the base.
+    pub(super) base: f64,
+    /// The part of the lobe in that sum, 0 … 1.
+    pub(super) share: f64,
+    slopes: [f64; NUMBERS],
+}
+
+/// The sum of base and lobe at a sample.
+#[inline]
+pub(super) fn predicted(sample: &Sample, base: &[f64; TERMS], shape: Option<&Prepared>) -> Predicted {
+    let base = inner(base, &sample.terms);
+    let Some(shape) = shape else { return Predicted { log: base, base, share: 0.0, slopes: [0.0; NUMBERS] } };
+    let lobe = shape.at(sample);
+    let difference = lobe.log - base;
+    let (log, share) = if difference > 30.0 {
+        (lobe.log, 1.0)
+    } else if difference < -25.0 {
+        (base, 0.0)
+    } else {
+        let ratio = libm::exp(difference);
+        (base + libm::log1p(ratio), ratio / (1.0 + ratio))
+    };
+    Predicted { log, base, share, slopes: lobe.slopes }
+}
+
+fn inner<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
