@@ -62,6 +62,7 @@ pub use effort::Effort;
 pub use error::CompressError;
 pub(crate) use kept::Kept;
 pub use light::LightReport;
+pub(crate) use lobe_chunk::fits as lobe_fits;
 pub(crate) use lobe_means::lobe_means;
 pub use lossless::Numbers;
 pub use noise::{Noise, estimate as estimate_noise};

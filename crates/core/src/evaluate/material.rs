@@ -20,8 +20,8 @@ use super::trees::Trees;
 use super::turning::Turning;
 use super::warp::SampleOptions;
 use super::wavelength_sampler::WavelengthSampler;
-use crate::compress::{self, Between, Decoded, LevelInfo, Summary};
-use crate::domain::{Axis, Direction, Layout, Measurement, Quantity, Tensor, Unit, WavelengthGrid};
+use crate::compress::{self, Between, Decoded, LevelInfo, Summary, lobe_fits};
+use crate::domain::{Axis, Direction, Layout, Lobe, Measurement, Quantity, Tensor, Unit, WavelengthGrid};
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
@@ -135,6 +135,17 @@ impl Material {
         }
     }
 
+    /// Returns this material with a lobe beside its cells: what is evaluated is the sum of both. Samples on a grid of angles stay as
+    /// they are, and so do cells that [`Settings::lobe`](crate::compress::Settings::lobe) would be refused for.
+    #[must_use]
+    pub fn with_lobe(mut self, lobe: Lobe) -> Self {
+        let is_fit = lobe_fits(&lobe, self.quantity(), self.axes());
+        if let (Body::Cells(cells), true) = (&mut self.body, is_fit) {
+            cells.take(Lobed::new(lobe));
+        }
+        self
+    }
+
     /// Returns this material, if its samples are those of cells; of samples on a grid of angles their averages over triangles, from
     /// which directions are drawn and which are integrated. They are built when they are first asked for.
     #[doc(hidden)]
@@ -163,8 +174,8 @@ impl Material {
     /// The material of a decoded file, with its header.
     pub(super) fn decoded(Decoded { measurement, summary }: Decoded) -> Result<Self, EvaluateError> {
         let mut material = Self::with_between(measurement, summary.between)?;
-        if let (Body::Cells(cells), Some(lobe)) = (&mut material.body, &summary.lobe) {
-            cells.take(Lobed::new(lobe.clone()));
+        if let Some(lobe) = &summary.lobe {
+            material = material.with_lobe(lobe.clone());
         }
         let material = match summary.straight_lines {
             Some(share) if share > 0.0 => material.with_straight_lines(share as f32),

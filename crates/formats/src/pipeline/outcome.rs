@@ -13,7 +13,7 @@ use crate::compress::{self, Between, Numbers, Settings, Target};
 use crate::domain::{Axis, Progress, Silent};
 use crate::evaluate::{Material, interpolation_between, state_levels, straight_lines_for_flux};
 use crate::formats::{Acquisition, Note, NoteKind};
-use crate::projection::{self, Projected};
+use crate::projection::{self, CarriedLobe, Projected};
 
 /// A material and its report.
 ///
@@ -80,6 +80,7 @@ fn judged(mut outcome: Outcome, request: &Request) -> Result<Outcome, PipelineEr
     let warnings = [
         outcome.report.fit.and_then(|fit| warning(&fit, &axes, is_named)),
         sample_light::warning(&outcome.report.light_at_samples, outcome.report.fit.map_or(0, |fit| fit.lobe)),
+        outcome.report.lobe.as_ref().and_then(CarriedLobe::warning),
     ];
     let warnings: Vec<String> = warnings.into_iter().flatten().collect();
     if request.strict && !warnings.is_empty() {
@@ -103,7 +104,7 @@ fn compressed(
 ) -> Result<Outcome, PipelineError> {
     let acquisition = &source.acquisition;
     let scatter = scatter_of(&projected);
-    let Projected { measurement, coverage, filled, scattered, numbers, lobe: _ } = projected;
+    let Projected { measurement, coverage, filled, scattered, numbers, lobe } = projected;
     let on_grid = measurement.tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_)));
     let provenance = |fit: Option<&FitReport>| provenance(source, request, &filled, (on_grid, fit));
     let settings = Settings {
@@ -123,7 +124,7 @@ fn compressed(
             Curve::Cubic => interpolation_between(&measurement).unwrap_or_default(),
             Curve::Linear => Between::default(),
         },
-        lobe: None,
+        lobe: lobe.as_ref().map(|carried| carried.lobe.clone()),
     };
     let stated = numbers.as_ref().map(|found| Numbers { values: found.tensor.samples(), factor: found.factor });
     let mut compressed = light::compress(&measurement, stated, &settings, progress)?;
@@ -151,7 +152,7 @@ fn compressed(
             }
         }
     }
-    let report = report(acquisition, request.target, samples, (coverage, fit), &compressed);
+    let report = report(acquisition, request.target, samples, (coverage, fit, lobe), &compressed);
     Ok(Outcome { bytes: compressed.bytes, report })
 }
 

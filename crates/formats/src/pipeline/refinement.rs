@@ -52,7 +52,10 @@ fn at(acquisition: &Acquisition, request: &Request, finer: u8) -> Result<Refined
     let projected = projection::project(acquisition, &axes)?;
     let fit = projected.scattered.as_ref().map(|samples| {
         // A tensor that does not open is compressed all the same, and says so then.
-        let found = Material::of(projected.measurement.clone());
+        let found = Material::of(projected.measurement.clone()).map(|material| match &projected.lobe {
+            Some(carried) => material.with_lobe(carried.lobe.clone()),
+            None => material,
+        });
         let found =
             found.map_or_else(|_| AtSamples::default(), |material| at_samples(acquisition, samples, &material, None));
         FitReport::new(&scatter_of(&projected), &found, promised(request.target, 0.0))

@@ -10,7 +10,7 @@ use crate::compress::{self, LevelInfo, LightReport, Noise, Policy, Ranked, Targe
 use crate::domain::colour::ColourReport;
 use crate::domain::{Axis, ErrorReport, Quantity, Unit, WavelengthGrid};
 use crate::formats::{self, Acquisition, Note, NoteKind};
-use crate::projection::{self, Coverage};
+use crate::projection::{self, CarriedLobe, Coverage};
 use serde::Serialize;
 
 /// What was achieved, in the names of `compress --json`.
@@ -79,6 +79,9 @@ pub struct Report {
     /// Noise, fit and outliers of scattered samples.
     #[serde(rename = "scattered", skip_serializing_if = "Option::is_none")]
     pub fit: Option<FitReport>,
+    /// Lobe beside the cells; `None` where these hold all of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lobe: Option<CarriedLobe>,
     /// Light of the material against that of scattered samples, by incidence and group of bands; empty for other measurements.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub light_at_samples: Vec<IncidenceLight>,
@@ -125,7 +128,7 @@ pub(super) fn report(
     acquisition: &Acquisition,
     target: Target,
     samples: usize,
-    (coverage, at_scattered): (Coverage, Option<(FitReport, AtSamples)>),
+    (coverage, at_scattered, lobe): (Coverage, Option<(FitReport, AtSamples)>, Option<CarriedLobe>),
     compressed: &compress::Compressed,
 ) -> Report {
     let summary = &compressed.summary;
@@ -172,6 +175,7 @@ pub(super) fn report(
         incidences,
         delta_e: compressed.colour,
         fit,
+        lobe,
         light_at_samples: light_at_samples.unwrap_or_default(),
         noise,
         coverage,

@@ -98,7 +98,6 @@ pub(super) fn project(
             let rows = Rows::new(Cow::Owned(left), sigma, width);
             found = Scatter { lobe: values, ..scatter(acquisition.quantity, &plan, &rows, &channels) };
             notes.push(carried.note());
-            notes.extend(carried.warning());
             (rows, Some(carried))
         }
         None => (rows, None),

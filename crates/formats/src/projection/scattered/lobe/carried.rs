@@ -1,12 +1,13 @@
 //! The lobe that a projection carries beside its cells, and what is said of it.
 
 use crate::domain::{Lobe, LobeCentre};
+use serde::Serialize;
 
 /// Samples within half the maximum below which the scan does not resolve a lobe.
 pub(super) const RESOLVED: u64 = 3;
 
 /// A lobe beside the cells of a projection: the measurement is the sum of both.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CarriedLobe {
     /// Its function, with a colour for each wavelength of the tensor.
     pub lobe: Lobe,
@@ -45,7 +46,8 @@ impl CarriedLobe {
             );
         }
         if self.unseen_bands > 0 {
-            note += &format!("; {} bands without a sample of it have the colour of their neighbours", self.unseen_bands);
+            note +=
+                &format!("; {} bands without a sample of it have the colour of their neighbours", self.unseen_bands);
         }
         note
     }

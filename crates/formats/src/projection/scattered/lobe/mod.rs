@@ -132,6 +132,7 @@ fn coloured(lobe: &Lobe, channels: &Channels, colours: &[f64]) -> Option<(Lobe, 
 
 /// The elevations of the incidences that a lobe was fitted to, in degrees.
 fn elevations(scan: &Scan<'_>, found: &Found) -> Vec<f64> {
-    let wi = |group: &Vec<near::Sample>| -> Option<Vector> { Some(scan.plan.directions[group.first()?.row as usize].0) };
+    let wi =
+        |group: &Vec<near::Sample>| -> Option<Vector> { Some(scan.plan.directions[group.first()?.row as usize].0) };
     found.near.groups.iter().filter_map(wi).map(|wi| Direction::from_unit(wi).theta_degrees()).collect()
 }
