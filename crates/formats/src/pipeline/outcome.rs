@@ -77,9 +77,11 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
 fn judged(mut outcome: Outcome, request: &Request) -> Result<Outcome, PipelineError> {
     let axes = compress::inspect(&outcome.bytes).map(|summary| summary.axes).unwrap_or_default();
     let is_named = request.outgoing_level.is_some();
+    // Values of a lobe that is carried beside the cells are explained by it.
+    let unexplained = if outcome.report.lobe.is_some() { 0 } else { outcome.report.fit.map_or(0, |fit| fit.lobe) };
     let warnings = [
         outcome.report.fit.and_then(|fit| warning(&fit, &axes, is_named)),
-        sample_light::warning(&outcome.report.light_at_samples, outcome.report.fit.map_or(0, |fit| fit.lobe)),
+        sample_light::warning(&outcome.report.light_at_samples, unexplained),
         outcome.report.lobe.as_ref().and_then(CarriedLobe::warning),
     ];
     let warnings: Vec<String> = warnings.into_iter().flatten().collect();
