@@ -184,7 +184,7 @@ fn into_map(value: Value) -> Map<String, Value> {
 mod tests {
     use super::*;
     use crate::domain::{Quantity, Unit};
-    use crate::formats::{Azimuths, ParseReport, SpectralFactor};
+    use crate::formats::{Azimuths, Instrument, ParseReport, SpectralFactor};
 
     #[test]
     fn a_luminaire_with_a_spectrum_has_its_axes_and_range() {
@@ -200,6 +200,7 @@ mod tests {
             outside: Outside::Zero,
             values: vec![1.0, 2.0, 3.0, 4.0, f32::NAN, 0.5],
             stated: None,
+            sigma: None,
         };
         let factor = SpectralFactor { grid: WavelengthGrid::even(400.0, 10.0, 2).unwrap(), factors: vec![0.5, 2.0] };
         let described = describe(&Acquisition {
@@ -209,6 +210,7 @@ mod tests {
             unit: Unit::Relative,
             samples: Samples::Grid(grid),
             spectral_factor: Some(factor),
+            instrument: Instrument::default(),
             report: ParseReport::default(),
         });
         let kinds: Vec<&str> =
