@@ -1,7 +1,8 @@
 //! What was understood of a measurement, for the user to see before anything is compressed.
 
 use crate::domain::{Axis, WavelengthGrid};
-use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Modelled, NoteKind, Outside, Samples};
+use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Modelled, Note, NoteKind, Outside, Samples};
+use crate::projection;
 use serde_json::{Map, Value, json};
 
 /// Header fields of a file that are kept beside its measurement.
@@ -46,6 +47,9 @@ pub(crate) fn describe(acquisition: &Acquisition) -> Map<String, Value> {
         .take(MAX_FIELDS)
         .map(|(name, value)| json!({ "name": name, "value": value }))
         .collect();
+    let checked = projection::plausibility(acquisition).remarks().into_iter();
+    let checked = checked.map(|message| Note { kind: NoteKind::Checked, message });
+    let warnings: Vec<Note> = acquisition.report.notes.iter().cloned().chain(checked).collect();
     let described = json!({
         "format": acquisition.format,
         "dialect": acquisition.dialect,
@@ -55,7 +59,8 @@ pub(crate) fn describe(acquisition: &Acquisition) -> Map<String, Value> {
         "samples": samples,
         "range": range.map(|(low, high)| [low, high]),
         "coverage": merged(coverage, json!({ "missing_samples": missing })),
-        "warnings": acquisition.report.notes,
+        "instrument": acquisition.instrument,
+        "warnings": warnings,
         "fields": fields,
         "needs": [],
     });
@@ -73,6 +78,7 @@ pub(crate) fn describe_needy(format: &str, need: &str) -> Map<String, Value> {
         "samples": null,
         "range": null,
         "coverage": null,
+        "instrument": {},
         "warnings": [{ "kind": NoteKind::Warning, "message": need }],
         "fields": [],
         "needs": [need],
@@ -137,6 +143,7 @@ fn grid_coverage(grid: &AngleGrid) -> Value {
     json!({
         "incoming": grid.incoming.as_ref().map(direction_coverage),
         "outgoing": grid.outgoing.as_ref().map(direction_coverage),
+        "stated_uncertainties": grid.sigma.is_some(),
         "outside": match grid.outside {
             Outside::Zero => "zero",
             Outside::Masked => "masked",

@@ -230,6 +230,8 @@ pub enum NoteKind {
     Skipped,
     /// Something the user should look at.
     Warning,
+    /// A check of the values against physics, for the user to judge.
+    Checked,
 }
 
 impl ParseReport {
