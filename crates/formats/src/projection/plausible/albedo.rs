@@ -101,7 +101,7 @@ impl<'a> Largest<'a> {
         });
         let Some((band, albedo)) = largest else { return };
         let spectral = self.spectral;
-        let found = self.found.get_or_insert_with(|| LargestAlbedo {
+        let found = self.found.get_or_insert(LargestAlbedo {
             albedo: f64::NEG_INFINITY,
             incoming,
             band: None,
