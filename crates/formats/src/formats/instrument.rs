@@ -63,7 +63,7 @@ pub fn not_wider(instrument: &Instrument, full_width: f64) -> Option<String> {
         .then(|| format!("the lobe of {width}° is no wider than {}: its true width is unknown", limits.join(" and ")))
 }
 
-/// A width with three digits: more are noise.
+/// Returns a width rounded to three digits, as many as samples can show.
 fn three_digits(width: f64) -> f64 {
     format!("{width:.2e}").parse().unwrap_or(width)
 }

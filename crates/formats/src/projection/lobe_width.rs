@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 const IN_PLANE: f64 = 0.6;
 /// Incoming directions that lie closer than this in degrees are one.
 const SAME: f64 = 0.05;
-/// Samples that are looked at, at most: of more nothing is told.
+/// Upper bound on the samples in which a lobe is looked for: larger files are not searched.
 const MOST: usize = 1 << 24;
 
 /// A sample in the plane of incidence: theta in degrees, positive on the side of the mirror direction, and the value.

@@ -107,7 +107,7 @@ fn on_lattice(
     let sigma = std::mem::take(&mut rows.sigma);
     let mut values = grid(rows, lattice.clone(), isotropic, spectral.clone(), header, report)?;
     rows.values = sigma;
-    // The values have told what there is to tell.
+    // Notes on the directions were made with the values.
     let sigma = grid(rows, lattice, isotropic, spectral, header, &mut ParseReport::default())?;
     values.sigma = Some(Box::new(sigma));
     Ok(values)

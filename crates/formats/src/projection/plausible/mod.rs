@@ -28,8 +28,8 @@ pub struct Plausibility {
     pub unresolved: Option<String>,
 }
 
-/// Checks the values of a file, where they are, against physics. Takes about a second at most: of very large files a part is looked
-/// at, the same one every time.
+/// Checks the values of a file, where they are, against physics. Takes about a second at most: of very large files a part is
+/// checked, the same one every time.
 pub fn plausibility(acquisition: &Acquisition) -> Plausibility {
     Plausibility {
         albedo: LargestAlbedo::of(acquisition),

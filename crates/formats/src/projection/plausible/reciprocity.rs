@@ -7,15 +7,15 @@ use crate::formats::{Acquisition, Scattered};
 use crate::projection::planes::scattered_samples;
 use std::collections::HashMap;
 
-/// Pairs of directions that are looked at, at most; of more some are left out, the same ones every time.
+/// Upper bound on the pairs of directions that are compared; of more some are left out, the same ones every time.
 const MOST_PAIRS: usize = 1 << 18;
-/// Scattered samples that are looked through for the exchanged one, at most: of more nothing is told.
+/// Upper bound on the samples of a scan that are searched for exchanged pairs: larger scans are not checked.
 const MOST_SCATTERED: usize = 1 << 22;
-/// Bands of a pair that are compared at most, evenly over all.
+/// Upper bound on the bands of a pair that are compared, evenly over all.
 const MOST_BANDS: usize = 4;
-/// Pairs with both values stated with which the interpolated ones are not needed.
+/// Number of compared samples from which interpolated values are left out: they have an error of their own.
 const ENOUGH: usize = 32;
-/// Fewest pairs that say anything.
+/// Lower bound on the values that make a median.
 const FEWEST: usize = 8;
 /// Scattered directions that lie closer than this in degrees are one.
 const SAME: f64 = 0.05;
@@ -82,7 +82,7 @@ fn bands(count: usize) -> Vec<usize> {
     (0..few).map(|i| (2 * i + 1) * count / (2 * few)).collect()
 }
 
-/// Every how many of `pairs` one is looked at: an odd number, so that not all have the same azimuth.
+/// Step between the pairs that are compared: an odd number, so that not all have the same azimuth.
 fn every(pairs: usize) -> usize {
     match pairs.div_ceil(MOST_PAIRS) {
         0 | 1 => 1,
