@@ -131,9 +131,9 @@ struct Understood {
     #[serde(default = "nothing_stated")]
     #[schema(value_type = Object)]
     instrument: Value,
-    /// Everything assumed, filled, skipped or odd, and checks of the values against physics (an albedo above 1, reciprocity, negative
-    /// values, a lobe no wider than the instrument resolves): `kind` (`assumed`, `filled`, `skipped`, `warning` or `checked`) and
-    /// `message`.
+    /// Everything assumed, filled, skipped or odd, and checks of the values against physics (an albedo above 1,
+    /// reciprocity, negative values, a lobe no wider than the instrument resolves): `kind` (`assumed`, `filled`,
+    /// `skipped`, `warning` or `checked`) and `message`.
     #[schema(value_type = Vec<Object>)]
     warnings: Vec<Value>,
     /// Header fields of the file: `name` and `value`.

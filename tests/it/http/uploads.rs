@@ -123,7 +123,8 @@ async fn refused_measurements_say_where_and_leave_nothing() {
     assert_eq!(std::fs::read_dir(data.path().join("blobs")).unwrap().count(), 0);
 }
 
-/// A table with uncertainties of 5 %, an albedo above 1, one negative value, and a lobe about 11° wide; `header` are further lines.
+/// A table with uncertainties of 5 %, an albedo above 1, one negative value, and a lobe about 11° wide; `header` are
+/// further lines.
 fn implausible(header: &str) -> String {
     let mut text = format!(
         "# radiometric-csv: 1\n# quantity: brdf\n# value_unit: 1/sr\n# cosine_included: false\n# angle_unit: deg\n\

@@ -31,8 +31,8 @@ pub enum Target {
     /// nothing is searched; the errors are measured as for any other target. er(L2) is about a tenth of the step, but where
     /// the data's own basis, which `auto` takes, has too few vectors to follow.
     Step(f64),
-    /// As near to the truth as the noise of the measurement lets one tell: er(L2) stops where what is left is noise. Where a file
-    /// states larger uncertainties, `wavelume_formats::pipeline` stops at these.
+    /// As near to the truth as the noise of the measurement lets one tell: er(L2) stops where what is left is noise.
+    /// Where a file states larger uncertainties, `wavelume_formats::pipeline` stops at these.
     Auto,
     /// Every bit.
     Lossless,

@@ -142,8 +142,8 @@ pub struct AngleGrid {
     pub values: Vec<f32>,
     /// The grid as the file states it, where that is not this one: see [`AngleGrid::as_stated`].
     pub stated: Option<Box<StatedGrid>>,
-    /// Standard uncertainties of the values (k = 1) in their unit, on the same grid, if the file states them; NaN, or anything
-    /// that is not positive, = not stated.
+    /// Standard uncertainties of the values (k = 1) in their unit, on the same grid, if the file states them; NaN, or
+    /// anything that is not positive, = not stated.
     pub sigma: Option<Box<AngleGrid>>,
 }
 

@@ -50,8 +50,8 @@ impl Instrument {
     }
 }
 
-/// A remark on a lobe that looks no wider than an angle of the instrument; `None` where it is wider than all that are stated, or
-/// none is. `full_width` is the lobe's full width at half its height, in degrees.
+/// A remark on a lobe that looks no wider than an angle of the instrument; `None` where it is wider than all that are
+/// stated, or none is. `full_width` is the lobe's full width at half its height, in degrees.
 pub fn not_wider(instrument: &Instrument, full_width: f64) -> Option<String> {
     let limits: Vec<String> = instrument
         .stated()

@@ -29,8 +29,8 @@ pub struct AutoReport {
 }
 
 impl AutoReport {
-    /// The outcome for the projected `measurement`; `scattered` is the noise of samples at scattered directions, `floor` a part of
-    /// the largest sample. `None` for other targets, and for policies that have no `auto`.
+    /// The outcome for the projected `measurement`; `scattered` is the noise of samples at scattered directions,
+    /// `floor` a part of the largest sample. `None` for other targets, and for policies that have no `auto`.
     pub(super) fn of(
         (target, policy, floor): (Target, Policy, Option<f64>),
         acquisition: &Acquisition,

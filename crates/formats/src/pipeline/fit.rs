@@ -41,8 +41,8 @@ pub struct FitReport {
     /// `None` in files of earlier versions.
     #[serde(default)]
     pub light: Option<SampleLight>,
-    /// Share of all values with a stated standard uncertainty u, rejected ones too, from which the evaluated material is at most
-    /// 2u away, 0 to 1; `None` where the file states none, and in files of earlier versions.
+    /// Share of all values with a stated standard uncertainty u, rejected ones too, from which the evaluated material
+    /// is at most 2u away, 0 to 1; `None` where the file states none, and in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub within_2u: Option<f64>,
 }

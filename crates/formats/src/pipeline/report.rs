@@ -83,8 +83,8 @@ pub struct Report {
     /// Light of the material against that of scattered samples, by incidence and group of bands; empty for other measurements.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub light_at_samples: Vec<IncidenceLight>,
-    /// Share of the values with a stated standard uncertainty u from which the decoded file is at most 2u away, 0 to 1; `None`
-    /// where the file states none, and for the grid of a file that was averaged over triangles.
+    /// Share of the values with a stated standard uncertainty u from which the decoded file is at most 2u away, 0 to 1;
+    /// `None` where the file states none, and for the grid of a file that was averaged over triangles.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub within_2u: Option<f64>,
     /// Where the target `auto` stopped; `None` for other targets.

@@ -14,8 +14,8 @@ pub(super) struct Within {
 }
 
 impl Within {
-    /// Adds values of a file, those of a material in their place, and their standard uncertainties. A value without uncertainty
-    /// does not count; one that the material has no answer for is not within.
+    /// Adds values of a file, those of a material in their place, and their standard uncertainties. A value without
+    /// uncertainty does not count; one that the material has no answer for is not within.
     pub(super) fn add(&mut self, original: &[f32], found: &[f32], sigma: &[f32]) {
         for ((&original, &found), &sigma) in original.iter().zip(found).zip(sigma) {
             if is_stated(original, sigma) {
@@ -36,8 +36,8 @@ fn is_stated(value: f32, sigma: f32) -> bool {
     !value.is_nan() && sigma > 0.0 && sigma.is_finite()
 }
 
-/// Root mean square of the relative standard uncertainties that a file states: 0.01 is 1 %. Values below their own uncertainty
-/// are left out, as their relative one says nothing; `None` where nothing is left.
+/// Root mean square of the relative standard uncertainties that a file states: 0.01 is 1 %. Values below their own
+/// uncertainty are left out, as their relative one says nothing; `None` where nothing is left.
 pub(super) fn relative(acquisition: &Acquisition) -> Option<f64> {
     let (values, sigma) = match &acquisition.samples {
         Samples::Scattered(scattered) => (&scattered.values, scattered.sigma.as_ref()?),
@@ -54,8 +54,8 @@ pub(super) fn relative(acquisition: &Acquisition) -> Option<f64> {
     (count > 0).then(|| (sum / count as f64).sqrt())
 }
 
-/// Share of the values of a file, on its own grid, from which those of the compressed `bytes` are within twice the stated
-/// uncertainty; `None` where none is stated, or the material is not on that grid.
+/// Share of the values of a file, on its own grid, from which those of the compressed `bytes` are within twice the
+/// stated uncertainty; `None` where none is stated, or the material is not on that grid.
 pub(super) fn within_on_grid(acquisition: &Acquisition, request: &Request, bytes: &[u8]) -> Option<f64> {
     let Samples::Grid(grid) = &acquisition.samples else { return None };
     let sigma = grid.sigma.as_deref()?;

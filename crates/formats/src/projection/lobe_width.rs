@@ -1,4 +1,5 @@
-//! The width of the narrowest lobe that a file shows: along theta, in the plane of incidence, through the brightest sample.
+//! The width of the narrowest lobe that a file shows: along theta, in the plane of incidence, through the brightest
+//! sample.
 
 use super::planes::scattered_samples;
 use crate::domain::{Axis, Quantity};
@@ -15,8 +16,8 @@ const MOST: usize = 1 << 24;
 /// A sample in the plane of incidence: theta in degrees, positive on the side of the mirror direction, and the value.
 type Sample = (f64, f32);
 
-/// Full width at half height, in degrees, of the narrowest lobe under any incoming direction of a BRDF, BTDF or BSDF, in its middle
-/// band; `None` where no lobe falls to half its height on both sides of its peak.
+/// Full width at half height, in degrees, of the narrowest lobe under any incoming direction of a BRDF, BTDF or BSDF,
+/// in its middle band; `None` where no lobe falls to half its height on both sides of its peak.
 ///
 /// A lobe narrower than the distance between samples looks as wide as that.
 pub fn narrowest_lobe(acquisition: &Acquisition) -> Option<f64> {
@@ -31,8 +32,8 @@ pub fn narrowest_lobe(acquisition: &Acquisition) -> Option<f64> {
     profiles.into_iter().filter_map(full_width).reduce(f64::min)
 }
 
-/// A remark on the narrowest lobe of a file where it looks no wider than an angle of the instrument; `None` where it is wider, there is
-/// no lobe, or the file states no such angle.
+/// A remark on the narrowest lobe of a file where it looks no wider than an angle of the instrument; `None` where it is
+/// wider, there is no lobe, or the file states no such angle.
 pub fn unresolved_lobe(acquisition: &Acquisition) -> Option<String> {
     let instrument = &acquisition.instrument;
     let width = if instrument.is_unknown() { None } else { narrowest_lobe(acquisition) };

@@ -1,4 +1,5 @@
-//! The largest directional albedo of a file: the sum of its values by the solid angles that they stand for, times |cos θo|.
+//! The largest directional albedo of a file: the sum of its values by the solid angles that they stand for, times |cos
+//! θo|.
 
 use super::table::Table;
 use crate::domain::vector::Vector;
@@ -7,30 +8,33 @@ use crate::formats::{Acquisition, Samples, Scattered};
 use crate::projection::scattered::{areas, directions};
 use std::borrow::Cow;
 
-/// Upper bound on the values of a table that are summed. Of larger tables some incoming directions are left out, evenly. Raising it
-/// makes checks of large tables slower and more complete.
+/// Upper bound on the values of a table that are summed. Of larger tables some incoming directions are left out,
+/// evenly. Raising it makes checks of large tables slower and more complete.
 const MOST_VALUES: usize = 1 << 25;
-/// Upper bound on the scattered samples whose areas are found; others are left out as above. Twice as many take twice as long: this
-/// many take 0.2 s on two cores.
+/// Upper bound on the scattered samples whose areas are found; others are left out as above. Twice as many take twice
+/// as long: this many take 0.2 s on two cores.
 const MOST_SCATTERED: usize = 1 << 16;
-/// Lower bound on the scattered samples under an incoming direction whose albedo is summed. Raising it leaves out sparse ones.
+/// Lower bound on the scattered samples under an incoming direction whose albedo is summed. Raising it leaves out
+/// sparse ones.
 const FEWEST: usize = 24;
 /// Incoming directions of scattered samples that lie closer than this in degrees are one.
 const SAME: f64 = 0.05;
-/// Part by which an albedo may exceed 1 without a remark: sums by area are this far off. Raising it makes fewer remarks.
+/// Part by which an albedo may exceed 1 without a remark: sums by area are this far off. Raising it makes fewer
+/// remarks.
 const TOLERANCE: f64 = 0.02;
 
 /// The largest directional albedo of a BRDF, BTDF or BSDF that a file states, over its incoming directions and bands.
 ///
-/// Directions that were not measured add nothing. Of very large files only some incoming directions are summed, the same ones
-/// every time.
+/// Directions that were not measured add nothing. Of very large files only some incoming directions are summed, the
+/// same ones every time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LargestAlbedo {
     /// The albedo; the surface sends out no more light than falls on it where this is at most 1.
     pub albedo: f64,
     /// Theta of its incoming direction and, unless the file is isotropic, phi, in degrees.
     pub incoming: (f64, Option<f64>),
-    /// Wavelength of its band in nm, or number of its channel from 0; `None` where there is one band without wavelength.
+    /// Wavelength of its band in nm, or number of its channel from 0; `None` where there is one band without
+    /// wavelength.
     pub band: Option<Band>,
     /// Incoming directions whose albedo is above 1.02 in some band.
     pub above: usize,
@@ -50,7 +54,8 @@ pub enum Band {
 }
 
 impl LargestAlbedo {
-    /// The largest albedo of a file; `None` where the quantity has none, values are relative, or they stand for no area.
+    /// The largest albedo of a file; `None` where the quantity has none, values are relative, or they stand for no
+    /// area.
     pub(super) fn of(acquisition: &Acquisition) -> Option<Self> {
         if !acquisition.quantity.has_cosine() || acquisition.unit != Unit::PerSteradian {
             return None;
@@ -183,7 +188,8 @@ fn of_scattered(quantity: Quantity, scattered: &Scattered) -> Option<LargestAlbe
     largest.found
 }
 
-/// Rows under each incoming direction that has enough of them, in increasing order of angles; of those that `is_within`.
+/// Rows under each incoming direction that has enough of them, in increasing order of angles; of those that
+/// `is_within`.
 fn incidences(scattered: &Scattered, is_within: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
     let steps = |degrees: f64| (degrees / SAME).round() as i64;
     let key = |row: usize| {

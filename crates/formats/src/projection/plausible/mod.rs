@@ -28,8 +28,8 @@ pub struct Plausibility {
     pub unresolved: Option<String>,
 }
 
-/// Checks the values of a file, where they are, against physics. Takes about a second at most: of very large files a part is
-/// checked, the same one every time.
+/// Checks the values of a file, where they are, against physics. Takes about a second at most: of very large files a
+/// part is checked, the same one every time.
 pub fn plausibility(acquisition: &Acquisition) -> Plausibility {
     Plausibility {
         albedo: LargestAlbedo::of(acquisition),
@@ -40,8 +40,8 @@ pub fn plausibility(acquisition: &Acquisition) -> Plausibility {
 }
 
 impl Plausibility {
-    /// One line for people on each finding: an albedo above 1, reciprocity, negative values, a lobe no wider than the instrument
-    /// resolves.
+    /// One line for people on each finding: an albedo above 1, reciprocity, negative values, a lobe no wider than the
+    /// instrument resolves.
     pub fn remarks(&self) -> Vec<String> {
         let albedo = self.albedo.as_ref().and_then(LargestAlbedo::remark);
         let reciprocity = self.reciprocity.as_ref().map(Reciprocity::remark);

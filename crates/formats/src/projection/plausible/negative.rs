@@ -9,7 +9,8 @@ pub struct Negatives {
     pub values: u64,
     /// The number of values that are not missing.
     pub of: u64,
-    /// Magnitude of the most negative value in parts of the largest value: 0.01 is 1 %; `None` where no value is above 0.
+    /// Magnitude of the most negative value in parts of the largest value: 0.01 is 1 %; `None` where no value is above
+    /// 0.
     pub largest: Option<f64>,
 }
 

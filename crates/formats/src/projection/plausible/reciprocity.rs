@@ -1,4 +1,5 @@
-//! The reciprocity of a file: how far f(wi, wo) and f(wo, wi) differ where both are stated or follow from samples around.
+//! The reciprocity of a file: how far f(wi, wo) and f(wo, wi) differ where both are stated or follow from samples
+//! around.
 
 use super::sides::{Mix, Side};
 use super::table::Table;

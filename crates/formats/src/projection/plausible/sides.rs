@@ -1,4 +1,5 @@
-//! One side of a measured table of directions: its directions, the solid angles that they stand for, and interpolation on it.
+//! One side of a measured table of directions: its directions, the solid angles that they stand for, and interpolation
+//! on it.
 
 use crate::domain::{self, Axis, Direction, DirectionGrid, Frame, TriangleMesh};
 use crate::formats::{Angles, AzimuthExtent, Azimuths};
@@ -76,8 +77,8 @@ impl<'a> Side<'a> {
         }
     }
 
-    /// Integrals of |cos θ| over what each direction stands for, in sr; `None` where directions stand for no area, as those of a
-    /// scan in planes.
+    /// Integrals of |cos θ| over what each direction stands for, in sr; `None` where directions stand for no area, as
+    /// those of a scan in planes.
     pub(super) fn projected_solid_angles(&self) -> Option<Vec<f64>> {
         let angles = match self {
             Self::Triangles(mesh) => return Some((0..mesh.len()).map(|i| mesh.projected_solid_angle(i)).collect()),
@@ -122,7 +123,8 @@ impl<'a> Side<'a> {
     }
 }
 
-/// Integrals of |cos θ| sin θ dθ by which each theta counts: straight lines between them, held to the ends that they cover.
+/// Integrals of |cos θ| sin θ dθ by which each theta counts: straight lines between them, held to the ends that they
+/// cover.
 fn rings(angles: &Angles) -> Vec<f64> {
     let theta = &angles.theta;
     let mut weights = vec![0.0; theta.len()];

@@ -82,8 +82,9 @@ impl ScatteredSamples {
         self.write_values(&scattered.values, from, to, out);
     }
 
-    /// Writes the standard uncertainties of the values that [`write`](Self::write) writes, NaN where none is stated: of a mean
-    /// over a band their mean, as if the errors of its values were common to them. False where the file states none.
+    /// Writes the standard uncertainties of the values that [`write`](Self::write) writes, NaN where none is stated: of
+    /// a mean over a band their mean, as if the errors of its values were common to them. False where the file states
+    /// none.
     pub(crate) fn write_sigma(&self, scattered: &Scattered, from: usize, to: usize, out: &mut [f32]) -> bool {
         let sigma = scattered.sigma.as_ref();
         sigma.inspect(|sigma| self.write_values(sigma, from, to, out)).is_some()
