@@ -65,12 +65,12 @@ struct CompressSchema {
     kind: Option<Compress>,
     /// The id of the measurement.
     measurement: DigestText,
-    /// The promise: one of `{"er_l2": 0.01}`, `{"er_l1": 0.01}`, `{"max_relative_error": 0.02}`, `{"max_absolute_error": 0.5}`
-    /// (in the unit of the samples), `{"relative_rmse": 0.01}`, `{"delta_e": 1}` or
-    /// `{"delta_e": {"at_most": 1, "illuminant": "A"}}` (CIEDE2000 of every spectrum; illuminant A, B, C, D50, D65, F11 or E, D65 if
-    /// nothing is said; policy `rd`), `{"ratio": 64}`, `{"bytes": 4096}`, `{"step": 0.02}`
-    /// (no promise: the quantiser's step in natural logarithms; policy `rd`),
-    /// `"auto"` (er(L2) down to the estimated noise of the measurement; policy `rd`), `"lossless"`.
+    /// The promise: one of `{"er_l2": 0.01}`, `{"er_l1": 0.01}`, `{"max_relative_error": 0.02}`,
+    /// `{"max_absolute_error": 0.5}` (in the unit of the samples), `{"relative_rmse": 0.01}`, `{"delta_e": 1}` or
+    /// `{"delta_e": {"at_most": 1, "illuminant": "A"}}` (CIEDE2000 of every spectrum; illuminant A, B, C, D50, D65, F11
+    /// or E, D65 if nothing is said; policy `rd`), `{"ratio": 64}`, `{"bytes": 4096}`, `{"step": 0.02}` (no promise:
+    /// the quantiser's step in natural logarithms; policy `rd`), `"auto"` (er(L2) down to the estimated noise of the
+    /// measurement, or to the uncertainties that it states where these are larger; policy `rd`), `"lossless"`.
     ///
     /// A measurement on a grid of angles keeps its promise at the samples of the file: `{"er_l2": 0.01}` keeps the root mean
     /// square of (decoded − stated) / stated, over all values above zero at the angles and wavelengths that the file states, at

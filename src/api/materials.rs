@@ -156,7 +156,7 @@ struct Manifest {
     /// that the material adds to the noise; `allowed`, the largest part that it may add; `rejected`, the `values` left out as
     /// outliers, and their share of all `samples` and of their `light`; `isolated`, the same of those that lie alone; `lobe`, the
     /// number of values far above their neighbours that are a narrow lobe and were not rejected; `light`, the largest
-    /// differences `kept`, `together` and `all` of `light_at_samples`, null without samples.
+    /// differences `kept`, `together` and `all` of `light_at_samples`, null without samples; `within_2u` as below.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
     scattered: Option<Value>,
@@ -169,6 +169,17 @@ struct Manifest {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schema(value_type = Vec<Object>)]
     light_at_samples: Vec<Value>,
+    /// Share of the values with a stated standard uncertainty u from which the file is at most 2u away, 0 to 1; absent
+    /// where the measurement states none, and where its grid was averaged over triangles.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 0.0, maximum = 1.0)]
+    within_2u: Option<f64>,
+    /// Where the target `auto` stopped: `stopped_at` is `uncertainty`, the relative root mean square of the
+    /// uncertainties that the measurement states, or `noise`, the estimated one, whichever is larger; both beside it,
+    /// null where unknown. Absent for other targets.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Object>)]
+    auto: Option<Value>,
     /// Standard deviations of the relative noise of the measurement, found by its lack of structure: `relative` of one
     /// sample, its `uncertainty`, `common` to neighbouring spectral samples; null where none can be told.
     #[schema(value_type = Option<Object>)]
@@ -176,8 +187,9 @@ struct Manifest {
     /// What the cells of the projection stand on.
     #[schema(value_type = Object)]
     coverage: Value,
-    /// Everything the parser assumed, filled or skipped, and warnings where the target lies below the noise, where incoming
-    /// directions are too sparse for the lobe, and where the material has another light than scattered samples.
+    /// Everything the parser assumed, filled or skipped, and warnings where the target lies below the noise, where
+    /// incoming directions are too sparse for the lobe, where a lobe is no wider than the instrument resolves, and
+    /// where the material has another light than scattered samples.
     #[schema(value_type = Vec<Object>)]
     notes: Vec<Value>,
     /// What the first bytes of the file hold, coarse first, the whole last: a coarser material is one range request away.

@@ -127,7 +127,13 @@ struct Understood {
     /// What the values cover, and what holds outside.
     #[schema(value_type = Option<Object>)]
     coverage: Option<Value>,
-    /// Everything assumed, filled, skipped or odd: `kind` and `message`.
+    /// Angles of the instrument that the file states, full and in degrees: `detector_aperture` and `source_divergence`.
+    #[serde(default = "nothing_stated")]
+    #[schema(value_type = Object)]
+    instrument: Value,
+    /// Everything assumed, filled, skipped or odd, and checks of the values against physics (an albedo above 1,
+    /// reciprocity, negative values, a lobe no wider than the instrument resolves): `kind` (`assumed`, `filled`,
+    /// `skipped`, `warning` or `checked`) and `message`.
     #[schema(value_type = Vec<Object>)]
     warnings: Vec<Value>,
     /// Header fields of the file: `name` and `value`.
@@ -138,6 +144,11 @@ struct Understood {
     /// How the client said the bytes are to be read.
     #[schema(value_type = Object)]
     options: Value,
+}
+
+/// The instrument of a document of an earlier version.
+fn nothing_stated() -> Value {
+    Value::Object(serde_json::Map::new())
 }
 
 /// Where to go from a measurement.

@@ -11,9 +11,9 @@ use super::report::{
 use super::request::AxesArgs;
 use crate::compress::{self, LevelInfo, Summary};
 use crate::domain::{Axis, ErrorReport, Lobe, Quantity, Sampling, Unit};
-use crate::formats::{self, Angles, AzimuthExtent, Note, NoteKind, Samples};
+use crate::formats::{self, Angles, AzimuthExtent, Instrument, Note, NoteKind, Samples};
 use crate::pipeline::{self, Request};
-use crate::projection::Coverage;
+use crate::projection::{self, Coverage};
 use serde::Serialize;
 
 #[derive(Debug, clap::Args)]
@@ -67,6 +67,8 @@ struct Measured {
     /// The smallest and the largest sample.
     range: Option<(f32, f32)>,
     coverage: Coverage,
+    /// Angles of the instrument in degrees, as far as the file states them.
+    instrument: Instrument,
     notes: Vec<Note>,
     metadata: Vec<(String, String)>,
 }
@@ -76,6 +78,7 @@ impl Measured {
         let source = pipeline::read(&loaded.input())?;
         let acquisition = source.acquisition;
         let projected = pipeline::project(&acquisition, request)?;
+        let remarks = projection::plausibility(&acquisition).remarks();
         let tensor = &projected.measurement.tensor;
         let on_grid = tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_)));
         let axes: Vec<String> = tensor.axes().iter().map(Axis::describe).collect();
@@ -102,6 +105,7 @@ impl Measured {
             negative_samples: number(|s| *s < 0.0),
             range: tensor.range(),
             coverage: projected.coverage,
+            instrument: acquisition.instrument,
             dialect: acquisition.dialect,
             notes: acquisition.report.notes_of(on_grid).cloned().collect(),
             metadata: acquisition.report.metadata,
@@ -109,6 +113,7 @@ impl Measured {
         // The tensor is not needed any more. What does not open is not warned of: it can be described all the same.
         let warning = pipeline::sparse_measurement(projected.measurement).ok().flatten();
         measured.notes.extend(warning.map(|message| Note { kind: NoteKind::Warning, message }));
+        measured.notes.extend(remarks.into_iter().map(|message| Note { kind: NoteKind::Checked, message }));
         Ok(measured)
     }
 
@@ -131,6 +136,9 @@ impl Measured {
         sample_lines(&mut sheet, &special);
         if let Some((low, high)) = self.range {
             sheet.line("range", format!("{low} to {high}"));
+        }
+        for (name, angle) in self.instrument.stated() {
+            sheet.line("instrument", format!("{name} {angle}°"));
         }
         coverage_lines(&mut sheet, &self.coverage);
         note_lines(&mut sheet, &self.notes);

@@ -5,7 +5,7 @@ use crate::compress::{LevelInfo, Noise};
 use crate::domain::ErrorReport;
 use crate::domain::colour::ColourReport;
 use crate::formats::{Note, NoteKind};
-use crate::pipeline::{FitReport, IncidenceReport, Report, SampleLight};
+use crate::pipeline::{AutoReport, FitReport, IncidenceReport, Report, SampleLight, StoppedAt};
 use crate::projection::{Coverage, Rejected, ScatterReport};
 
 /// The report of a compression; `file_bytes` is the size of the input file.
@@ -17,6 +17,9 @@ pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
     sample_lines(&mut sheet, &report.errors);
     coverage_lines(&mut sheet, &report.coverage);
     noise_line(&mut sheet, report.noise.as_ref());
+    if let Some(auto) = &report.auto {
+        sheet.line("auto", stopped_at(auto));
+    }
     note_lines(&mut sheet, &report.notes);
     sheet.line("policy", format!("{}, basis {}", report.policy, report.basis));
     sheet.line(
@@ -56,6 +59,8 @@ pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
     }
     if let Some(fit) = &report.fit {
         fit_line(&mut sheet, fit);
+    } else {
+        uncertainty_line(&mut sheet, report.within_2u);
     }
     sheet.line("digest", &report.digest);
     sheet
@@ -232,6 +237,34 @@ fn fit_line(sheet: &mut Sheet, fit: &FitReport) {
     if let Some(light) = &fit.light {
         sheet.line("light at samples", light_at_samples(light, fit.rejected.values > 0));
     }
+    uncertainty_line(sheet, fit.within_2u);
+}
+
+/// Adds the line that states which share of the values is kept within twice their uncertainty.
+fn uncertainty_line(sheet: &mut Sheet, within: Option<f64>) {
+    if let Some(within) = within {
+        let text = format!("{} of the values with a stated uncertainty u are kept within 2u", per_cent(within));
+        sheet.line("uncertainty", text);
+    }
+}
+
+/// Where `auto` stopped, and what the other bound is.
+fn stopped_at(auto: &AutoReport) -> String {
+    let uncertainty =
+        |u: f64| format!("uncertainty of {} that the file states (relative root mean square)", per_cent(u));
+    match (auto.stopped_at, auto.uncertainty, auto.noise) {
+        (StoppedAt::Uncertainty, Some(u), Some(noise)) => {
+            format!("stopped at the {}, above the estimated noise of {}", uncertainty(u), per_cent(noise))
+        }
+        (StoppedAt::Uncertainty, Some(u), None) => {
+            format!("stopped at the {}; the noise of the samples cannot be estimated", uncertainty(u))
+        }
+        (_, Some(u), Some(noise)) => {
+            format!("stopped at the estimated noise of {}, not below the {}", per_cent(noise), uncertainty(u))
+        }
+        (_, _, Some(noise)) => format!("stopped at the estimated noise of {}", per_cent(noise)),
+        _ => "stopped at the estimated noise".to_owned(),
+    }
 }
 
 /// The largest differences of the light of a material from that of its samples.
@@ -272,6 +305,7 @@ pub(crate) fn note_lines(sheet: &mut Sheet, notes: &[Note]) {
             NoteKind::Filled => "filled",
             NoteKind::Skipped => "skipped",
             NoteKind::Warning => "warning",
+            NoteKind::Checked => "checked",
         };
         sheet.line(label, &note.message);
     }

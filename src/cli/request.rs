@@ -37,7 +37,8 @@ pub(crate) struct AxesArgs {
 #[derive(Debug, clap::Args)]
 #[group(multiple = false)]
 pub(crate) struct TargetArgs {
-    /// Root mean square of the relative error at most this: 0.01 is 1 % [default: 0.01]; `auto` stops at the noise (policy rd)
+    /// Root mean square of the relative error at most this: 0.01 is 1 % [default: 0.01]; `auto` stops at the estimated
+    /// noise, or at the uncertainty that the file states where that is larger (policy rd)
     #[arg(long, value_name = "E|auto", value_parser = er_l2)]
     er_l2: Option<Target>,
     /// Mean of the relative error at most this: 0.01 is 1 %

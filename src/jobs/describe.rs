@@ -1,7 +1,8 @@
 //! What was understood of a measurement, for the user to see before anything is compressed.
 
 use crate::domain::{Axis, WavelengthGrid};
-use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Modelled, NoteKind, Outside, Samples};
+use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Modelled, Note, NoteKind, Outside, Samples};
+use crate::projection;
 use serde_json::{Map, Value, json};
 
 /// Header fields of a file that are kept beside its measurement.
@@ -46,6 +47,9 @@ pub(crate) fn describe(acquisition: &Acquisition) -> Map<String, Value> {
         .take(MAX_FIELDS)
         .map(|(name, value)| json!({ "name": name, "value": value }))
         .collect();
+    let checked = projection::plausibility(acquisition).remarks().into_iter();
+    let checked = checked.map(|message| Note { kind: NoteKind::Checked, message });
+    let warnings: Vec<Note> = acquisition.report.notes.iter().cloned().chain(checked).collect();
     let described = json!({
         "format": acquisition.format,
         "dialect": acquisition.dialect,
@@ -55,7 +59,8 @@ pub(crate) fn describe(acquisition: &Acquisition) -> Map<String, Value> {
         "samples": samples,
         "range": range.map(|(low, high)| [low, high]),
         "coverage": merged(coverage, json!({ "missing_samples": missing })),
-        "warnings": acquisition.report.notes,
+        "instrument": acquisition.instrument,
+        "warnings": warnings,
         "fields": fields,
         "needs": [],
     });
@@ -73,6 +78,7 @@ pub(crate) fn describe_needy(format: &str, need: &str) -> Map<String, Value> {
         "samples": null,
         "range": null,
         "coverage": null,
+        "instrument": {},
         "warnings": [{ "kind": NoteKind::Warning, "message": need }],
         "fields": [],
         "needs": [need],
@@ -137,6 +143,7 @@ fn grid_coverage(grid: &AngleGrid) -> Value {
     json!({
         "incoming": grid.incoming.as_ref().map(direction_coverage),
         "outgoing": grid.outgoing.as_ref().map(direction_coverage),
+        "stated_uncertainties": grid.sigma.is_some(),
         "outside": match grid.outside {
             Outside::Zero => "zero",
             Outside::Masked => "masked",
@@ -184,7 +191,7 @@ fn into_map(value: Value) -> Map<String, Value> {
 mod tests {
     use super::*;
     use crate::domain::{Quantity, Unit};
-    use crate::formats::{Azimuths, ParseReport, SpectralFactor};
+    use crate::formats::{Azimuths, Instrument, ParseReport, SpectralFactor};
 
     #[test]
     fn a_luminaire_with_a_spectrum_has_its_axes_and_range() {
@@ -200,6 +207,7 @@ mod tests {
             outside: Outside::Zero,
             values: vec![1.0, 2.0, 3.0, 4.0, f32::NAN, 0.5],
             stated: None,
+            sigma: None,
         };
         let factor = SpectralFactor { grid: WavelengthGrid::even(400.0, 10.0, 2).unwrap(), factors: vec![0.5, 2.0] };
         let described = describe(&Acquisition {
@@ -209,6 +217,7 @@ mod tests {
             unit: Unit::Relative,
             samples: Samples::Grid(grid),
             spectral_factor: Some(factor),
+            instrument: Instrument::default(),
             report: ParseReport::default(),
         });
         let kinds: Vec<&str> =

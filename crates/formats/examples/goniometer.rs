@@ -22,7 +22,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 use wavelume_core::domain::{Axis, Direction, Quantity, Unit, WavelengthGrid};
 use wavelume_core::evaluate::{Interpolation, Material, Place};
-use wavelume_formats::formats::{Acquisition, ParseReport, Samples, Scattered};
+use wavelume_formats::formats::{Acquisition, Instrument, ParseReport, Samples, Scattered};
 use wavelume_formats::projection::{AxesRequest, project};
 
 /// The cosine of the radius of the blind spot, 5°, around the lamp.
@@ -124,6 +124,7 @@ impl Scan {
                 sigma: None,
             }),
             spectral_factor: None,
+            instrument: Instrument::default(),
             report: ParseReport::default(),
         })
     }

@@ -113,3 +113,61 @@ fn what_a_material_adds_to_the_noise_is_stated_warned_of_and_refused() {
     assert!(code == Some(1) && refusal.contains("strict: outgoing level 1 adds er(L2)"), "{refusal}");
     assert!(!at.join("coarse.wlm").exists());
 }
+
+/// `noisy_lobe` with an uncertainty of this part of each value.
+fn with_uncertainties(part: f64) -> String {
+    let mut text = String::new();
+    for line in noisy_lobe().lines() {
+        let value = line.rsplit(',').next().and_then(|value| value.parse::<f64>().ok());
+        match value {
+            Some(value) => writeln!(text, "{line},{:.8}", part * value).unwrap(),
+            None if line.starts_with('#') => writeln!(text, "{line}").unwrap(),
+            None => writeln!(text, "{line},sigma").unwrap(),
+        }
+    }
+    text
+}
+
+#[test]
+fn stated_uncertainties_say_what_is_kept_and_where_auto_stops() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = directory.path();
+    let sheet = |args: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_wavelume"));
+        let output = command.args(args).current_dir(at).stdin(Stdio::null()).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    // The noise is 1 %.
+    std::fs::write(at.join("stated.csv"), with_uncertainties(0.01)).unwrap();
+    let report = json(at, &["compress", "stated.csv", "-o", "stated.wlm"]);
+    let within = report["within_2u"].as_f64().unwrap();
+    // The promised error of 1 % comes on top of the noise.
+    assert!((0.8..0.9).contains(&within), "{report}");
+    assert_eq!(report["scattered"]["within_2u"], report["within_2u"]);
+    assert!(report.get("auto").is_none(), "{report}");
+    let stated = sheet(&["inspect", "stated.wlm"]);
+    assert!(stated.contains("% of the values with a stated uncertainty u are kept within 2u"), "{stated}");
+
+    let unsure = with_uncertainties(0.04).replace("# isotropic", "# detector_aperture: 3\n# isotropic");
+    std::fs::write(at.join("unsure.csv"), unsure).unwrap();
+    let report = json(at, &["compress", "unsure.csv", "-o", "unsure.wlm", "--er-l2", "auto"]);
+    let auto = &report["auto"];
+    assert_eq!(auto["stopped_at"], "uncertainty", "{report}");
+    assert!((auto["uncertainty"].as_f64().unwrap() - 0.04).abs() < 1e-4, "{report}");
+    assert!((auto["noise"].as_f64().unwrap() - 0.01).abs() < 0.0025, "{report}");
+    let cells = report["er_l2_cells"].as_f64().unwrap();
+    assert!(cells <= 0.04 && report["within_2u"].as_f64().unwrap() > 0.9, "{report}");
+    let text = sheet(&["compress", "unsure.csv", "-o", "unsure.wlm", "--er-l2", "auto"]);
+    let line =
+        "stopped at the uncertainty of 4.00 % that the file states (relative root mean square), above the estimated";
+    assert!(text.contains(line), "{text}");
+
+    let without = json(at, &["compress", "unsure.csv", "-o", "fine.wlm"]);
+    assert!(without["bytes"].as_u64().unwrap() > report["bytes"].as_u64().unwrap(), "{without} {report}");
+    let material = json(at, &["inspect", "unsure.wlm"]);
+    assert_eq!(material["provenance"]["source"]["instrument"]["detector_aperture"], 3.0, "{material}");
+    let inspected = sheet(&["inspect", "unsure.csv"]);
+    assert!(inspected.contains("the detector's aperture 3°"), "{inspected}");
+    assert!(!inspected.contains("checked"), "there is nothing to say: {inspected}");
+}

@@ -123,6 +123,75 @@ async fn refused_measurements_say_where_and_leave_nothing() {
     assert_eq!(std::fs::read_dir(data.path().join("blobs")).unwrap().count(), 0);
 }
 
+/// A table with uncertainties of 5 %, an albedo above 1, one negative value, and a lobe about 11° wide; `header` are
+/// further lines.
+fn implausible(header: &str) -> String {
+    let mut text = format!(
+        "# radiometric-csv: 1\n# quantity: brdf\n# value_unit: 1/sr\n# cosine_included: false\n# angle_unit: deg\n\
+         # isotropic: true\n{header}theta_i,theta_o,phi_o,v550,s550\n"
+    );
+    for theta_i in [0, 30, 60] {
+        for theta_o in (0..=80).step_by(10) {
+            for phi_o in (0..360).step_by(30) {
+                let value = match (theta_o == theta_i, phi_o) {
+                    (true, 180) if theta_i > 0 => 5.0,
+                    (_, 90) if theta_o == 80 && theta_i == 0 => -0.05,
+                    _ => 0.4,
+                };
+                let line = format!("{theta_i},{theta_o},{phi_o},{value},{}\n", 0.05 * f64::abs(value));
+                text.push_str(&line);
+            }
+        }
+    }
+    text
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_upload_is_checked_against_physics_and_its_instrument() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    let table = implausible("# detector_aperture: 12\n# source_divergence: 0.5\n");
+    let answer = service.post("/v1/measurements").body(table).send().await.unwrap().json::<Value>().await.unwrap();
+    assert_eq!(answer["instrument"], json!({ "detector_aperture": 12.0, "source_divergence": 0.5 }), "{answer}");
+    assert_eq!(answer["coverage"]["stated_uncertainties"], true);
+    let checked = |answer: &Value| -> Vec<String> {
+        let warnings = answer["warnings"].as_array().unwrap().iter().filter(|note| note["kind"] == "checked");
+        warnings.map(|note| note["message"].as_str().unwrap().to_owned()).collect()
+    };
+    let lines = checked(&answer);
+    assert_eq!(lines.len(), 4, "{lines:?}");
+    assert!(lines[0].starts_with("albedo above 1 under 3 of 3 incoming directions") && lines[0].contains("at 550 nm"));
+    assert!(lines[1].starts_with("f(wi, wo) and f(wo, wi), equal by reciprocity, differ by"), "{lines:?}");
+    assert!(lines[2].starts_with("1 of 324 values (0.31 %) are negative; the largest has 1.00 %"), "{lines:?}");
+    assert!(
+        lines[3].ends_with("is no wider than the detector's aperture of 12°: its true width is unknown"),
+        "{lines:?}"
+    );
+    let silent = service.upload("", D65).await;
+    assert_eq!((checked(&silent), &silent["instrument"]), (vec![], &json!({})), "{silent}");
+
+    let job = service.compress(&json!({ "measurement": answer["id"], "target": "auto" })).await;
+    assert_eq!(job["state"], "succeeded", "{job}");
+    let path = format!("/v1/materials/{}", job["material"].as_str().unwrap());
+    let material: Value = service.get(&path).send().await.unwrap().json().await.unwrap();
+    assert_eq!(material["auto"]["stopped_at"], "uncertainty", "{material}");
+    assert!((material["auto"]["uncertainty"].as_f64().unwrap() - 0.05).abs() < 1e-6, "{material}");
+    let within = material["within_2u"].as_f64().unwrap();
+    assert!((0.9..=1.0).contains(&within), "{material}");
+    let notes = material["notes"].as_array().unwrap();
+    assert!(notes.iter().any(|note| note["message"].as_str().unwrap().contains("is no wider than")), "{material}");
+
+    for bad in ["", "wide", "-1", "180.5", "1 deg", "NaN", "1e999", "\u{0}", "12,5", "0x10"] {
+        let table = implausible(&format!("# source_divergence: 1\n# detector_aperture: {bad}\n"));
+        let refused = service.post("/v1/measurements").body(table.into_bytes());
+        let refusal = problem(refused, 422, "malformed-measurement").await;
+        let detail = refusal["detail"].as_str().unwrap();
+        assert!(detail.contains("line 8, column 1") && detail.contains("detector_aperture"), "{bad}: {detail}");
+        assert!(detail.contains("expected a full angle in degrees, from 0 to 180"), "{bad}: {detail}");
+    }
+    service.stop().await;
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn lists_filter_and_page() {
     let data = tempfile::tempdir().unwrap();

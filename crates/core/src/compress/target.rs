@@ -32,6 +32,7 @@ pub enum Target {
     /// the data's own basis, which `auto` takes, has too few vectors to follow.
     Step(f64),
     /// As near to the truth as the noise of the measurement lets one tell: er(L2) stops where what is left is noise.
+    /// Where a file states larger uncertainties, `wavelume_formats::pipeline` stops at these.
     Auto,
     /// Every bit.
     Lossless,

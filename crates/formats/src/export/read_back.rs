@@ -81,6 +81,7 @@ mod tests {
             outside: Outside::Masked,
             values: (0..12).map(|i| i as f32).collect(),
             stated: None,
+            sigma: None,
         }
     }
 

@@ -1,5 +1,6 @@
 //! What every parser gives: samples as the instrument took them, and a report of all that was assumed.
 
+use super::instrument::Instrument;
 use super::stated_grid::StatedGrid;
 use crate::domain::vector::{Vector, unit};
 use crate::domain::{Axis, Direction, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
@@ -22,6 +23,8 @@ pub struct Acquisition {
     pub samples: Samples,
     /// A spectrum joined with the samples: value(direction, λ) = sample(direction) · factor(λ).
     pub spectral_factor: Option<SpectralFactor>,
+    /// Angles of the instrument below which nothing is resolved, where the file states them.
+    pub instrument: Instrument,
     /// Everything the parser assumed, filled, skipped or found odd, and the file's own keywords.
     pub report: ParseReport,
 }
@@ -139,6 +142,9 @@ pub struct AngleGrid {
     pub values: Vec<f32>,
     /// The grid as the file states it, where that is not this one: see [`AngleGrid::as_stated`].
     pub stated: Option<Box<StatedGrid>>,
+    /// Standard uncertainties of the values (k = 1) in their unit, on the same grid, if the file states them; NaN, or
+    /// anything that is not positive, = not stated.
+    pub sigma: Option<Box<AngleGrid>>,
 }
 
 /// The angles of one direction, in degrees of the surface frame (theta from `+z`; a luminaire's theta = 180° − gamma).
@@ -224,6 +230,8 @@ pub enum NoteKind {
     Skipped,
     /// Something the user should look at.
     Warning,
+    /// A check of the values against physics, for the user to judge.
+    Checked,
 }
 
 impl ParseReport {

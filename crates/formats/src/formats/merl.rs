@@ -9,6 +9,7 @@ use super::acquisition::{
     Acquisition, Angles, DirectionalFunction, Modelled, NoteKind, ParseReport, Samples, Written, lifted,
 };
 use super::error::{FormatError, FormatErrorKind};
+use super::instrument::Instrument;
 use super::interpretation::Interpretation;
 use super::reader::{Format, Reader, Sample};
 use crate::domain::vector::{Vector, about_y, about_z, add, dot, norm, scale, sub};
@@ -100,6 +101,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
             function: Arc::new(table),
         }),
         spectral_factor: None,
+        instrument: Instrument::default(),
         report,
     })
 }

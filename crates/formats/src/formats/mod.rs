@@ -8,6 +8,7 @@ mod azimuth;
 mod error;
 mod eulumdat;
 mod foreign;
+mod instrument;
 mod intensities;
 mod interpretation;
 mod lm63;
@@ -42,6 +43,7 @@ pub use acquisition::{
 pub use archive::{Archive, Member, is_archive};
 pub use error::{FormatError, FormatErrorKind, Position};
 pub use eulumdat::{restate_eulumdat, write_eulumdat};
+pub use instrument::{Instrument, not_wider};
 pub use interpretation::Interpretation;
 pub use lm63::{restate_lm63, write_lm63};
 pub use manifest::manifest_of;

@@ -6,6 +6,7 @@
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
 use super::foreign;
+use super::instrument::Instrument;
 use super::interpretation::Interpretation;
 use super::reader::{Format, Reader, Sample};
 use super::text::{Brief, Source, number, snippet};
@@ -69,7 +70,16 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let tensor = Tensor::new(vec![Axis::Wavelength(grid)], values)
         .map_err(|e| FormatError::new(FormatErrorKind::OverLimit, NAME, e.to_string()))?;
     let samples = Samples::OnAxes { tensor, sampling: Sampling::default() };
-    Ok(Acquisition { format: NAME, dialect, quantity, unit, samples, spectral_factor: None, report })
+    Ok(Acquisition {
+        format: NAME,
+        dialect,
+        quantity,
+        unit,
+        samples,
+        spectral_factor: None,
+        instrument: Instrument::default(),
+        report,
+    })
 }
 
 /// The quantity and unit of `SpectralQuantity`; all are densities per nm except ratios.

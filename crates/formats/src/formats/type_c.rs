@@ -88,6 +88,7 @@ pub(super) fn luminaire(theta: Vec<f64>, covers: (f64, f64), phi: Option<Azimuth
         outside: Outside::Zero,
         values,
         stated: None,
+        sigma: None,
     }
 }
 

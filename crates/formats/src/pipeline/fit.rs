@@ -1,6 +1,7 @@
 //! Errors of a material at scattered samples, and what of them it adds to the noise of these.
 
 use super::sample_light::{IncidenceLight, LightSums, SampleLight};
+use super::uncertainty::Within;
 use crate::compress::Target;
 use crate::domain::{ErrorAccumulator, ErrorReport};
 use crate::evaluate::{Directions, Interpolation, Material, Pairs, Place};
@@ -40,6 +41,10 @@ pub struct FitReport {
     /// `None` in files of earlier versions.
     #[serde(default)]
     pub light: Option<SampleLight>,
+    /// Share of all values with a stated standard uncertainty u, rejected ones too, from which the evaluated material
+    /// is at most 2u away, 0 to 1; `None` where the file states none, and in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub within_2u: Option<f64>,
 }
 
 /// Errors of a material at scattered samples, and its light against theirs.
@@ -51,6 +56,8 @@ pub(super) struct AtSamples {
     pub(super) all: f64,
     /// Empty where it was not asked for.
     pub(super) light: Vec<IncidenceLight>,
+    /// Values within twice their stated uncertainty.
+    pub(super) within: Within,
 }
 
 impl FitReport {
@@ -61,7 +68,18 @@ impl FitReport {
         let added = (fit * fit - sigma * sigma).max(0.0).sqrt();
         let allowed = (2.0 * promised).max(0.5 * sigma);
         let light = (!found.light.is_empty()).then(|| SampleLight::of(&found.light));
-        Self { noise, fit, fit_all: Some(found.all), added, allowed, rejected, isolated: Some(isolated), lobe, light }
+        Self {
+            noise,
+            fit,
+            fit_all: Some(found.all),
+            added,
+            allowed,
+            rejected,
+            isolated: Some(isolated),
+            lobe,
+            light,
+            within_2u: found.within.share(),
+        }
     }
 
     /// Returns true where the material adds no more than it may.
@@ -90,6 +108,7 @@ impl FitReport {
             isolated: self.isolated.map(shares),
             lobe: self.lobe,
             light: self.light.map(light),
+            within_2u: self.within_2u.map(rounded),
         }
     }
 }
@@ -123,6 +142,7 @@ pub(super) fn at_samples(
     let rows = (PIECE / width.max(1)).clamp(1, samples.len().max(1));
     let (mut original, mut found) = (vec![0.0_f32; rows * width], vec![0.0_f32; rows * width]);
     let (mut errors, mut all) = (ErrorAccumulator::default(), ErrorAccumulator::default());
+    let (mut sigma, mut within) = (Vec::new(), Within::default());
     for from in (0..samples.len()).step_by(rows) {
         let to = (from + rows).min(samples.len());
         let (original, found) = (&mut original[..(to - from) * width], &mut found[..(to - from) * width]);
@@ -146,6 +166,10 @@ pub(super) fn at_samples(
             .filter(|(_, original)| original.is_nan())
             .for_each(|(found, _)| *found = f32::NAN);
         all.add(original, found, 0.0);
+        sigma.resize(original.len(), 0.0);
+        if samples.write_sigma(&scattered, from, to, &mut sigma) {
+            within.add(original, found, &sigma);
+        }
         if let Some((sums, _)) = &mut light {
             sums.add(from, (&*original, &*found), samples.rejected(from, to));
         }
@@ -159,5 +183,5 @@ pub(super) fn at_samples(
     errors.masked_samples -= samples.rejected_values();
     let spectral = material.axes().last();
     let light = light.map_or_else(Vec::new, |(sums, noise)| sums.finish(noise, spectral));
-    AtSamples { errors, all: all.finish().er_l2, light }
+    AtSamples { errors, all: all.finish().er_l2, light, within }
 }

@@ -1,6 +1,7 @@
 //! What a user asks for, whole: bytes of a measurement and a request in, a compressed material with its report out.
 
 mod as_planes;
+mod auto;
 mod digest;
 mod error;
 mod fit;
@@ -18,7 +19,9 @@ mod restated;
 mod sample_light;
 mod source;
 mod sparse;
+mod uncertainty;
 
+pub use auto::{AutoReport, StoppedAt};
 pub use digest::digest;
 pub use error::PipelineError;
 pub use fit::FitReport;

@@ -1,5 +1,6 @@
 //! A measurement that was read, put on axes and compressed.
 
+use super::auto::AutoReport;
 use super::error::PipelineError;
 use super::fit::{FitReport, at_samples, promised, scatter_of};
 use super::light;
@@ -9,10 +10,11 @@ use super::report::{Report, report};
 use super::request::{Curve, Request};
 use super::sample_light::{self, LightSums};
 use super::source::Source;
+use super::uncertainty::within_on_grid;
 use crate::compress::{self, Between, Numbers, Settings, Target};
 use crate::domain::{Axis, Progress, Silent};
 use crate::evaluate::{Material, interpolation_between, state_levels, straight_lines_for_flux};
-use crate::formats::{Acquisition, Note, NoteKind};
+use crate::formats::{Acquisition, Note, NoteKind, not_wider};
 use crate::projection::{self, CarriedLobe, Projected};
 
 /// A material and its report.
@@ -107,10 +109,13 @@ fn compressed(
     let acquisition = &source.acquisition;
     let scatter = scatter_of(&projected);
     let Projected { measurement, coverage, filled, scattered, numbers, lobe } = projected;
+    let auto = (request.target, request.policy, request.floor);
+    let auto = AutoReport::of(auto, acquisition, &measurement, scatter.noise);
+    let target = auto.map_or(request.target, |auto| auto.target());
     let on_grid = measurement.tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_)));
     let provenance = |fit: Option<&FitReport>| provenance(source, request, &filled, (on_grid, fit));
     let settings = Settings {
-        target: request.target,
+        target,
         policy: request.policy,
         basis: request.basis.clone(),
         floor: request.floor,
@@ -142,19 +147,28 @@ fn compressed(
         let mut sums = LightSums::new(&scattered);
         let at_samples = at_samples(acquisition, &scattered, &material, Some((&mut sums, scatter.noise)));
         drop(material);
-        let promised = promised(request.target, compressed.summary.errors.er_l2);
+        let promised = promised(target, compressed.summary.errors.er_l2);
         let found = FitReport::new(&scatter, &at_samples, promised);
         fit = Some((found, at_samples));
         if request.metadata {
             let whole = compress::with_metadata(&compressed.bytes, &provenance(Some(&found)));
             let whole = whole.map_err(|error| PipelineError::Opened(error.into()))?;
             // A limit on bytes goes before what is said in them.
-            if !matches!(request.target, Target::Bytes(limit) if whole.len() as u64 > limit) {
+            if !matches!(target, Target::Bytes(limit) if whole.len() as u64 > limit) {
                 compressed.bytes = whole;
             }
         }
     }
-    let report = report(acquisition, request.target, samples, (coverage, fit, lobe), &compressed);
+    let unresolved = match &lobe {
+        Some(carried) => not_wider(&acquisition.instrument, carried.full_width[0].min(carried.full_width[1])),
+        None => projection::unresolved_lobe(acquisition),
+    };
+    let mut report = report(acquisition, target, samples, (coverage, fit, lobe), &compressed);
+    report.auto = auto;
+    report.notes.extend(unresolved.map(|message| Note { kind: NoteKind::Warning, message }));
+    if report.within_2u.is_none() {
+        report.within_2u = within_on_grid(acquisition, request, &compressed.bytes);
+    }
     Ok(Outcome { bytes: compressed.bytes, report })
 }
 

@@ -41,6 +41,9 @@ pub(super) fn provenance(
         },
         "request": request,
     });
+    if !acquisition.instrument.is_unknown() {
+        document["source"]["instrument"] = serde_json::json!(acquisition.instrument);
+    }
     let count = filled.iter().filter(|filled| **filled).count();
     if count > 0 {
         document["filled"] = serde_json::json!({ "cells": count, "of": filled.len(), "runs": runs(filled) });

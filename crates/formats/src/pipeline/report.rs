@@ -1,5 +1,6 @@
 //! What a compression achieved, measured on the decoded file.
 
+use super::auto::AutoReport;
 use super::digest::digest;
 use super::fit::{AtSamples, FitReport, promised};
 use super::incidences::IncidenceReport;
@@ -85,6 +86,13 @@ pub struct Report {
     /// Light of the material against that of scattered samples, by incidence and group of bands; empty for other measurements.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub light_at_samples: Vec<IncidenceLight>,
+    /// Share of the values with a stated standard uncertainty u from which the decoded file is at most 2u away, 0 to 1;
+    /// `None` where the file states none, and for the grid of a file that was averaged over triangles.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub within_2u: Option<f64>,
+    /// Where the target `auto` stopped; `None` for other targets.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub auto: Option<AutoReport>,
     /// The noise of the tensor that was compressed; `None` where none can be told, and of cells fitted to scattered samples.
     pub noise: Option<Noise>,
     /// What the cells stand on.
@@ -177,6 +185,8 @@ pub(super) fn report(
         fit,
         lobe,
         light_at_samples: light_at_samples.unwrap_or_default(),
+        within_2u: fit.and_then(|fit| fit.within_2u),
+        auto: None,
         noise,
         coverage,
         notes: acquisition.report.notes_of(on_grid).cloned().chain(warnings).collect(),

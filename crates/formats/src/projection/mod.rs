@@ -6,9 +6,11 @@ mod bands;
 mod error;
 mod grid;
 mod levels;
+mod lobe_width;
 mod modelled;
 mod on_axes;
 mod planes;
+mod plausible;
 mod projected;
 mod reciprocal;
 mod request;
@@ -23,7 +25,9 @@ mod tests;
 pub use error::{
     Angle, AnglesError, DomainError, LevelError, ProjectionError, ReciprocalError, Role, ScatteredError, SpectralError,
 };
+pub use lobe_width::{narrowest_lobe, unresolved_lobe};
 pub(crate) use planes::scattered_samples;
+pub use plausible::{Band, LargestAlbedo, Negatives, Plausibility, Reciprocity, plausibility};
 pub use projected::{Coverage, Numbers, Projected};
 pub use reciprocal::{Reciprocal, reciprocal};
 pub use request::{AxesRequest, DirectionDomain};

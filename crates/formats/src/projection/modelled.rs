@@ -235,7 +235,7 @@ impl Mean {
 mod tests {
     use super::*;
     use crate::domain::Unit;
-    use crate::formats::{Angles, AzimuthExtent, Azimuths, DirectionalFunction, ParseReport, Samples};
+    use crate::formats::{Angles, AzimuthExtent, Azimuths, DirectionalFunction, Instrument, ParseReport, Samples};
     use std::sync::Arc;
 
     #[derive(Debug)]
@@ -264,6 +264,7 @@ mod tests {
                 function: Arc::new(Surface(f)),
             }),
             spectral_factor: None,
+            instrument: Instrument::default(),
             report: ParseReport::default(),
         }
     }

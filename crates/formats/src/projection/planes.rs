@@ -18,32 +18,19 @@ const DENSE: [&str; 1] = ["mbsdf"];
 pub(crate) fn scattered_samples(acquisition: &Acquisition) -> Option<Cow<'_, Scattered>> {
     match &acquisition.samples {
         Samples::Scattered(scattered) => Some(Cow::Borrowed(scattered)),
-        _ => match instead(acquisition, None)? {
-            (Samples::Scattered(scattered), _) => Some(Cow::Owned(scattered)),
-            _ => None,
-        },
+        _ => open_samples(acquisition, None).map(Cow::Owned),
     }
 }
 
 /// Samples that stand for the grid of `acquisition`, and the note that says so; `None` where it is kept. With the domain
 /// [`DirectionDomain::Grid`] by name, planes stay a grid.
 pub(super) fn instead(acquisition: &Acquisition, domain: Option<DirectionDomain>) -> Option<(Samples, &'static str)> {
-    let Samples::Grid(grid) = &acquisition.samples else { return None };
-    let (true, [], Some(incoming), Some(outgoing)) =
-        (acquisition.quantity.has_cosine(), &grid.index[..], &grid.incoming, &grid.outgoing)
-    else {
-        return None;
-    };
-    let is_ring = |angles: &Angles| angles.phi.is_some() && angles.covers.0 == angles.covers.1;
-    let is_plane = single_azimuth(outgoing).is_some() || widest_gap(outgoing) > PLANES;
-    let is_open = is_ring(incoming) || is_ring(outgoing) || is_plane;
-    let width = grid.spectral.as_ref().map_or(1, Axis::len);
-    let is_kept = domain == Some(DirectionDomain::Grid) || DENSE.contains(&acquisition.format);
-    if is_open && !is_kept && grid.values.len() / width <= MOST {
+    if let Some(scattered) = open_samples(acquisition, domain) {
         let note = "angles with nothing between them (one of them, or azimuths more than 90 degrees apart): taken as \
                     directions without a grid";
-        return Some((Samples::Scattered(scattered(grid, incoming, outgoing, width)), note));
+        return Some((Samples::Scattered(scattered), note));
     }
+    let (grid, incoming, _) = pairs_of_directions(acquisition)?;
     let azimuth = single_azimuth(incoming)?;
     let mut grid = grid.clone();
     grid.incoming = Some(Angles { phi: None, ..incoming.clone() });
@@ -58,8 +45,36 @@ pub(super) fn instead(acquisition: &Acquisition, domain: Option<DirectionDomain>
     Some((Samples::Grid(grid), "incoming directions of one azimuth only: taken as isotropic"))
 }
 
+/// Samples at scattered directions that stand for a grid with nothing between its angles; `None` where it is kept.
+fn open_samples(acquisition: &Acquisition, domain: Option<DirectionDomain>) -> Option<Scattered> {
+    let (grid, incoming, outgoing) = pairs_of_directions(acquisition)?;
+    let is_ring = |angles: &Angles| angles.phi.is_some() && angles.covers.0 == angles.covers.1;
+    let is_open = is_ring(incoming) || is_ring(outgoing) || is_plane(outgoing);
+    let width = grid.spectral.as_ref().map_or(1, Axis::len);
+    let is_kept = domain == Some(DirectionDomain::Grid) || DENSE.contains(&acquisition.format);
+    let is_taken = is_open && !is_kept && grid.values.len() / width <= MOST;
+    is_taken.then(|| scattered(grid, incoming, outgoing, width))
+}
+
+/// The grid of scattered light of one sample, and its angles.
+fn pairs_of_directions(acquisition: &Acquisition) -> Option<(&AngleGrid, &Angles, &Angles)> {
+    let Samples::Grid(grid) = &acquisition.samples else { return None };
+    let is_single = acquisition.quantity.has_cosine() && grid.index.is_empty();
+    Some((grid, grid.incoming.as_ref()?, grid.outgoing.as_ref()?)).filter(|_| is_single)
+}
+
+/// Whether azimuths are planes of a scan, between which nothing is known.
+fn is_plane(angles: &Angles) -> bool {
+    single_azimuth(angles).is_some() || widest_gap(angles) > PLANES
+}
+
+/// Returns true for angles that stand for an area: neither one ring nor planes of a scan.
+pub(super) fn has_area(angles: &Angles) -> bool {
+    angles.covers.0 < angles.covers.1 && !is_plane(angles)
+}
+
 /// The azimuth of a sector that is one plane.
-fn single_azimuth(angles: &Angles) -> Option<f64> {
+pub(super) fn single_azimuth(angles: &Angles) -> Option<f64> {
     let azimuths = angles.phi.as_ref().filter(|azimuths| azimuths.extent == AzimuthExtent::Sector)?;
     if let [alone] = azimuths.phi[..] { Some(alone) } else { None }
 }
@@ -78,7 +93,8 @@ fn widest_gap(angles: &Angles) -> f64 {
 fn scattered(grid: &AngleGrid, incoming: &Angles, outgoing: &Angles, width: usize) -> Scattered {
     let [into, out] = [incoming, outgoing].map(directions);
     let pairs = into.iter().flat_map(|wi| out.iter().map(move |wo| (*wi, *wo)));
-    let measured = pairs.zip(grid.values.chunks_exact(width)).filter(|(_, row)| row.iter().any(|v| !v.is_nan()));
+    let measured =
+        pairs.zip(grid.values.chunks_exact(width)).enumerate().filter(|(_, (_, row))| row.iter().any(|v| !v.is_nan()));
     let mut found = Scattered {
         incoming: Vec::new(),
         outgoing: Vec::new(),
@@ -87,11 +103,17 @@ fn scattered(grid: &AngleGrid, incoming: &Angles, outgoing: &Angles, width: usiz
         values: Vec::new(),
         sigma: None,
     };
-    for ((wi, wo), row) in measured {
+    let mut kept = Vec::new();
+    for (at, ((wi, wo), row)) in measured {
         found.incoming.push(wi);
         found.outgoing.push(wo);
         found.values.extend_from_slice(row);
+        kept.push(at);
     }
+    found.sigma = grid.sigma.as_ref().filter(|sigma| sigma.values.len() == grid.values.len()).map(|sigma| {
+        let row = |at: usize| &sigma.values[at * width..][..width];
+        kept.iter().flat_map(|&at| row(at)).copied().collect()
+    });
     found
 }
 

@@ -4,7 +4,7 @@ use super::*;
 use crate::domain::{
     Axis, AxisError, Direction, Domain, Quantity, Sampling, Tensor, TensorError, TriangleMesh, Unit, WavelengthGrid,
 };
-use crate::formats::{AngleGrid, Angles, AzimuthExtent, Azimuths, Outside, ParseReport, SpectralFactor};
+use crate::formats::{AngleGrid, Angles, AzimuthExtent, Azimuths, Instrument, Outside, ParseReport, SpectralFactor};
 
 fn steps(from: f64, step: f64, count: usize) -> Vec<f64> {
     (0..count).map(|i| from + step * i as f64).collect()
@@ -22,6 +22,7 @@ fn acquisition(quantity: Quantity, samples: Samples) -> Acquisition {
         unit: quantity.default_unit(),
         samples,
         spectral_factor: None,
+        instrument: Instrument::default(),
         report: ParseReport::default(),
     }
 }
@@ -37,6 +38,7 @@ fn edf(outgoing: Angles, outside: Outside, f: impl Fn(f64, f64) -> f32) -> Acqui
         outside,
         values,
         stated: None,
+        sigma: None,
     };
     acquisition(Quantity::Edf, Samples::Grid(grid))
 }
@@ -63,6 +65,7 @@ fn brdf(f: impl Fn(Direction, Direction, usize) -> f32) -> Acquisition {
         outside: Outside::Masked,
         values,
         stated: None,
+        sigma: None,
     };
     acquisition(Quantity::Brdf, Samples::Grid(grid))
 }
@@ -255,6 +258,7 @@ fn isotropic_elevations_stay_and_transmission_goes_down() {
         outside: Outside::Masked,
         values,
         stated: None,
+        sigma: None,
     };
     let acquired = acquisition(Quantity::Btdf, Samples::Grid(grid));
     let projected = project(&acquired, &levels(None, Some(1))).unwrap();
@@ -288,8 +292,16 @@ fn scan(phi_i: f64, phi_o: Vec<f64>, extent: AzimuthExtent) -> Acquisition {
         }
     }
     let (incoming, outgoing) = (Some(incoming), Some(outgoing));
-    let grid =
-        AngleGrid { index: vec![], incoming, outgoing, spectral: None, outside: Outside::Masked, values, stated: None };
+    let grid = AngleGrid {
+        index: vec![],
+        incoming,
+        outgoing,
+        spectral: None,
+        outside: Outside::Masked,
+        values,
+        stated: None,
+        sigma: None,
+    };
     acquisition(Quantity::Brdf, Samples::Grid(grid))
 }
 

@@ -2,7 +2,7 @@
 
 use wavelume_core::domain::{Direction, Quantity, Unit};
 use wavelume_core::evaluate::{Interpolation, Material, Place};
-use wavelume_formats::formats::{Acquisition, NoteKind, ParseReport, Samples, Scattered};
+use wavelume_formats::formats::{Acquisition, Instrument, NoteKind, ParseReport, Samples, Scattered};
 use wavelume_formats::pipeline::{FitReport, Outcome, PipelineError};
 use wavelume_formats::{Request, Source};
 
@@ -88,6 +88,7 @@ fn source(incoming: Vec<[f64; 2]>, outgoing: Vec<[f64; 2]>, values: Vec<f32>) ->
         unit: Unit::PerSteradian,
         samples: Samples::Scattered(samples),
         spectral_factor: None,
+        instrument: Instrument::default(),
         report: ParseReport::default(),
     };
     Source { acquisition, content_digest: "b3-0".to_owned(), spectrum_digest: None }

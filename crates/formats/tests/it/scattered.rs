@@ -3,7 +3,7 @@
 use wavelume_core::domain::{Axis, Direction, Quantity, Tensor, Unit, WavelengthGrid};
 use wavelume_core::evaluate::{Interpolation, Material, Place};
 use wavelume_formats::formats::{
-    Acquisition, Interpretation, NoteKind, ParseReport, Samples, Scattered, SpectralFactor,
+    Acquisition, Instrument, Interpretation, NoteKind, ParseReport, Samples, Scattered, SpectralFactor,
 };
 use wavelume_formats::pipeline::{FitReport, Input, Outcome, PipelineError, read};
 use wavelume_formats::projection::{AxesRequest, DirectionDomain, project};
@@ -93,6 +93,7 @@ fn source(quantity: Quantity, unit: Unit, samples: Scattered) -> Source {
         unit,
         samples: Samples::Scattered(samples),
         spectral_factor: None,
+        instrument: Instrument::default(),
         report: ParseReport::default(),
     };
     Source { acquisition, content_digest: "b3-0".to_owned(), spectrum_digest: None }

@@ -13,6 +13,7 @@ mod tests;
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
+use super::instrument::Instrument;
 use super::interpretation::Interpretation;
 use super::radiometric_csv;
 use super::reader::{Reader, Sample};
@@ -64,6 +65,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         unit: Unit::PerSteradian,
         samples,
         spectral_factor: None,
+        instrument: Instrument::default(),
         report,
     })
 }

@@ -18,6 +18,7 @@ pub use write::write_lm63;
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
+use super::instrument::Instrument;
 use super::interpretation::Interpretation;
 use super::reader::{Reader, Sample};
 use super::text::{Brief, Source};
@@ -76,6 +77,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         unit,
         samples: Samples::Grid(grid),
         spectral_factor: None,
+        instrument: Instrument::default(),
         report,
     })
 }

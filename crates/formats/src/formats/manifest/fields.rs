@@ -4,6 +4,7 @@ use super::refusal::unfit;
 use crate::domain::UnknownName;
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::FormatError;
+use crate::formats::instrument::{self, Instrument};
 use crate::formats::text::snippet;
 use serde_json::{Map, Value};
 use std::str::FromStr;
@@ -41,12 +42,25 @@ fn misspelt(key: &str) -> Option<&'static str> {
     let key = plain(key);
     // Whatever else speaks of the cosine means this one.
     let cosine = key.contains("cosin").then_some("cosine_included");
-    cosine.or_else(|| FIELDS.into_iter().find(|field| differs_once(&key, &plain(field))))
+    cosine.or_else(|| FIELDS.into_iter().chain(instrument::KEYS).find(|field| differs_once(&key, &plain(field))))
+}
+
+/// The angles of the instrument, where they are stated.
+pub(super) fn instrument(fields: &Map<String, Value>) -> Result<Instrument, FormatError> {
+    let [aperture, divergence] =
+        instrument::KEYS.map(|key| match fields.get(key) {
+            None | Some(Value::Null) => Ok(None),
+            Some(value) => value.as_f64().and_then(instrument::checked).map(Some).ok_or_else(|| {
+                unfit(format!("{key} {}, expected {}", snippet(&value.to_string()), instrument::EXPECTED))
+            }),
+        });
+    Ok(Instrument::of([aperture?, divergence?]))
 }
 
 /// Keeps what does not matter here as metadata, and refuses what would change the meaning of the numbers.
 pub(super) fn other_fields(fields: &Map<String, Value>, report: &mut ParseReport) -> Result<(), FormatError> {
-    for (key, value) in fields.iter().filter(|(key, _)| !FIELDS.contains(&key.as_str())) {
+    let is_known = |key: &str| FIELDS.contains(&key) || instrument::KEYS.contains(&key);
+    for (key, value) in fields.iter().filter(|(key, _)| !is_known(key)) {
         if let Some(field) = misspelt(key) {
             return Err(unfit(format!("field {}, expected `{field}`", snippet(key))));
         }

@@ -18,7 +18,7 @@ use super::stated::{StatedQuantity, divide_by_pi};
 use super::text::snippet;
 use crate::domain::{Layout, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
 use entry::Entry;
-use fields::{named, other_fields, text};
+use fields::{instrument, named, other_fields, text};
 use refusal::unfit;
 use serde_json::{Map, Value};
 
@@ -69,6 +69,7 @@ pub(super) fn interpret(
     } else {
         cosine_included(fields, quantity, &mut report)?
     };
+    let instrument = instrument(fields)?;
     other_fields(fields, &mut report)?;
     let entries: Vec<Entry> = axes
         .iter()
@@ -97,7 +98,7 @@ pub(super) fn interpret(
         Samples::OnAxes { tensor, sampling }
     };
     let dialect = format!("NumPy array of shape {shape:?}");
-    Ok(Acquisition { format: NAME, dialect, quantity, unit, samples, spectral_factor: None, report })
+    Ok(Acquisition { format: NAME, dialect, quantity, unit, samples, spectral_factor: None, instrument, report })
 }
 
 fn quantity(

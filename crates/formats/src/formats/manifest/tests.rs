@@ -76,6 +76,26 @@ fn a_bare_lambda_needs_as_many_wavelengths_as_the_array_has() {
 }
 
 #[test]
+fn a_manifest_may_state_angles_of_the_instrument() {
+    let of = |key: &str, value: serde_json::Value| {
+        let mut manifest = json!({"quantity": "reflectance", "value_unit": "1", "axes": ["lambda:400:100:2"]});
+        manifest[key] = value;
+        plain(&manifest, &[2])
+    };
+    let found = of("detector_aperture", json!(0.5)).unwrap();
+    assert_eq!((found.instrument.detector_aperture, found.instrument.source_divergence), (Some(0.5), None));
+    assert!(found.report.metadata.is_empty());
+    assert!(of("source_divergence", json!(null)).unwrap().instrument.is_unknown());
+    for bad in [json!("0.5"), json!(-0.5), json!(180.5), json!([1]), json!({"deg": 1}), json!(true)] {
+        let error = of("source_divergence", bad).unwrap_err();
+        let expected = "expected a full angle in degrees, from 0 to 180";
+        assert!(error.message.contains("manifest: source_divergence") && error.message.contains(expected), "{error}");
+    }
+    let misspelt = of("detector-apertur", json!(1)).unwrap_err();
+    assert!(misspelt.message.contains("expected `detector_aperture`"), "{misspelt}");
+}
+
+#[test]
 fn manifests_round_trip_through_text() {
     let labels = vec!["a".to_owned(), "b".to_owned()];
     let uneven = WavelengthGrid::listed(vec![199.997_970_581_054_7, 200.167_633_056_640_63]).unwrap();

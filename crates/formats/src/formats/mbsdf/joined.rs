@@ -64,6 +64,7 @@ pub(super) fn joined(above: &Block, below: &Block) -> Result<AngleGrid, FormatEr
         outside: Outside::Masked,
         values,
         stated: None,
+        sigma: None,
     })
 }
 

@@ -19,6 +19,7 @@ use super::acquisition::{
     Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, NoteKind, Outside, ParseReport, Samples,
 };
 use super::error::{FormatError, FormatErrorKind};
+use super::instrument::Instrument;
 use super::interpretation::Interpretation;
 use super::reader::{Reader, Sample};
 use crate::domain::{Axis, Quantity, Unit};
@@ -98,6 +99,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         unit: Unit::PerSteradian,
         samples: Samples::Grid(grid),
         spectral_factor: None,
+        instrument: Instrument::default(),
         report,
     })
 }
@@ -135,6 +137,7 @@ fn grid(quantity: Quantity, block: Block) -> AngleGrid {
         outside: Outside::Masked,
         values,
         stated: None,
+        sigma: None,
     }
 }
 

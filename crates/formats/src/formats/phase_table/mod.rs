@@ -23,6 +23,7 @@ pub(super) use normalised::tabulated;
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::FormatError;
+use super::instrument::Instrument;
 use super::interpretation::Interpretation;
 use super::normalization::Normalization;
 use super::reader::{Reader, Sample};
@@ -101,6 +102,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         unit: Unit::PerSteradian,
         samples: Samples::Function(modelled(vec![curve], None, &mut report)),
         spectral_factor: None,
+        instrument: Instrument::default(),
         report,
     })
 }

@@ -86,16 +86,36 @@ pub(super) fn on_directions(
     let measured = rows.values.len().div_ceil(width);
     match directions.lattice(measured.saturating_mul(SPARSEST).min(MAX_SAMPLES / width)) {
         Some(lattice) => {
-            skip_sigma(columns, report);
-            grid(&mut rows, lattice, directions.isotropic, spectral, header, report).map(Samples::Grid)
+            on_lattice(&mut rows, lattice, directions.isotropic, spectral, header, report).map(Samples::Grid)
         }
         None => scattered(&mut rows, directions, spectral, header, report).map(Samples::Scattered),
     }
 }
 
+/// A grid of values, and one of their uncertainties where these are stated.
+fn on_lattice(
+    rows: &mut Rows,
+    lattice: Lattice,
+    isotropic: bool,
+    spectral: Option<Axis>,
+    header: &Header,
+    report: &mut ParseReport,
+) -> Result<AngleGrid, FormatError> {
+    if rows.sigma.is_empty() {
+        return grid(rows, lattice, isotropic, spectral, header, report);
+    }
+    let sigma = std::mem::take(&mut rows.sigma);
+    let mut values = grid(rows, lattice.clone(), isotropic, spectral.clone(), header, report)?;
+    rows.values = sigma;
+    // Notes on the directions were made with the values.
+    let sigma = grid(rows, lattice, isotropic, spectral, header, &mut ParseReport::default())?;
+    values.sigma = Some(Box::new(sigma));
+    Ok(values)
+}
+
 fn skip_sigma(columns: &Columns, report: &mut ParseReport) {
     if columns.has_sigma {
-        let message = "the columns of sigma: uncertainties are used at scattered directions only";
+        let message = "the columns of sigma: uncertainties are used where there are directions";
         report.note(NoteKind::Skipped, message);
     }
 }
@@ -278,6 +298,7 @@ fn grid(
         outside: Outside::Masked,
         values,
         stated: None,
+        sigma: None,
     };
     if let Some(values) = kept {
         let stated = grid.stated_as(values, &listed).map_err(|error| malformed(error.to_string()))?;

@@ -13,6 +13,7 @@ pub(super) struct Directions {
 }
 
 /// Directions of all pairings of some angles.
+#[derive(Clone)]
 pub(super) struct Lattice {
     /// Increasing `[theta_i, phi_i, theta_o, phi_o]`; empty where there is no such column.
     pub(super) angles: [Vec<f64>; 4],

@@ -5,6 +5,7 @@ use super::problems::Problems;
 use crate::domain::{Quantity, Unit};
 use crate::formats::acquisition::{AzimuthExtent, NoteKind, ParseReport, Samples};
 use crate::formats::error::{FormatError, FormatErrorKind};
+use crate::formats::instrument::{self, Instrument};
 use crate::formats::interpretation::Interpretation;
 use crate::formats::normalization::Normalization;
 use crate::formats::spectral_table::wavelength_unit::WavelengthUnit;
@@ -42,6 +43,7 @@ pub(super) struct Header {
     pub(super) covers: [Option<(f64, f64)>; 2],
     /// What a phase function over the scattering angle integrates to, where it is known.
     pub(super) normalization: Option<Normalization>,
+    pub(super) instrument: Instrument,
 }
 
 impl Header {
@@ -60,6 +62,7 @@ impl Header {
             extents: [None; 2],
             covers: [None; 2],
             normalization: None,
+            instrument: Instrument::default(),
         }
     }
 
@@ -178,9 +181,11 @@ pub(super) fn read(
     };
     let extents = ["phi_i_extent", "phi_o_extent"].map(|key| header.value(key, "circle, mirrored or sector", extent));
     let covers = ["theta_i_covers", "theta_o_covers"].map(|key| header.value(key, "two angles in degrees", range));
+    let angles = instrument::KEYS.map(|key| header.value(key, instrument::EXPECTED, instrument::angle));
     let is_volume = quantity == Quantity::Phase
         && fields.iter().any(|field| field.key == "value_unit" && field.value.eq_ignore_ascii_case(VOLUME));
-    let other = fields.iter().filter(|field| !KNOWN.contains(&field.key.as_str()));
+    let is_known = |key: &str| KNOWN.contains(&key) || instrument::KEYS.contains(&key);
+    let other = fields.iter().filter(|field| !is_known(&field.key));
     report.metadata.extend(other.map(|field| (field.key.clone(), field.value.clone())));
     Ok(unit.map(|unit| Header {
         quantity,
@@ -199,6 +204,7 @@ pub(super) fn read(
             Unit::Relative => Some(Normalization::Relative),
             _ => None,
         }),
+        instrument: Instrument::of(angles),
     }))
 }
 

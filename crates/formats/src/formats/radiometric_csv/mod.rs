@@ -77,6 +77,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         unit: header.unit_of(&samples),
         samples,
         spectral_factor: None,
+        instrument: header.instrument,
         report,
     })
 }

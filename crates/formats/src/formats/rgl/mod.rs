@@ -19,6 +19,7 @@ pub use write::{RglGrid, write_rgl};
 
 use super::acquisition::{Acquisition, Angles, AzimuthExtent, Azimuths, Modelled, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
+use super::instrument::Instrument;
 use super::interpretation::Interpretation;
 use super::reader::{Reader, Sample};
 use super::text::snippet;
@@ -83,6 +84,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         unit: Unit::PerSteradian,
         samples: Samples::Function(modelled),
         spectral_factor: None,
+        instrument: Instrument::default(),
         report,
     })
 }

@@ -20,6 +20,7 @@ pub use write::{write_spd, write_spectra};
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
+use super::instrument::Instrument;
 use super::interpretation::Interpretation;
 use super::reader::{FACTOR, Reader, Sample};
 use super::stated::{StatedQuantity, divide_by_pi, names_factor};
@@ -71,7 +72,16 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let tensor =
         Tensor::new(axes, samples).map_err(|e| FormatError::new(FormatErrorKind::OverLimit, NAME, e.to_string()))?;
     let samples = Samples::OnAxes { tensor, sampling: Sampling::default() };
-    Ok(Acquisition { format: NAME, dialect, quantity, unit, samples, spectral_factor: None, report })
+    Ok(Acquisition {
+        format: NAME,
+        dialect,
+        quantity,
+        unit,
+        samples,
+        spectral_factor: None,
+        instrument: Instrument::default(),
+        report,
+    })
 }
 
 const REFLECTANCE_WORDS: [&str; 4] = ["reflectance", "reflectivity", "transmittance", "transmissivity"];

@@ -16,6 +16,7 @@ fn grid(extent: AzimuthExtent, phi: Vec<f64>) -> AngleGrid {
         outside: Outside::Masked,
         values,
         stated: None,
+        sigma: None,
     }
 }
 

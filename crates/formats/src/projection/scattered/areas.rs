@@ -25,7 +25,7 @@ const SAME: f64 = 1e-14;
 const IN_PLANE: f64 = 0.01;
 
 /// The areas in sr of the cells of `directions` on `domain`; `None` where they lie in one plane.
-pub(super) fn areas(directions: &[Vector], domain: Domain) -> Option<Vec<f64>> {
+pub(in crate::projection) fn areas(directions: &[Vector], domain: Domain) -> Option<Vec<f64>> {
     if are_in_plane(directions) {
         return None;
     }

@@ -79,6 +79,18 @@ impl ScatteredSamples {
     /// Writes the values of the samples `from..to` of `scattered` into `out`, `[sample, wavelength]`, NaN where they are
     /// missing or beyond the directions of the tensor.
     pub fn write(&self, scattered: &Scattered, from: usize, to: usize, out: &mut [f32]) {
+        self.write_values(&scattered.values, from, to, out);
+    }
+
+    /// Writes the standard uncertainties of the values that [`write`](Self::write) writes, NaN where none is stated: of
+    /// a mean over a band their mean, as if the errors of its values were common to them. False where the file states
+    /// none.
+    pub(crate) fn write_sigma(&self, scattered: &Scattered, from: usize, to: usize, out: &mut [f32]) -> bool {
+        let sigma = scattered.sigma.as_ref();
+        sigma.inspect(|sigma| self.write_values(sigma, from, to, out)).is_some()
+    }
+
+    fn write_values(&self, values: &[f32], from: usize, to: usize, out: &mut [f32]) {
         let own = Own(&self.channels);
         let (width, given) = (own.width(), self.channels.from());
         let (mut wide, mut row) = (Vec::new(), vec![0.0_f32; width]);
@@ -91,7 +103,7 @@ impl ScatteredSamples {
             if is_beyond {
                 row.fill(f32::NAN);
             } else {
-                own.write(&scattered.values[number * given..][..given], &mut wide, &mut row);
+                own.write(&values[number * given..][..given], &mut wide, &mut row);
             }
             match &self.channels {
                 Channels::Multiplied(factors) => {

@@ -66,7 +66,7 @@ pub(super) fn tangents(d: Vector) -> [Vector; 2] {
 }
 
 /// The directions of every sample; those of isotropic data are above the x axis.
-pub(super) fn directions(scattered: &Scattered, isotropic: bool) -> Vec<(Vector, Vector)> {
+pub(in crate::projection) fn directions(scattered: &Scattered, isotropic: bool) -> Vec<(Vector, Vector)> {
     let up = [0.0, 0.0, 1.0];
     let of = |[theta, phi]: [f64; 2], turned: f64| Direction::from_degrees(theta, phi - turned).xyz();
     let (mut incoming, mut wi) = (None, up);

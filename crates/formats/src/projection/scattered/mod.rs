@@ -44,7 +44,9 @@ mod tree;
 mod trials;
 mod withheld;
 
+pub(super) use areas::areas;
 pub use at_samples::ScatteredSamples;
+pub(super) use cloud::directions;
 pub use incidences::Incidence;
 pub use lobe::CarriedLobe;
 pub use report::{Rejected, ScatterReport};

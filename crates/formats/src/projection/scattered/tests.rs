@@ -4,7 +4,7 @@ use super::super::{AxesRequest, Projected, ProjectionError, Rejected, project};
 use super::cloud::slope;
 use crate::domain::vector::Vector;
 use crate::domain::{Axis, AxisError, Direction, Domain, Quantity, TensorError, TriangleMesh, WavelengthGrid};
-use crate::formats::{Acquisition, ParseReport, Samples, Scattered};
+use crate::formats::{Acquisition, Instrument, ParseReport, Samples, Scattered};
 
 pub(super) fn acquisition(quantity: Quantity, scattered: Scattered) -> Acquisition {
     Acquisition {
@@ -14,6 +14,7 @@ pub(super) fn acquisition(quantity: Quantity, scattered: Scattered) -> Acquisiti
         unit: quantity.default_unit(),
         samples: Samples::Scattered(scattered),
         spectral_factor: None,
+        instrument: Instrument::default(),
         report: ParseReport::default(),
     }
 }

@@ -1,0 +1,117 @@
+//! Angles of the instrument that a file states: what is narrower than they are it cannot resolve.
+
+use super::text::number;
+use serde::Serialize;
+
+/// Angles of the instrument that took the samples, as the file states them: full angles in degrees, 0 to 180.
+///
+/// An instrument sees a lobe blurred by both. The true width of a lobe that looks no wider than one of them is unknown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Instrument {
+    /// Full angle of the detector's aperture, seen from the sample, in degrees; `None` if the file does not state it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub detector_aperture: Option<f64>,
+    /// Full angle of the divergence of the light from the source, in degrees; `None` if the file does not state it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source_divergence: Option<f64>,
+}
+
+/// Keys of headers and manifests under which the angles stand, in the order of [`Instrument::stated`].
+pub(super) const KEYS: [&str; 2] = ["detector_aperture", "source_divergence"];
+/// Values that the keys take, for refusals.
+pub(super) const EXPECTED: &str = "a full angle in degrees, from 0 to 180";
+
+/// Returns the angle that a header writes; `None` where it is none.
+pub(super) fn angle(text: &str) -> Option<f64> {
+    number(text).and_then(checked)
+}
+
+/// Returns `angle` if it is within the range of the keys.
+pub(super) fn checked(angle: f64) -> Option<f64> {
+    Some(angle).filter(|angle| (0.0..=180.0).contains(angle))
+}
+
+impl Instrument {
+    /// The instrument of the angles under [`KEYS`].
+    pub(super) fn of([detector_aperture, source_divergence]: [Option<f64>; 2]) -> Self {
+        Self { detector_aperture, source_divergence }
+    }
+
+    /// Returns true where the file states nothing of the instrument.
+    pub fn is_unknown(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The angles that are stated, in degrees, each with its name for people: `the detector's aperture`.
+    pub fn stated(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        let named =
+            [("the detector's aperture", self.detector_aperture), ("the source's divergence", self.source_divergence)];
+        named.into_iter().filter_map(|(name, angle)| Some((name, angle?)))
+    }
+}
+
+/// A remark on a lobe that looks no wider than an angle of the instrument; `None` where it is wider than all that are
+/// stated, or none is. `full_width` is the lobe's full width at half its height, in degrees.
+pub fn not_wider(instrument: &Instrument, full_width: f64) -> Option<String> {
+    let limits: Vec<String> = instrument
+        .stated()
+        .filter(|(_, angle)| *angle > 0.0 && full_width <= *angle)
+        .map(|(name, angle)| format!("{name} of {angle}°"))
+        .collect();
+    let width = three_digits(full_width);
+    (!limits.is_empty())
+        .then(|| format!("the lobe of {width}° is no wider than {}: its true width is unknown", limits.join(" and ")))
+}
+
+/// Returns a width rounded to three digits, as many as samples can show.
+fn three_digits(width: f64) -> f64 {
+    format!("{width:.2e}").parse().unwrap_or(width)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lobe_no_wider_than_the_instrument_resolves_has_an_unknown_width() {
+        let aperture = Instrument { detector_aperture: Some(1.0), ..Instrument::default() };
+        let message = not_wider(&aperture, 0.8).unwrap();
+        assert_eq!(
+            message,
+            "the lobe of 0.8° is no wider than the detector's aperture of 1°: its true width is unknown"
+        );
+        assert!(not_wider(&aperture, 1.0).is_some_and(|message| message.contains("lobe of 1°")));
+        assert_eq!(not_wider(&aperture, 1.001), None);
+        let both = Instrument { source_divergence: Some(1.5), ..aperture };
+        let message = not_wider(&both, 0.123_456).unwrap();
+        assert!(
+            message
+                .contains("0.123° is no wider than the detector's aperture of 1° and the source's divergence of 1.5°")
+        );
+        let message = not_wider(&both, 1.2).unwrap();
+        assert!(
+            message.contains("than the source's divergence of 1.5°:") && !message.contains("aperture"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn nothing_is_said_where_nothing_is_stated_or_measured() {
+        assert_eq!(not_wider(&Instrument::default(), 0.1), None);
+        assert!(Instrument::default().is_unknown());
+        // Perfectly collimated, as far as anyone knows.
+        let ideal = Instrument::of([Some(0.0), None]);
+        assert_eq!((not_wider(&ideal, 0.0), ideal.is_unknown()), (None, false));
+        assert_eq!(not_wider(&Instrument::of([Some(1.0), None]), f64::NAN), None);
+    }
+
+    #[test]
+    fn only_angles_in_degrees_are_taken() {
+        for (text, found) in [("1.5", Some(1.5)), ("0", Some(0.0)), ("180", Some(180.0)), ("2e-1", Some(0.2))] {
+            assert_eq!(angle(text), found, "{text}");
+        }
+        for text in ["", "-0.1", "180.1", "nan", "inf", "1e400", "1 deg", "wide", "1,5", "0x1"] {
+            assert_eq!(angle(text), None, "{text}");
+        }
+    }
+}

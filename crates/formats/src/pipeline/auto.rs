@@ -1,0 +1,81 @@
+//! The end of `auto`: the noise of the samples, or the uncertainty that their file states if that is larger.
+
+use super::uncertainty::relative;
+use crate::compress::{self, Policy, Target};
+use crate::domain::{Measurement, named};
+use crate::formats::Acquisition;
+use serde::Serialize;
+
+/// Bound at which `auto` stops.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum StoppedAt {
+    /// The noise that is estimated from the samples.
+    Noise,
+    /// The uncertainty that the file states.
+    Uncertainty,
+}
+named!(StoppedAt, "bound of auto", { Noise = "noise", Uncertainty = "uncertainty" });
+
+/// Outcome of `auto`: what can be known of the samples. All numbers are relative: 0.01 is 1 %.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct AutoReport {
+    /// The bound at which it stopped: the larger of both.
+    pub stopped_at: StoppedAt,
+    /// Root mean square of the standard uncertainties that the file states, of values above them; `None` without any.
+    pub uncertainty: Option<f64>,
+    /// Estimated noise of the samples; `None` where it cannot be estimated.
+    pub noise: Option<f64>,
+}
+
+impl AutoReport {
+    /// The outcome for the projected `measurement`; `scattered` is the noise of samples at scattered directions,
+    /// `floor` a part of the largest sample. `None` for other targets, and for policies that have no `auto`.
+    pub(super) fn of(
+        (target, policy, floor): (Target, Policy, Option<f64>),
+        acquisition: &Acquisition,
+        measurement: &Measurement,
+        scattered: Option<f64>,
+    ) -> Option<Self> {
+        if target != Target::Auto || policy != Policy::Rd {
+            return None;
+        }
+        let largest = measurement.tensor.range().map_or(0.0, |(_, largest)| f64::from(largest.max(0.0)));
+        let floor = (floor.unwrap_or(0.0) * largest) as f32;
+        let noise = scattered.or_else(|| Some(compress::estimate_noise(measurement, floor)?.relative));
+        Some(Self::larger(relative(acquisition), noise.filter(|noise| *noise > 0.0)))
+    }
+
+    fn larger(uncertainty: Option<f64>, noise: Option<f64>) -> Self {
+        let is_above = uncertainty.is_some_and(|uncertainty| noise.is_none_or(|noise| uncertainty > noise));
+        let stopped_at = if is_above { StoppedAt::Uncertainty } else { StoppedAt::Noise };
+        Self { stopped_at, uncertainty, noise }
+    }
+
+    /// The target that stops there.
+    pub(super) fn target(&self) -> Target {
+        match (self.stopped_at, self.uncertainty) {
+            (StoppedAt::Uncertainty, Some(uncertainty)) => Target::ErL2(uncertainty),
+            _ => Target::Auto,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn auto_stops_at_the_larger_bound() {
+        for (uncertainty, noise, target) in [
+            (Some(0.03), Some(0.01), Target::ErL2(0.03)),
+            (Some(0.03), None, Target::ErL2(0.03)),
+            (Some(0.01), Some(0.03), Target::Auto),
+            (Some(0.01), Some(0.01), Target::Auto),
+            (None, Some(0.01), Target::Auto),
+            (None, None, Target::Auto),
+        ] {
+            assert_eq!(AutoReport::larger(uncertainty, noise).target(), target, "{uncertainty:?} {noise:?}");
+        }
+    }
+}

@@ -1,0 +1,213 @@
+//! The largest directional albedo of a file: the sum of its values by the solid angles that they stand for, times |cos
+//! θo|.
+
+use super::table::Table;
+use crate::domain::vector::Vector;
+use crate::domain::{Axis, Domain, Quantity, Unit};
+use crate::formats::{Acquisition, Samples, Scattered};
+use crate::projection::scattered::{areas, directions};
+use std::borrow::Cow;
+
+/// Upper bound on the values of a table that are summed. Of larger tables some incoming directions are left out,
+/// evenly. Raising it makes checks of large tables slower and more complete.
+const MOST_VALUES: usize = 1 << 25;
+/// Upper bound on the scattered samples whose areas are found; others are left out as above. Twice as many take twice
+/// as long: this many take 0.2 s on two cores.
+const MOST_SCATTERED: usize = 1 << 16;
+/// Lower bound on the scattered samples under an incoming direction whose albedo is summed. Raising it leaves out
+/// sparse ones.
+const FEWEST: usize = 24;
+/// Incoming directions of scattered samples that lie closer than this in degrees are one.
+const SAME: f64 = 0.05;
+/// Part by which an albedo may exceed 1 without a remark: sums by area are this far off. Raising it makes fewer
+/// remarks.
+const TOLERANCE: f64 = 0.02;
+
+/// The largest directional albedo of a BRDF, BTDF or BSDF that a file states, over its incoming directions and bands.
+///
+/// Directions that were not measured add nothing. Of very large files only some incoming directions are summed, the
+/// same ones every time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LargestAlbedo {
+    /// The albedo; the surface sends out no more light than falls on it where this is at most 1.
+    pub albedo: f64,
+    /// Theta of its incoming direction and, unless the file is isotropic, phi, in degrees.
+    pub incoming: (f64, Option<f64>),
+    /// Wavelength of its band in nm, or number of its channel from 0; `None` where there is one band without
+    /// wavelength.
+    pub band: Option<Band>,
+    /// Incoming directions whose albedo is above 1.02 in some band.
+    pub above: usize,
+    /// Incoming directions that were summed.
+    pub of: usize,
+    /// Incoming directions of the file.
+    pub all: usize,
+}
+
+/// A band of a file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Band {
+    /// Its wavelength in nm.
+    Wavelength(f64),
+    /// Its number, from 0.
+    Channel(usize),
+}
+
+impl LargestAlbedo {
+    /// The largest albedo of a file; `None` where the quantity has none, values are relative, or they stand for no
+    /// area.
+    pub(super) fn of(acquisition: &Acquisition) -> Option<Self> {
+        if !acquisition.quantity.has_cosine() || acquisition.unit != Unit::PerSteradian {
+            return None;
+        }
+        match &acquisition.samples {
+            Samples::Scattered(scattered) => of_scattered(acquisition.quantity, scattered),
+            _ => of_table(&Table::of(acquisition)?),
+        }
+    }
+
+    /// One line for people, where the albedo is above 1.
+    pub(super) fn remark(&self) -> Option<String> {
+        if self.albedo <= 1.0 + TOLERANCE {
+            return None;
+        }
+        let (theta, phi) = self.incoming;
+        let phi = phi.map_or_else(String::new, |phi| format!(", phi_i {phi:.1}°"));
+        let band = match self.band {
+            None => String::new(),
+            Some(Band::Wavelength(nanometres)) => format!(" at {nanometres} nm"),
+            Some(Band::Channel(number)) => format!(" in channel {number}"),
+        };
+        let part =
+            if self.of < self.all { format!("; {} of {} were summed", self.of, self.all) } else { String::new() };
+        Some(format!(
+            "albedo above 1 under {} of {} incoming directions: {:.3} at most, under theta_i {theta:.1}°{phi}{band}{part}; the \
+             scale, the cosine or the reference may be wrong",
+            self.above, self.of, self.albedo
+        ))
+    }
+}
+
+/// Albedos in the making.
+struct Largest<'a> {
+    spectral: Option<&'a Axis>,
+    found: Option<LargestAlbedo>,
+    all: usize,
+}
+
+impl<'a> Largest<'a> {
+    fn new(spectral: Option<&'a Axis>, all: usize) -> Self {
+        Self { spectral, found: None, all }
+    }
+
+    /// Adds the albedos of an incoming direction, one for each band.
+    fn add(&mut self, incoming: (f64, Option<f64>), sums: &[f64]) {
+        let largest = sums.iter().copied().enumerate().fold(None, |most: Option<(usize, f64)>, next| match most {
+            Some(most) if most.1 >= next.1 => Some(most),
+            _ => Some(next),
+        });
+        let Some((band, albedo)) = largest else { return };
+        let spectral = self.spectral;
+        let found = self.found.get_or_insert(LargestAlbedo {
+            albedo: f64::NEG_INFINITY,
+            incoming,
+            band: None,
+            above: 0,
+            of: 0,
+            all: self.all,
+        });
+        found.of += 1;
+        found.above += usize::from(albedo > 1.0 + TOLERANCE);
+        if albedo > found.albedo {
+            found.albedo = albedo;
+            found.incoming = incoming;
+            found.band = match spectral {
+                None => None,
+                Some(Axis::Wavelength(grid)) => Some(Band::Wavelength(grid.at(band))),
+                Some(_) => Some(Band::Channel(band)),
+            };
+        }
+    }
+}
+
+fn of_table(table: &Table<'_>) -> Option<LargestAlbedo> {
+    let weights = table.outgoing.projected_solid_angles()?;
+    let bands = table.bands();
+    let blocks = table.values.len() / table.block();
+    let every = blocks.div_ceil((MOST_VALUES / table.block()).max(1));
+    let mut largest = Largest::new(table.spectral, blocks);
+    let mut sums = vec![0.0; bands];
+    for (number, block) in table.values.chunks_exact(table.block()).enumerate().step_by(every) {
+        sums.fill(0.0);
+        for (row, weight) in block.chunks_exact(bands).zip(&weights) {
+            for (sum, &value) in sums.iter_mut().zip(row).filter(|(_, value)| !value.is_nan()) {
+                *sum += weight * f64::from(value);
+            }
+        }
+        let [theta, phi] = table.incoming.degrees(number % table.incoming.len());
+        largest.add((theta, (!table.incoming.is_isotropic()).then_some(phi)), &sums);
+    }
+    largest.found
+}
+
+fn of_scattered(quantity: Quantity, scattered: &Scattered) -> Option<LargestAlbedo> {
+    let domain = match quantity {
+        Quantity::Brdf => Domain::Hemisphere,
+        Quantity::Btdf => Domain::Lower,
+        _ => Domain::Sphere,
+    };
+    let bands = scattered.spectral.as_ref().map_or(1, Axis::len);
+    if scattered.values.len() != scattered.directions() * bands || scattered.outgoing.is_empty() {
+        return None;
+    }
+    let outgoing = directions(scattered, scattered.isotropic);
+    let groups = incidences(scattered, |row| match domain {
+        Domain::Hemisphere => outgoing[row].1[2] >= 0.0,
+        Domain::Lower => outgoing[row].1[2] <= 0.0,
+        Domain::Sphere => true,
+    });
+    let samples: usize = groups.iter().map(Vec::len).sum();
+    let every = samples.div_ceil(MOST_SCATTERED).max(1);
+    let mut largest = Largest::new(scattered.spectral.as_ref(), groups.len());
+    let mut sums = vec![0.0; bands];
+    for rows in groups.iter().step_by(every) {
+        let rows = thinned(rows);
+        let directions: Vec<Vector> = rows.iter().map(|&row| outgoing[row].1).collect();
+        let Some(areas) = areas(&directions, domain) else { continue };
+        sums.fill(0.0);
+        for ((&row, area), direction) in rows.iter().zip(areas).zip(&directions) {
+            let weight = area * direction[2].abs();
+            let values = &scattered.values[row * bands..][..bands];
+            for (sum, &value) in sums.iter_mut().zip(values).filter(|(_, value)| !value.is_nan()) {
+                *sum += weight * f64::from(value);
+            }
+        }
+        let [theta, phi] = scattered.incoming[rows[0]];
+        largest.add((theta, (!scattered.isotropic).then_some(phi)), &sums);
+    }
+    largest.found
+}
+
+/// Rows under each incoming direction that has enough of them, in increasing order of angles; of those that
+/// `is_within`.
+fn incidences(scattered: &Scattered, is_within: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
+    let steps = |degrees: f64| (degrees / SAME).round() as i64;
+    let key = |row: usize| {
+        let [theta, phi] = scattered.incoming[row];
+        let turns = !scattered.isotropic && theta >= SAME;
+        [steps(theta), if turns { steps(phi.rem_euclid(360.0)) % steps(360.0) } else { 0 }]
+    };
+    let rows = 0..scattered.incoming.len();
+    let mut keyed: Vec<([i64; 2], usize)> = rows.filter(|row| is_within(*row)).map(|row| (key(row), row)).collect();
+    keyed.sort_unstable();
+    let groups = keyed.chunk_by(|a, b| a.0 == b.0).filter(|group| group.len() >= FEWEST);
+    groups.map(|group| group.iter().map(|keyed| keyed.1).collect()).collect()
+}
+
+/// At most as many rows as areas are found of, evenly over all.
+fn thinned(rows: &[usize]) -> Cow<'_, [usize]> {
+    match rows.len().div_ceil(MOST_SCATTERED) {
+        0 | 1 => Cow::Borrowed(rows),
+        every => Cow::Owned(rows.iter().step_by(every).copied().collect()),
+    }
+}

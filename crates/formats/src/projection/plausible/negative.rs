@@ -1,0 +1,45 @@
+//! Negative values of a file: how many there are, and how large they are against the largest value.
+
+use crate::formats::{Acquisition, Samples};
+
+/// Negative values of a file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Negatives {
+    /// The number of negative values, at least 1.
+    pub values: u64,
+    /// The number of values that are not missing.
+    pub of: u64,
+    /// Magnitude of the most negative value in parts of the largest value: 0.01 is 1 %; `None` where no value is above
+    /// 0.
+    pub largest: Option<f64>,
+}
+
+impl Negatives {
+    /// The negative values of a file; `None` where there is none, and of a function, which has no values of its own.
+    pub(super) fn of(acquisition: &Acquisition) -> Option<Self> {
+        let values = match &acquisition.samples {
+            Samples::OnAxes { tensor, .. } => tensor.samples(),
+            Samples::Grid(grid) => &grid.values,
+            Samples::Scattered(scattered) => &scattered.values,
+            Samples::Function(_) => return None,
+        };
+        let (mut negative, mut stated, mut low, mut high) = (0, 0, 0.0_f32, 0.0_f32);
+        for &value in values {
+            stated += u64::from(!value.is_nan());
+            negative += u64::from(value < 0.0);
+            (low, high) = (low.min(value), high.max(value));
+        }
+        let largest = (high > 0.0).then(|| f64::from(-low) / f64::from(high));
+        (negative > 0).then_some(Self { values: negative, of: stated, largest })
+    }
+
+    /// One line for people.
+    pub(super) fn remark(&self) -> String {
+        let share = 100.0 * self.values as f64 / self.of as f64;
+        let size = self.largest.map_or_else(
+            || "no value is positive".to_owned(),
+            |largest| format!("the largest has {:.2} % of the magnitude of the largest value", 100.0 * largest),
+        );
+        format!("{} of {} values ({share:.2} %) are negative; {size}", self.values, self.of)
+    }
+}

@@ -1,0 +1,174 @@
+//! The reciprocity of a file: how far f(wi, wo) and f(wo, wi) differ where both are stated or follow from samples
+//! around.
+
+use super::sides::{Mix, Side};
+use super::table::Table;
+use crate::domain::{Axis, Quantity};
+use crate::formats::{Acquisition, Scattered};
+use crate::projection::planes::scattered_samples;
+use std::collections::HashMap;
+
+/// Upper bound on the pairs of directions that are compared; of more some are left out, the same ones every time.
+const MOST_PAIRS: usize = 1 << 18;
+/// Upper bound on the samples of a scan that are searched for exchanged pairs: larger scans are not checked.
+const MOST_SCATTERED: usize = 1 << 22;
+/// Upper bound on the bands of a pair that are compared, evenly over all.
+const MOST_BANDS: usize = 4;
+/// Number of compared samples from which interpolated values are left out: they have an error of their own.
+const ENOUGH: usize = 32;
+/// Lower bound on the values that make a median.
+const FEWEST: usize = 8;
+/// Scattered directions that lie closer than this in degrees are one.
+const SAME: f64 = 0.05;
+
+/// How far a BRDF is from being reciprocal, by the values of its file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reciprocity {
+    /// Median of |f(wi, wo) − f(wo, wi)| in parts of the mean of both: 0.01 is 1 %.
+    pub difference: f64,
+    /// Values that were compared with that of the exchanged pair of directions.
+    pub values: u64,
+    /// True where the exchanged values lie between samples of the file, false where they are samples.
+    pub is_interpolated: bool,
+}
+
+impl Reciprocity {
+    /// The reciprocity of a file; `None` where it is no BRDF, or too few pairs of directions can be exchanged.
+    pub(super) fn of(acquisition: &Acquisition) -> Option<Self> {
+        if acquisition.quantity != Quantity::Brdf {
+            return None;
+        }
+        if let Some(scattered) = scattered_samples(acquisition) {
+            return of_scattered(&scattered);
+        }
+        of_table(&Table::of(acquisition)?)
+    }
+
+    /// One line for people.
+    pub(super) fn remark(&self) -> String {
+        let how = if self.is_interpolated { ", interpolated between samples" } else { "" };
+        format!(
+            "f(wi, wo) and f(wo, wi), equal by reciprocity, differ by {:.2} % (median of {} values{how})",
+            100.0 * self.difference,
+            self.values
+        )
+    }
+}
+
+/// Relative differences of values.
+#[derive(Default)]
+struct Differences(Vec<f32>);
+
+impl Differences {
+    fn add(&mut self, a: f64, b: f64) {
+        let mean = 0.5 * (a + b);
+        if mean > 0.0 {
+            self.0.push(((a - b).abs() / mean) as f32);
+        }
+    }
+
+    fn finish(mut self, is_interpolated: bool) -> Option<Reciprocity> {
+        let values = self.0.len();
+        if values < FEWEST {
+            return None;
+        }
+        let difference = f64::from(*self.0.select_nth_unstable_by(values / 2, f32::total_cmp).1);
+        Some(Reciprocity { difference, values: values as u64, is_interpolated })
+    }
+}
+
+/// The bands that are compared.
+fn bands(count: usize) -> Vec<usize> {
+    let few = count.min(MOST_BANDS);
+    (0..few).map(|i| (2 * i + 1) * count / (2 * few)).collect()
+}
+
+/// Step between the pairs that are compared: an odd number, so that not all have the same azimuth.
+fn every(pairs: usize) -> usize {
+    match pairs.div_ceil(MOST_PAIRS) {
+        0 | 1 => 1,
+        every => every | 1,
+    }
+}
+
+fn of_table(table: &Table<'_>) -> Option<Reciprocity> {
+    let Table { incoming, outgoing, .. } = table;
+    // Cells of different sizes hold different means.
+    if let (Side::Triangles(a), Side::Triangles(b)) = (incoming, outgoing)
+        && a.level() != b.level()
+    {
+        return None;
+    }
+    let chosen = bands(table.bands());
+    let values = |pair: usize, band: usize| f64::from(table.values[pair * table.bands() + band]);
+    let (mut stated, mut interpolated) = (Differences::default(), Differences::default());
+    let pairs = table.values.len() / table.bands();
+    for pair in (0..pairs).step_by(every(pairs)) {
+        let (i, o) = (pair / outgoing.len(), pair % outgoing.len());
+        let first = i / incoming.len() * incoming.len();
+        let ([theta_i, phi_i], [theta_o, phi_o]) = (incoming.degrees(i - first), outgoing.degrees(o));
+        if theta_i > 90.0 || theta_o > 90.0 {
+            continue;
+        }
+        // Exchanging the directions of an isotropic surface turns the azimuth between them round.
+        let back = if incoming.is_isotropic() { -phi_o } else { phi_i };
+        let (Some(from), Some(to)) = (incoming.at([theta_o, phi_o]), outgoing.at([theta_i, back])) else { continue };
+        let entries = mixed(&from, &to, first, outgoing.len());
+        if entries.iter().any(|&(entry, _)| entry == pair) {
+            continue;
+        }
+        let differences = if from.is_stated && to.is_stated { &mut stated } else { &mut interpolated };
+        for &band in &chosen {
+            let exchanged: f64 = entries.iter().map(|&(entry, weight)| weight * values(entry, band)).sum();
+            differences.add(values(pair, band), exchanged);
+        }
+    }
+    if stated.0.len() >= ENOUGH { stated.finish(false) } else { interpolated.finish(true) }
+}
+
+/// Pairs that make the value of an exchanged one, with their weights.
+fn mixed(from: &Mix, to: &Mix, first: usize, outgoing: usize) -> Vec<(usize, f64)> {
+    let counts = |mix: &Mix| mix.samples.into_iter().filter(|(_, weight)| *weight > 0.0).collect::<Vec<_>>();
+    let to = counts(to);
+    let of =
+        |(i, a): (usize, f64)| to.iter().map(move |&(o, b)| ((first + i) * outgoing + o, a * b)).collect::<Vec<_>>();
+    counts(from).into_iter().flat_map(of).collect()
+}
+
+fn of_scattered(scattered: &Scattered) -> Option<Reciprocity> {
+    let count = scattered.directions();
+    let width = scattered.spectral.as_ref().map_or(1, Axis::len);
+    let is_paired = scattered.incoming.len() == count && scattered.outgoing.len() == count;
+    if !is_paired || count > MOST_SCATTERED || scattered.values.len() != count * width {
+        return None;
+    }
+    let steps = |degrees: f64| (degrees / SAME).round() as i32;
+    let azimuth = |theta: f64, phi: f64| if theta < SAME { 0 } else { steps(phi.rem_euclid(360.0)) % steps(360.0) };
+    let key = |[theta_i, phi_i]: [f64; 2], [theta_o, phi_o]: [f64; 2]| {
+        if scattered.isotropic {
+            // At either pole the azimuth between the directions says nothing.
+            return [steps(theta_i), 0, steps(theta_o), azimuth(theta_i.min(theta_o), phi_o - phi_i)];
+        }
+        [steps(theta_i), azimuth(theta_i, phi_i), steps(theta_o), azimuth(theta_o, phi_o)]
+    };
+    let at = |row: usize| (scattered.incoming[row], scattered.outgoing[row]);
+    let mut rows = HashMap::with_capacity(count);
+    for row in 0..count {
+        let (wi, wo) = at(row);
+        rows.entry(key(wi, wo)).or_insert(row);
+    }
+    let chosen = bands(width);
+    let mut differences = Differences::default();
+    for row in (0..count).step_by(every(count)) {
+        let (wi, wo) = at(row);
+        let Some(&other) = rows.get(&key(wo, wi)).filter(|other| **other != row) else { continue };
+        if key(wi, wo) == key(wo, wi) {
+            continue;
+        }
+        for &band in &chosen {
+            let value = |row: usize| f64::from(scattered.values[row * width + band]);
+            differences.add(value(row), value(other));
+        }
+    }
+    differences.finish(false)
+}

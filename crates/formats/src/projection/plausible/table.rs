@@ -1,0 +1,68 @@
+//! A table of directions as a file holds it: values for each pair of an incoming and an outgoing direction.
+
+use super::sides::Side;
+use crate::domain::{Axis, Layout};
+use crate::formats::{Acquisition, Angles, AzimuthExtent, Azimuths, Samples};
+use crate::projection::planes::single_azimuth;
+use std::borrow::Cow;
+
+/// Values `[outer, incoming, outgoing, band]` of a file.
+pub(super) struct Table<'a> {
+    pub(super) values: &'a [f32],
+    pub(super) incoming: Side<'a>,
+    pub(super) outgoing: Side<'a>,
+    pub(super) spectral: Option<&'a Axis>,
+}
+
+impl<'a> Table<'a> {
+    /// The table of a file; `None` where it holds none with both directions.
+    pub(super) fn of(acquisition: &'a Acquisition) -> Option<Self> {
+        let table = match &acquisition.samples {
+            Samples::Grid(grid) => {
+                let (incoming, outgoing) = isotropic(grid.incoming.as_ref()?, grid.outgoing.as_ref()?);
+                Self {
+                    values: &grid.values,
+                    incoming: Side::of_angles(incoming)?,
+                    outgoing: Side::of_angles(outgoing)?,
+                    spectral: grid.spectral.as_ref(),
+                }
+            }
+            Samples::OnAxes { tensor, .. } => {
+                let layout = Layout::of(acquisition.quantity, tensor.axes()).ok()?;
+                let axis = |number: Option<usize>| number.map(|number| &tensor.axes()[number]);
+                Self {
+                    values: tensor.samples(),
+                    incoming: Side::of_axis(axis(layout.incoming)?)?,
+                    outgoing: Side::of_axis(axis(layout.outgoing)?)?,
+                    spectral: axis(layout.spectral),
+                }
+            }
+            Samples::Scattered(_) | Samples::Function(_) => return None,
+        };
+        let block = table.incoming.len() * table.block();
+        (block > 0 && table.values.len() % block == 0).then_some(table)
+    }
+
+    /// The number of bands.
+    pub(super) fn bands(&self) -> usize {
+        self.spectral.map_or(1, Axis::len)
+    }
+
+    /// Values under one incoming direction.
+    pub(super) fn block(&self) -> usize {
+        self.outgoing.len() * self.bands()
+    }
+}
+
+/// Angles under light of one azimuth alone are those of an isotropic surface, counted from it.
+fn isotropic<'a>(incoming: &'a Angles, outgoing: &'a Angles) -> (Cow<'a, Angles>, Cow<'a, Angles>) {
+    let as_stated = (Cow::Borrowed(incoming), Cow::Borrowed(outgoing));
+    let (Some(azimuth), Some(azimuths)) = (single_azimuth(incoming), &outgoing.phi) else { return as_stated };
+    let phi: Vec<f64> = azimuths.phi.iter().map(|phi| phi - azimuth).collect();
+    // Half a circle is mirrored at azimuth 0 alone.
+    if azimuths.extent == AzimuthExtent::Mirrored && azimuth != 0.0 {
+        return as_stated;
+    }
+    let turned = Azimuths { phi, extent: azimuths.extent };
+    (Cow::Owned(Angles { phi: None, ..incoming.clone() }), Cow::Owned(Angles { phi: Some(turned), ..outgoing.clone() }))
+}
