@@ -141,6 +141,65 @@ def albedos(binary, material):
     return np.sum(values * np.array(sums), axis=1)
 
 
+PICTURED, UNDER, HALF_SPAN, NEARBY = ("gauss", 2.0), 30, 6.0, 1.0
+
+
+def plot(path, binary, other, seed):
+    """A lobe in the plane of incidence: its samples, the surface, and what the programs make of the scan."""
+    kind, width = PICTURED
+    f, random = KINDS[kind](width), np.random.default_rng([seed])
+    offsets = np.linspace(-HALF_SPAN, HALF_SPAN, 481)
+    wi, wo = direction(UNDER, 0.0), direction(UNDER + offsets, 180.0)
+    rows = scan(f, random)
+    under = rows[rows[:, 0] == UNDER]
+    beside = direction(under[:, 1], under[:, 2])
+    # Samples whose distance from the plane of incidence is small, at their distance from the mirror direction in it.
+    near = abs(np.degrees(np.arcsin(beside[:, 1]))) < NEARBY
+    where = np.degrees(np.arctan2(-beside[near, 0], beside[near, 2])) - UNDER
+    values = under[near, 3]
+    curves = [("the surface", "#000", f(wi, wo) + BASE / math.pi)]
+    with tempfile.TemporaryDirectory() as directory:
+        source = os.path.join(directory, "scan.csv")
+        write(source, rows)
+        for name, colour, program in [("before", "#c33", other), ("now", "#06c", binary)]:
+            if program:
+                material = os.path.join(directory, name + ".wlm")
+                compressed(program, source, material)
+                asked, answers = os.path.join(directory, "asked.npy"), os.path.join(directory, "answers.npy")
+                count = len(offsets)
+                columns = [np.full(count, float(UNDER)), np.zeros(count), UNDER + offsets, np.full(count, 180.0)]
+                np.save(asked, np.column_stack(columns))
+                run(program, "evaluate", material, "--directions", asked, "-o", answers)
+                curves.append((name, colour, np.load(answers)[:, 0].astype(float)))
+    low, high = 0.05, 60 * max(np.max(line) for _, _, line in curves)
+    across = lambda x: 60 + (x + HALF_SPAN) * 560 / (2 * HALF_SPAN)
+    up = lambda y: 310 - 290 * math.log(max(y, low) / low) / math.log(high / low)
+    lines = ['<svg xmlns="http://www.w3.org/2000/svg" width="640" height="360" font-family="sans-serif" font-size="13">',
+             '<rect width="640" height="360" fill="#fff"/>', '<path d="M60 20V310H620" fill="none" stroke="#888"/>']
+    for offset in range(-6, 7, 2):
+        label = str(offset).replace("-", "\u2212")
+        lines.append(f'<text x="{across(offset):.1f}" y="328" text-anchor="middle">{label}</text>')
+    lines.append('<text x="340" y="350" text-anchor="middle">degrees from the mirror direction, in the plane of incidence</text>')
+    for power in range(-1, 4):
+        if low <= 10.0**power <= high:
+            lines.append(f'<text x="54" y="{up(10.0**power) + 4:.1f}" text-anchor="end">{10.0**power:g}</text>')
+    lines.append('<text x="14" y="170" transform="rotate(-90 14 170)" text-anchor="middle">BRDF, 1/sr</text>')
+    for row, (name, colour, values_of) in enumerate(curves):
+        points = " ".join(f"{across(x):.1f},{up(y):.1f}" for x, y in zip(offsets, values_of))
+        dashes = ' stroke-dasharray="6 4"' if name == "now" else ""
+        lines.append(f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="2"{dashes}/>')
+        lines.append(f'<path d="M80 {40 + 20 * row}h30" stroke="{colour}" stroke-width="2"{dashes}/>')
+        lines.append(f'<text x="116" y="{44 + 20 * row}">{name}</text>')
+    row = len(curves)
+    for x, y in zip(where, values):
+        if abs(x) <= HALF_SPAN:
+            lines.append(f'<circle cx="{across(x):.1f}" cy="{up(y):.1f}" r="3.5" fill="#e80"/>')
+    lines.append(f'<circle cx="95" cy="{40 + 20 * row}" r="3.5" fill="#e80"/>')
+    lines.append(f'<text x="116" y="{44 + 20 * row}">samples within {NEARBY:g}° of the plane</text>')
+    with open(path, "w") as file:
+        file.write("\n".join(lines + ["</svg>"]) + "\n")
+
+
 def bound(kind, width, errors, light_errors, warnings):
     """What is wrong with an outcome, as text; nothing where it is within its bounds."""
     if width < 1:
@@ -162,6 +221,8 @@ def main(arguments):
         if option not in options:
             sys.exit(__doc__)
         options[option] = True if option == "--all" else rest.pop(0)
+    if options["--plot"]:
+        return plot(options["--plot"], binary, options["--before"], int(options["--seed"]))
     cases = [(kind, width) for kind in KINDS for width in WIDTHS] if options["--all"] else FEW
     failed = 0
     print("light of a lobe of albedo 0.3 on a base of 0.3, found less true: % of the albedo, worst of eight elevations;")
