@@ -89,20 +89,17 @@ pub(super) fn project(
     let mut notes = plan.notes.clone();
     notes.extend(spectral_notes);
     let incidences = incidences(acquisition.quantity, &plan, !scattered.incoming.is_empty());
-    let mut found = scatter(acquisition.quantity, &plan, &rows, &channels);
     let sigma = scattered.sigma.as_deref();
     let split = (acquisition.quantity == Quantity::Brdf && !scattered.incoming.is_empty())
-        .then(|| lobe::split(&plan, &rows, sigma, &channels, &incidences, &found.raised))
+        .then(|| lobe::split(&plan, &rows, sigma, &channels, &incidences))
         .flatten();
-    // What cells are made of.
-    let (rows, carried) = match split {
+    // What cells are made of, and values that lie off their neighbours by the light of the lobe.
+    let (rows, carried, of_lobe) = match split {
         Some(Split { carried, left, values }) => {
-            let rows = Rows::new(Cow::Owned(left), sigma, width);
-            found = Scatter { lobe: values, ..scatter(acquisition.quantity, &plan, &rows, &channels) };
             notes.push(carried.note());
-            (rows, Some(carried))
+            (Rows::new(Cow::Owned(left), sigma, width), Some(carried), values)
         }
-        None => (rows, None),
+        None => (rows, None, 0),
     };
 
     let mesh = plan.outgoing.mesh;
@@ -136,6 +133,8 @@ pub(super) fn project(
     let tensor = Tensor::new(axes, samples)?;
     let measurement = Measurement::new(acquisition.quantity, acquisition.unit, Sampling::Average, tensor)?;
     let number = |wanted: Standing| standing.iter().filter(|s| **s == wanted).count() as u64;
+    let mut found = scatter(acquisition.quantity, &plan, &rows, &channels);
+    found.lobe += of_lobe;
     let report = report_of(scattered, &plan, &rows, &found);
     notes.extend(remarks(&report, scattered.values.len(), number(Standing::Filled), number(Standing::Empty)));
     let coverage = Coverage {

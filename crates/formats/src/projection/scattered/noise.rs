@@ -62,8 +62,6 @@ pub(super) struct Scatter {
     pub(super) lobe: u64,
     /// All positive values.
     pub(super) positive: u64,
-    /// Rows that lie above their neighbours by more than noise, in increasing order.
-    pub(super) raised: Vec<u32>,
 }
 
 /// A value that is rejected.
@@ -185,7 +183,6 @@ pub(super) fn scatter(quantity: Quantity, plan: &Plan, rows: &Rows<'_>, channels
     }
     found.sort_unstable_by_key(|(off, _)| off.row);
     let (offs, shared): (Vec<Off>, Vec<Vec<bool>>) = found.into_iter().unzip();
-    scatter.raised = offs.iter().filter(|off| off.excess() > 0.0).map(|off| off.row).collect();
     for ((off, shared), company) in offs.iter().zip(shared).zip(companies(quantity, plan, &offs)) {
         if company == Company::Light {
             scatter.lobe += off.channels.len() as u64;

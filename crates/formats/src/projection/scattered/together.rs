@@ -52,7 +52,7 @@ pub(super) enum Company {
 
 impl Off {
     /// The mean difference; its sign is the side.
-    pub(super) fn excess(&self) -> f64 {
+    fn excess(&self) -> f64 {
         self.channels.iter().map(|channel| f64::from(channel.1)).sum::<f64>() / self.channels.len().max(1) as f64
     }
 

@@ -1,19 +1,24 @@
 //! Whether samples lie high about a centre: most scans end here.
 //!
-//! Under each incidence a smooth base is fitted to a ring of samples about the centre and continued to it. Where too few
-//! samples within the ring lie above that base, there is no lobe that cells could not hold.
+//! Each sample near the centre is predicted from its neighbours, as cells are made of them. Where too few lie clearly above
+//! that, there is no lobe that cells could not hold.
 
+use super::beside::{points, predicted as made};
 use super::near::{Near, TERMS};
 use super::scan::Scan;
 use super::shape::NUMBERS;
 use super::solve::{Problem, predicted};
 use crate::domain::LobeCentre;
+use crate::domain::vector::norm;
 
-/// Radii of the ring in distances between samples.
-pub(super) const INNER: f64 = 2.0;
-pub(super) const OUTER: f64 = 6.0;
-/// Standard deviations, and difference of logarithms, by which a sample must lie above the base.
-const HIGH: f64 = 4.5;
+/// Samples nearer to the centre than this, in distances between samples, are looked at.
+const INNER: f64 = 2.0;
+/// Those between these tell the noise, at most so many of them.
+const RING: f64 = 4.0;
+const OUTER: f64 = 6.0;
+const JUDGES: usize = 300;
+/// Standard deviations, and difference of logarithms, by which a sample must lie above its neighbours.
+const HIGH: f64 = 4.0;
 const LEAST: f64 = 0.05;
 /// Samples that must lie high.
 pub(super) const FEWEST: usize = 3;
@@ -21,64 +26,63 @@ pub(super) const FEWEST: usize = 3;
 const LEAST_NOISE: f64 = 1e-3;
 /// Ratio of the standard deviation of normal deviates to the median of their magnitudes.
 const OF_MEDIAN: f64 = 1.4826;
+/// Rounds of the fit of the base, with a noise that is hardly known and with the one found.
+const ROUNDS: usize = 10;
+const FIRST_NOISE: f64 = 0.02;
 
 /// A centre about which samples lie high.
 pub(super) struct Candidate {
     pub(super) near: Near,
     /// The usual distance between samples there.
     pub(super) spacing: f64,
-    /// Standard deviation of logarithms about the base of the ring.
+    /// Standard deviation of logarithms about what their neighbours make.
     pub(super) noise: f64,
-    /// The base of the ring.
+    /// The base of the ring about the centre.
     pub(super) bases: Vec<[f64; TERMS]>,
 }
 
-/// The samples about `centre`, if enough lie high there or are among `raised`, which are rows in increasing order.
-pub(super) fn candidate(scan: &Scan<'_>, centre: LobeCentre, raised: &[u32]) -> Option<Candidate> {
+/// The samples about `centre`, if enough lie high there.
+pub(super) fn candidate(scan: &Scan<'_>, centre: LobeCentre) -> Option<Candidate> {
     let usual = scan.plan.spacing;
     let spacing = Near::new(scan, centre, 4.0 * usual).spacing(scan.plan.unfolded)?.clamp(0.1 * usual, 3.0 * usual);
     let near = Near::new(scan, centre, (OUTER * spacing).min(1.4));
-    let problem = Problem {
-        near: &near,
-        noise: usual_noise(scan),
-        free: [false; NUMBERS],
-        without: None,
-        beyond: INNER * spacing,
-        widths: [0.0; 2],
+    let noise = noise_if_high(scan, &near, spacing)?;
+    let beyond = INNER * spacing;
+    let (free, widths) = ([false; NUMBERS], [0.0; 2]);
+    let problem = Problem { near: &near, noise: FIRST_NOISE.max(noise), free, without: None, beyond, widths };
+    let bases = Problem { noise, ..problem }.fit(problem.base(), ROUNDS).bases;
+    Some(Candidate { spacing, noise, bases, near })
+}
+
+/// The noise of samples about what their neighbours make, if enough near the centre lie above that by more.
+fn noise_if_high(scan: &Scan<'_>, near: &Near, spacing: f64) -> Option<f64> {
+    // About the direction back, incidences whose mirror direction is as near show what is about that.
+    let is_apart = |row: u32| {
+        let [x, y, _] = scan.plan.directions[row as usize].0;
+        near.centre != LobeCentre::Source || 2.0 * norm([x, y, 0.0]) > near.radius
     };
-    let first = problem.base();
-    let noise = noise_of(&near, &first.bases, problem.beyond);
-    let fit = Problem { noise, ..problem }.fit(first, 10);
-    let noise = noise_of(&near, &fit.bases, problem.beyond);
-    let (mut high, mut known) = (0, 0);
-    for (group, base) in near.groups.iter().zip(&fit.bases) {
-        let ring = group.iter().filter(|sample| sample.distance >= problem.beyond).count() as f64;
-        let limit = (HIGH * noise * (1.0 + 2.0 * TERMS as f64 / ring.max(1.0)).sqrt()).max(LEAST);
-        for sample in group.iter().filter(|sample| sample.distance < problem.beyond) {
-            high += usize::from(sample.log - predicted(sample, base, None).log > limit.max(HIGH * sample.stated));
-            known += usize::from(raised.binary_search(&sample.row).is_ok());
-        }
-    }
-    (high.max(known) >= FEWEST).then(|| Candidate { spacing, noise, bases: fit.bases, near })
+    let rows = |from: f64, to: f64| -> Vec<u32> {
+        let of = near.all().filter(|sample| sample.distance >= from * spacing && sample.distance < to * spacing);
+        let mut rows: Vec<u32> = of.map(|sample| sample.row).filter(|&row| is_apart(row)).collect();
+        rows.sort_unstable();
+        rows
+    };
+    let few = scan.plan.few(scan.rows);
+    let above = |rows: &[u32]| -> Vec<f64> {
+        let points: Vec<_> = points(scan.plan, rows).into_iter().map(|point| point.0).collect();
+        let logs = made(scan.plan, few, &points).into_iter().flatten().map(|[found, own]| libm::log(own / found));
+        logs.filter(|log| log.is_finite()).collect()
+    };
+    let ring = rows(RING, OUTER);
+    let step = ring.len().div_ceil(JUDGES).max(1);
+    let ring: Vec<u32> = ring.into_iter().step_by(step).collect();
+    let noise = deviation(above(&ring).into_iter().map(f64::abs).collect(), 0);
+    let limit = (HIGH * noise).max(LEAST);
+    let high = above(&rows(0.0, INNER)).into_iter().filter(|above| *above > limit).count();
+    (high >= FEWEST).then_some(noise)
 }
 
-/// Noise to begin with.
-fn usual_noise(_scan: &Scan<'_>) -> f64 {
-    0.02
-}
-
-/// Standard deviation of the logarithms of samples beyond a distance about their base, by their median.
-fn noise_of(near: &Near, bases: &[[f64; TERMS]], beyond: f64) -> f64 {
-    let (mut residuals, mut used) = (Vec::new(), 0);
-    for (group, base) in near.groups.iter().zip(bases) {
-        used += TERMS - 1;
-        let ring = group.iter().filter(|sample| sample.distance >= beyond);
-        residuals.extend(ring.map(|sample| (sample.log - predicted(sample, base, None).log).abs()));
-    }
-    deviation(residuals, used)
-}
-
-/// Standard deviation of residuals by the median of their magnitudes, after a fit of so many terms.
+/// The standard deviation of residuals by the median of their magnitudes, after a fit of so many terms.
 pub(super) fn deviation(mut magnitudes: Vec<f64>, used: usize) -> f64 {
     if magnitudes.is_empty() {
         return LEAST_NOISE;
@@ -87,4 +91,15 @@ pub(super) fn deviation(mut magnitudes: Vec<f64>, used: usize) -> f64 {
     let (_, median, _) = magnitudes.select_nth_unstable_by(count / 2, f64::total_cmp);
     let left = count.saturating_sub(used).max(1 + count / 4);
     (OF_MEDIAN * *median * (count as f64 / left as f64).sqrt()).max(LEAST_NOISE)
+}
+
+/// The standard deviation of all samples about a base and a lobe, or a base alone.
+pub(super) fn noise_of(near: &Near, bases: &[[f64; TERMS]], shape: Option<super::shape::Shape>) -> f64 {
+    let prepared = shape.map(|shape| shape.prepared());
+    let mut residuals = Vec::new();
+    for (group, base) in near.groups.iter().zip(bases) {
+        let off = group.iter().map(|sample| (sample.log - predicted(sample, base, prepared.as_ref()).log).abs());
+        residuals.extend(off);
+    }
+    deviation(residuals, (TERMS - 1) * near.groups.len())
 }

@@ -1,11 +1,12 @@
 //! Which lobe the samples show: about which centre, how wide, with which tail; or none.
 
-use super::candidates::{Candidate, FEWEST, deviation};
+use super::candidates::{Candidate, FEWEST, deviation, noise_of};
 use super::near::{FOLDS, Near, Sample, TERMS};
 use super::scan::Scan;
 use super::shape::{ANGLE, LEAST_TAIL, NUMBERS, STRETCH, Shape, TAIL, WIDTH, of_outgoing};
 use super::solve::{Fit, Problem, predicted};
 use crate::domain::LobeCentre;
+use crate::domain::vector::norm;
 use rayon::prelude::*;
 
 /// Half-widths that fits start from, in distances between samples, and the factor between them.
@@ -28,6 +29,15 @@ const FOLD_ROUNDS: usize = 10;
 const LEAST_GAIN: f64 = 15.0;
 /// What another centre, or a second width, must gain above that.
 const OTHER_GAIN: f64 = 3.0;
+/// A sample with this part of the lobe tells how well that fits, if there are so many; misfits of so many times the noise are
+/// none.
+const OF_LOBE: f64 = 0.2;
+const ENOUGH_OF_LOBE: usize = 8;
+const MISFIT: f64 = 1.5;
+/// Samples of one incidence that are kept beyond the lobe, about: they tell the base and the tail.
+const THIN: usize = 160;
+/// Half-widths, and distances between samples, within which all are kept.
+const ALL_WITHIN: f64 = 3.0;
 /// A sample is of the lobe if this part of it is; those of them that lie above the base must be as many as `MOST` says.
 const SHARE: f64 = 0.1;
 const MOST: f64 = 0.7;
@@ -88,15 +98,35 @@ pub(super) fn best(scan: &Scan<'_>, candidate: &Candidate) -> Option<Found> {
     };
     let first: Vec<(Near, Fit)> = centres.iter().filter_map(|&centre| started(scan, candidate, centre)).collect();
     // All coordinates with the same samples, as far as the widest lobe reaches.
-    let reach = |(_, fit): &(Near, Fit)| fit.shape.map_or(0.0, |shape| REACH * shape.width());
-    let radius = first.iter().map(reach).fold(candidate.near.radius, f64::max).min(FARTHEST.max(candidate.near.radius));
-    let fitted: Vec<Found> = first.iter().filter_map(|first| widened(scan, candidate, first, radius)).collect();
+    let widths = first.iter().map(|(_, fit)| fit.shape.map_or(0.0, |shape| shape.width()));
+    let width = widths.fold(0.0, f64::max);
+    let radius = (REACH * width).min(FARTHEST).max(candidate.near.radius);
+    let all = ALL_WITHIN * (width + candidate.spacing);
+    let fitted = first.iter().filter_map(|first| widened(scan, candidate, first, (radius, all)));
+    let mut fitted: Vec<Found> = fitted.collect();
     let noise = fitted.iter().map(|found| found.noise).fold(f64::INFINITY, f64::min);
-    let none = fitted.first().map(|found| withheld(&Problem { noise, ..found.problem() }, None))?;
-    let mut best: Option<Found> = None;
-    for mut found in fitted {
+    for found in &mut fitted {
         found.noise = noise;
-        found = refitted(found);
+        *found = refitted(found.clone());
+        if !scan.plan.isotropic && found.shape.centre == LobeCentre::HalfVector {
+            *found = stretched(found.clone());
+        }
+    }
+    // Samples are as certain as the best of the lobes says.
+    fitted.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let first = doubted(fitted.first()?.clone());
+    let none = withheld(&first.problem(), None);
+    let certainties = first.near.clone();
+    let mut best: Option<Found> = None;
+    for (number, mut found) in fitted.into_iter().enumerate() {
+        if number == 0 {
+            found = first.clone();
+        } else {
+            for (own, other) in found.near.groups.iter_mut().flatten().zip(certainties.all()) {
+                own.stated = other.stated;
+            }
+            found = refitted(found);
+        }
         found.gain = none - withheld(&found.problem(), Some(found.fit()));
         if best.as_ref().is_none_or(|best| found.gain > best.gain + OTHER_GAIN) {
             best = Some(found);
@@ -164,10 +194,15 @@ fn start(
     Some(Fit { shape: Some(Shape { centre, numbers }), bases: bases.to_vec(), cost: f64::INFINITY })
 }
 
-/// The same lobe fitted to all samples within `radius`.
-fn widened(scan: &Scan<'_>, candidate: &Candidate, (near, fit): &(Near, Fit), radius: f64) -> Option<Found> {
+/// The same lobe fitted to the samples within `radius`: all of those within `all`, and of the others some.
+fn widened(
+    scan: &Scan<'_>,
+    candidate: &Candidate,
+    (near, fit): &(Near, Fit),
+    (radius, all): (f64, f64),
+) -> Option<Found> {
     let shape = fit.shape?;
-    let wide = Near::new(scan, shape.centre, radius);
+    let wide = Near::new(scan, shape.centre, radius).thinned(all, THIN);
     let scale = radius / near.radius;
     // t is less another mean, and groups may have come to it.
     let [p0, p1, p2, ..] = shape.numbers;
@@ -199,7 +234,7 @@ fn widened(scan: &Scan<'_>, candidate: &Candidate, (near, fit): &(Near, Fit), ra
         near: wide,
     };
     let found = refitted(found);
-    let noise = noise_of(&found);
+    let noise = noise_of(&found.near, &found.bases, Some(found.shape));
     Some(Found { noise, ..found })
 }
 
@@ -209,14 +244,33 @@ pub(super) fn refitted(found: Found) -> Found {
     Found { shape: fit.shape.unwrap_or(found.shape), bases: fit.bases, cost: fit.cost, ..found }
 }
 
-/// Standard deviation of the logarithms of samples about a fit.
-fn noise_of(found: &Found) -> f64 {
+/// Counts samples of the lobe as less certain by as much as they depart from it beyond noise, where they do: no lobe is quite of the
+/// form that is fitted.
+fn doubted(mut found: Found) -> Found {
     let prepared = found.shape.prepared();
     let mut residuals = Vec::new();
     for (group, base) in found.near.groups.iter().zip(&found.bases) {
-        residuals.extend(group.iter().map(|sample| (sample.log - predicted(sample, base, Some(&prepared)).log).abs()));
+        for sample in group {
+            let at = predicted(sample, base, Some(&prepared));
+            if at.share > OF_LOBE {
+                residuals.push((sample.log - at.log).abs());
+            }
+        }
     }
-    deviation(residuals, (TERMS - 1) * found.near.groups.len())
+    if residuals.len() < ENOUGH_OF_LOBE {
+        return found;
+    }
+    let misfit = deviation(residuals, found.free.iter().filter(|free| **free).count());
+    if misfit < MISFIT * found.noise {
+        return found;
+    }
+    for (group, base) in found.near.groups.iter_mut().zip(&found.bases) {
+        for sample in group {
+            let share = predicted(sample, base, Some(&prepared)).share;
+            sample.stated = norm([sample.stated, share * misfit, found.noise]);
+        }
+    }
+    refitted(found)
 }
 
 /// The robust cost of all samples, each predicted by a fit without its fold: of a lobe that starts from `with`, or of none.
@@ -252,28 +306,23 @@ fn is_seen(found: &Found) -> bool {
 }
 
 /// A lobe with two widths, where withheld samples are clearly better predicted by it.
-pub(super) fn stretched(found: Found) -> Found {
-    let one = withheld(&found.problem(), Some(found.fit()));
+fn stretched(found: Found) -> Found {
     let mut best = found.clone();
-    for quarter in 0..4 {
+    for eighth in 0..4 {
         let mut start = found.clone();
-        start.free[STRETCH] = true;
-        start.free[ANGLE] = true;
+        (start.free[STRETCH], start.free[ANGLE]) = (true, true);
         start.shape.numbers[STRETCH] = 0.3;
-        start.shape.numbers[ANGLE] = f64::from(quarter) * std::f64::consts::FRAC_PI_4;
+        start.shape.numbers[ANGLE] = f64::from(eighth) * std::f64::consts::FRAC_PI_4;
         let next = refitted(start);
         if next.cost < best.cost {
             best = next;
         }
     }
-    if best.free[STRETCH] {
-        let two = withheld(&best.problem(), Some(best.fit()));
-        if two + 3.0 * OTHER_GAIN < one {
-            best.gain += one - two;
-            return best;
-        }
+    if !best.free[STRETCH] {
+        return found;
     }
-    found
+    let [one, two] = [&found, &best].map(|found| withheld(&found.problem(), Some(found.fit())));
+    if two + 3.0 * OTHER_GAIN < one { best } else { found }
 }
 
 /// Samples of all incidences within half the maximum.

@@ -1,7 +1,7 @@
 //! A lobe that cells cannot hold: found in the samples of all incidences together, and carried beside the cells.
 //!
-//! 1. Samples about a centre ([`near`]) of a [`scan`] are compared with a base continued from around ([`candidates`]): a scan
-//!    without high samples there has no lobe.
+//! 1. Samples about a centre ([`near`]) of a [`scan`] are compared with what their neighbours make there ([`beside`]): a scan
+//!    without high samples there has no lobe ([`candidates`]).
 //! 2. A lobe ([`shape`]) and a base under each incidence are fitted together ([`solve`]), about each centre; withheld samples
 //!    choose between these, and against no lobe ([`choose`]).
 //! 3. Each band has its own factor ([`bands`]). Cells are fitted to what the lobe leaves of the samples ([`residual`]), if
@@ -11,6 +11,7 @@
 
 mod against_cells;
 mod bands;
+mod beside;
 mod bound;
 mod candidates;
 mod carried;
@@ -54,30 +55,25 @@ pub(super) struct Split {
     pub(super) values: u64,
 }
 
-/// The lobe of a reflection that cells cannot hold, if its samples show one. `raised` are rows that lie above their
-/// neighbours, in increasing order.
+/// The lobe of a reflection that cells cannot hold, if its samples show one.
 pub(super) fn split(
     plan: &Plan,
     rows: &Rows<'_>,
     sigma: Option<&[f32]>,
     channels: &Channels,
     incidences: &[Incidence],
-    raised: &[u32],
 ) -> Option<Split> {
     let scan = Scan::new(plan, rows, incidences);
     let mut best: Option<Found> = None;
     for centre in [LobeCentre::Mirror, LobeCentre::Source] {
-        let found = candidates::candidate(&scan, centre, raised).and_then(|candidate| choose::best(&scan, &candidate));
+        let found = candidates::candidate(&scan, centre).and_then(|candidate| choose::best(&scan, &candidate));
         if let Some(found) = found
             && best.as_ref().is_none_or(|best| found.gain > best.gain)
         {
             best = Some(found);
         }
     }
-    let mut found = best?;
-    if !plan.isotropic && found.shape.centre == LobeCentre::HalfVector {
-        found = choose::stretched(found);
-    }
+    let found = best?;
     if choose::usually_within_half(&found) > ENOUGH {
         return None;
     }

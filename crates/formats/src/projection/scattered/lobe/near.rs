@@ -72,6 +72,21 @@ impl Near {
         near
     }
 
+    /// The same with about `count` of the samples of each incidence that are farther than `all`.
+    pub(super) fn thinned(mut self, all: f64, count: usize) -> Self {
+        for group in &mut self.groups {
+            let far = group.iter().filter(|sample| sample.distance > all).count();
+            let step = far.div_ceil(count).max(1);
+            let mut number = 0;
+            group.retain(|sample| {
+                number += usize::from(sample.distance > all);
+                sample.distance <= all || number % step == 0
+            });
+        }
+        self.divide();
+        self
+    }
+
     /// Sets the folds: neighbours in the order of their distances are in different ones.
     fn divide(&mut self) {
         let at = |&(i, k): &(usize, usize)| self.groups[i][k];

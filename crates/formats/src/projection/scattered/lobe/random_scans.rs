@@ -296,11 +296,11 @@ fn times() {
             let planned = start.elapsed();
             let channels = crate::projection::resampling::Channels::Kept(1);
             let start = std::time::Instant::now();
-            let found = scatter(Quantity::Brdf, &plan, &rows, &channels);
+            let _ = scatter(Quantity::Brdf, &plan, &rows, &channels);
             let noise = start.elapsed();
             let incidences = incidences(Quantity::Brdf, &plan, true);
             let start = std::time::Instant::now();
-            let split = super::split(&plan, &rows, None, &channels, &incidences, &found.raised);
+            let split = super::split(&plan, &rows, None, &channels, &incidences);
             eprintln!(
                 "{name}: {whole:.2?}; plan {planned:.2?}, noise {noise:.2?}, lobe {:.2?}, {} {}",
                 start.elapsed(),

@@ -2,6 +2,7 @@
 
 use super::bands::Colours;
 use super::choose::Found;
+use super::near::Near;
 use super::scan::Scan;
 use super::solve::predicted;
 use crate::domain::{Direction, Lobe};
@@ -23,7 +24,8 @@ pub(super) fn residual(scan: &Scan<'_>, found: &Found, lobe: &Lobe, colours: &Co
     let count = scan.plan.directions.len();
     // The grey base of each row, and the number of its incidence.
     let mut known: Vec<Option<(f64, usize)>> = vec![None; count];
-    for (number, (group, base)) in found.near.groups.iter().zip(&found.bases).enumerate() {
+    let all = Near::new(scan, found.shape.centre, found.near.radius);
+    for (number, (group, base)) in all.groups.iter().zip(&found.bases).enumerate() {
         for sample in group {
             let at = predicted(sample, base, Some(&prepared));
             known[sample.row as usize] = Some((libm::exp(at.base), number));

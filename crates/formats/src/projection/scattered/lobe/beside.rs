@@ -1,0 +1,44 @@
+//! What the neighbours of a sample make at its place without it: what cells would hold there.
+
+use crate::projection::scattered::cells::{Fitted, Scratch};
+use crate::projection::scattered::noise::without_itself;
+use crate::projection::scattered::plan::Plan;
+use crate::projection::scattered::rows::Rows;
+use rayon::prelude::*;
+
+/// A sample by its cloud and its point there.
+pub(super) type Point = (usize, u32);
+
+/// Where each of `rows`, which are in increasing order, lies in the clouds; in the order of these.
+pub(super) fn points(plan: &Plan, rows: &[u32]) -> Vec<(Point, usize)> {
+    let own = |(cloud, of): (usize, &crate::projection::scattered::cloud::Cloud)| {
+        let found = of.rows[..of.own()].iter().zip(0..).filter_map(|(row, point)| {
+            let at = rows.binary_search(row).ok()?;
+            Some(((cloud, point), at))
+        });
+        found.collect::<Vec<_>>()
+    };
+    plan.clouds.iter().enumerate().flat_map(own).collect()
+}
+
+/// Mean over the bands of `rows` of what the neighbours of a point make there, and of what it is.
+pub(super) fn predicted(plan: &Plan, rows: &Rows<'_>, points: &[Point]) -> Vec<Option<[f64; 2]>> {
+    let of = |scratch: &mut Scratch, &(cloud, point): &Point| {
+        let fitted = plan.fitted(rows, cloud);
+        let found = grey(&fitted, point, scratch)?;
+        Some([found, mean(rows.row(fitted.cloud.rows[point as usize]))?])
+    };
+    points.par_iter().map_init(Scratch::default, of).collect()
+}
+
+fn grey(fitted: &Fitted<'_>, point: u32, scratch: &mut Scratch) -> Option<f64> {
+    without_itself(fitted, point, |_| false, scratch)?;
+    mean(&scratch.row)
+}
+
+/// The mean of the bands that are there.
+fn mean(row: &[f32]) -> Option<f64> {
+    let values = row.iter().map(|&value| f64::from(value)).filter(|value| !value.is_nan());
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    (count > 0.0).then_some(sum / count)
+}
