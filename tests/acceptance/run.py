@@ -3,8 +3,8 @@
 
 Usage: run.py [--all-builds] BINARY OTHER [FIGURES.md]
 
-OTHER is of another optimisation: a second build of the program, or the built example program `again`. Both must write the
-same bytes. --all-builds compares them on every file, not on four, and does nothing else; it takes two builds of the program.
+OTHER is a second build of the program, of another optimisation in `tests/nightly release`, or the example program `again`. Both
+must write the same bytes. --all-builds compares them on every file, not on four, and does nothing else; it takes two builds of the program.
 """
 import json
 import os
