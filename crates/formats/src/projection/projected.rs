@@ -1,7 +1,7 @@
 //! A projected measurement, and what its cells stand on.
 
-use super::scattered::{CarriedLobe, ScatteredSamples};
 use super::scattered::report::ScatterReport;
+use super::scattered::{CarriedLobe, ScatteredSamples};
 use crate::domain::{Measurement, Tensor};
 use crate::formats::Contradictions;
 use serde::Serialize;

@@ -20,8 +20,8 @@ const JUDGES: usize = 300;
 /// Standard deviations, and difference of logarithms, by which a sample must lie above its neighbours.
 const HIGH: f64 = 4.0;
 const LEAST: f64 = 0.05;
-/// Samples that must lie high.
-pub(super) const FEWEST: usize = 3;
+/// Samples that must lie high: neighbours hide one of three.
+const FEWEST: usize = 2;
 /// Least noise: smaller than any instrument has, and than a base is smooth.
 const LEAST_NOISE: f64 = 1e-3;
 /// Ratio of the standard deviation of normal deviates to the median of their magnitudes.
@@ -78,9 +78,7 @@ fn noise_if_high(scan: &Scan<'_>, near: &Near, spacing: f64) -> Option<f64> {
     judges.sort_unstable();
     let noise = deviation(above(&judges).into_iter().map(f64::abs).collect(), 0);
     let limit = (HIGH * noise).max(LEAST);
-    let above = above(&inner);
-    let high = above.iter().filter(|above| **above > limit).count();
-    if std::env::var("LOBE_DEBUG").is_ok() { eprintln!("DEBUG {:?} high {high} low {} of {} noise {noise:.4} spacing {:.2}", near.centre, above.iter().filter(|above| **above < -limit).count(), above.len(), spacing.to_degrees()); }
+    let high = above(&inner).into_iter().filter(|above| *above > limit).count();
     (high >= FEWEST).then_some(noise)
 }
 

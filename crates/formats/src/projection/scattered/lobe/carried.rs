@@ -45,7 +45,8 @@ impl CarriedLobe {
             );
         }
         if self.unseen_bands > 0 {
-            note += &format!("; {} bands without a sample of it have the colour of their neighbours", self.unseen_bands);
+            note +=
+                &format!("; {} bands without a sample of it have the colour of their neighbours", self.unseen_bands);
         }
         note
     }

@@ -1,6 +1,6 @@
 //! Which lobe the samples show: about which centre, how wide, with which tail; or none.
 
-use super::candidates::{Candidate, FEWEST, deviation, noise_of};
+use super::candidates::{Candidate, deviation, noise_of};
 use super::near::{FOLDS, Near, Sample, TERMS};
 use super::scan::Scan;
 use super::shape::{ANGLE, LEAST_TAIL, NUMBERS, STRETCH, Shape, TAIL, WIDTH, of_outgoing};
@@ -40,6 +40,8 @@ const MISFIT: f64 = 1.5;
 const THIN: usize = 160;
 /// Half-widths, and distances between samples, within which all are kept.
 const ALL_WITHIN: f64 = 3.0;
+/// Samples that must lie above the base.
+const FEWEST: usize = 3;
 /// A sample is of the lobe if this part of it is; those of them that lie above the base must be as many as `MOST` says.
 const SHARE: f64 = 0.1;
 const MOST: f64 = 0.7;
@@ -197,7 +199,12 @@ fn start(
 }
 
 /// The same lobe fitted to the samples within `radius`: all of those within `all`, and of the others some.
-fn widened(scan: &Scan<'_>, candidate: &Candidate, (near, fit): &(Near, Fit), (radius, all): (f64, f64)) -> Option<Found> {
+fn widened(
+    scan: &Scan<'_>,
+    candidate: &Candidate,
+    (near, fit): &(Near, Fit),
+    (radius, all): (f64, f64),
+) -> Option<Found> {
     let shape = fit.shape?;
     let wide = Near::new(scan, shape.centre, radius).thinned(all, THIN);
     let scale = radius / near.radius;

@@ -119,7 +119,9 @@ pub(super) fn random_scan(seed: u64, has_lobe: bool, outliers: f64) -> Case {
             continue;
         }
         let what = if has_lobe {
-            format!("{seed}: {way:?}, kind {kind}, {width:.2}°, albedo {albedo:.2}, noise {noise:.4}, {count} incidences, {seen} seen")
+            format!(
+                "{seed}: {way:?}, kind {kind}, {width:.2}°, albedo {albedo:.2}, noise {noise:.4}, {count} incidences, {seen} seen"
+            )
         } else {
             format!("{seed}: {way:?}, kind {kind}, rough {rough:.2}, noise {noise:.4}, {count} incidences")
         };
@@ -183,7 +185,11 @@ fn random_figures() {
         let took = start.elapsed();
         let expected: Vec<f64> = case.elevations.iter().map(|&theta| light(&*case.truth, theta)).collect();
         let kept = kept(&projected, &case.elevations);
-        let off = kept.iter().zip(&expected).map(|(k, e)| k / e - 1.0).fold(0.0, |m: f64, o| if o.abs() > m.abs() { o } else { m });
+        let off = kept
+            .iter()
+            .zip(&expected)
+            .map(|(k, e)| k / e - 1.0)
+            .fold(0.0, |m: f64, o| if o.abs() > m.abs() { o } else { m });
         let mean = kept.iter().sum::<f64>() / expected.iter().sum::<f64>() - 1.0;
         let true_light = expected.iter().map(|e| e - BASE * std::f64::consts::PI).sum::<f64>() / expected.len() as f64;
         let warning = projected.lobe.as_ref().and_then(|lobe| lobe.warning());
@@ -200,7 +206,14 @@ fn random_figures() {
             100.0 * off,
             100.0 * mean,
             true_light,
-            projected.lobe.as_ref().map_or("none".to_owned(), |lobe| format!("{:.4} {:?} {} {}{:?}", lobe.light, lobe.light_range, lobe.samples_within_half, lobe.lobe, warning.map(|_| "WARNED")))
+            projected.lobe.as_ref().map_or("none".to_owned(), |lobe| format!(
+                "{:.4} {:?} {} {}{:?}",
+                lobe.light,
+                lobe.light_range,
+                lobe.samples_within_half,
+                lobe.lobe,
+                warning.map(|_| "WARNED")
+            ))
         );
         for outliers in [0.0, 0.005] {
             let case = random_scan(5000 + seed + if outliers > 0.0 { 4000 } else { 0 }, false, outliers);
@@ -213,7 +226,10 @@ fn random_figures() {
             }
         }
     }
-    eprintln!("lost {lost}, carried of smooth {carried_of_smooth}, warned {warned_of_smooth}, outside of the range {outside} of {}", to - from);
+    eprintln!(
+        "lost {lost}, carried of smooth {carried_of_smooth}, warned {warned_of_smooth}, outside of the range {outside} of {}",
+        to - from
+    );
 }
 
 /// Projections of single scans that no random one is like.
@@ -233,7 +249,10 @@ fn odd_figures() {
         ("cusp", Box::new(move |wi, wo| BASE + scale(1.5) * (-spread(wi, wo) / 0.8).exp())),
         ("two", Box::new(move |wi, wo| micro(wi, wo) + 0.3 * scale(1.0) * (-2.77 * spread(wi, wo).powi(2)).exp())),
         ("on gloss", Box::new(move |wi, wo| rough(wi, wo) + 0.3 * scale(2.0) * (-0.69 * spread(wi, wo).powi(2)).exp())),
-        ("on gloss .3", Box::new(move |wi, wo| rough3(wi, wo) + 0.3 * scale(1.0) * (-2.77 * spread(wi, wo).powi(2)).exp())),
+        (
+            "on gloss .3",
+            Box::new(move |wi, wo| rough3(wi, wo) + 0.3 * scale(1.0) * (-2.77 * spread(wi, wo).powi(2)).exp()),
+        ),
         ("long tail", Box::new(move |wi, wo| BASE + 0.2 * scale(2.0) / (1.0 + spread(wi, wo).powi(2)).powf(1.5))),
         ("flat top", Box::new(move |wi, wo| BASE + scale(3.0) * (-0.69 * (spread(wi, wo) / 1.5).powi(4)).exp())),
     ];
@@ -246,7 +265,8 @@ fn odd_figures() {
         let kept = kept(&projected, &elevations);
         let off: Vec<f64> =
             kept.iter().zip(elevations).map(|(kept, theta)| 100.0 * (kept / light(&*truth, theta) - 1.0)).collect();
-        let note = projected.lobe.as_ref().map_or("none".to_owned(), |lobe| format!("{} {:?}", lobe.note(), lobe.warning()));
+        let note =
+            projected.lobe.as_ref().map_or("none".to_owned(), |lobe| format!("{} {:?}", lobe.note(), lobe.warning()));
         eprintln!("{name} [{took:.2?}]: {off:.2?} %; {note}");
     }
 }
@@ -281,7 +301,12 @@ fn times() {
             let incidences = incidences(Quantity::Brdf, &plan, true);
             let start = std::time::Instant::now();
             let split = super::split(&plan, &rows, None, &channels, &incidences);
-            eprintln!("{name}: {whole:.2?}; plan {planned:.2?}, noise {noise:.2?}, lobe {:.2?}, {} {}", start.elapsed(), split.is_some(), projected.lobe.is_some());
+            eprintln!(
+                "{name}: {whole:.2?}; plan {planned:.2?}, noise {noise:.2?}, lobe {:.2?}, {} {}",
+                start.elapsed(),
+                split.is_some(),
+                projected.lobe.is_some()
+            );
         }
     }
 }

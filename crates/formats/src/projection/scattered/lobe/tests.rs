@@ -2,13 +2,11 @@
 
 use super::candidates::candidate;
 use super::choose::{Found, best};
+use super::near::Near;
 use super::random_scans::{kept, light, microfacets};
 use super::scan::Scan;
 use super::shape::{NUMBERS, Shape};
-use super::near::Near;
-use crate::domain::{
-    Axis, CENTRES, Direction, Lobe, LobeCentre, LobeParameters, Quantity, WavelengthGrid,
-};
+use crate::domain::{Axis, CENTRES, Direction, Lobe, LobeCentre, LobeParameters, Quantity, WavelengthGrid};
 use crate::formats::Scattered;
 use crate::projection::scattered::incidences::incidences;
 use crate::projection::scattered::plan::Plan;
@@ -46,7 +44,9 @@ fn truth(centre: LobeCentre, width: f64, tail: f64) -> impl Fn(Direction, Direct
             LobeParameters { centre, peak: [0.0; 3], range: [0.0, 2.0], widths, angle: 0.0, tail, colours: vec![] };
         let under = Lobe::new(parameters).unwrap().under(wi).unwrap();
         // Light that is lost below the horizon is not made up for.
-        let whole = std::f64::consts::PI * half * half
+        let whole = std::f64::consts::PI
+            * half
+            * half
             * if tail == 0.0 { 1.0 / 2_f64.ln() } else { tail / ((2_f64.powf(tail) - 1.0) * (1.0 - tail)) };
         let cos = wi.cos_theta();
         let light = whole * if centre == LobeCentre::HalfVector { 4.0 * cos * cos } else { cos };
@@ -55,7 +55,12 @@ fn truth(centre: LobeCentre, width: f64, tail: f64) -> impl Fn(Direction, Direct
 }
 
 /// Samples under a spiral, turned from each elevation to the next.
-pub(super) fn spiral(truth: impl Fn(Direction, Direction) -> f64, elevations: &[f64], noise: f64, seed: u64) -> Scattered {
+pub(super) fn spiral(
+    truth: impl Fn(Direction, Direction) -> f64,
+    elevations: &[f64],
+    noise: f64,
+    seed: u64,
+) -> Scattered {
     let mut random = Random(seed);
     let (mut incoming, mut outgoing, mut values) = (Vec::new(), Vec::new(), Vec::new());
     for &theta in elevations {
@@ -130,7 +135,11 @@ fn cells_and_lobe_have_all_light() {
         let report = projected.coverage.scatter.as_ref().unwrap();
         assert!(report.rejected.values == 0 && report.lobe > 20, "{report:?}");
         let cells = projected.measurement.tensor.samples().iter().filter(|cell| !cell.is_nan());
-        assert!(cells.clone().all(|&cell| (f64::from(cell) / BASE - 1.0).abs() < 0.15), "{:?}", cells.fold(0.0, |m: f32, c| m.max(*c)));
+        assert!(
+            cells.clone().all(|&cell| (f64::from(cell) / BASE - 1.0).abs() < 0.15),
+            "{:?}",
+            cells.fold(0.0, |m: f32, c| m.max(*c))
+        );
     }
 }
 
@@ -160,12 +169,9 @@ fn smooth_scans_and_outliers_have_no_lobe() {
     };
     let cosine = |_: Direction, _: Direction| BASE;
     let blind = |wi: Direction, wo: Direction| if wi.dot(wo) > 0.9962 { f64::NAN } else { BASE };
-    for (name, truth) in [
-        ("cosine", &cosine as &dyn Fn(_, _) -> _),
-        ("0.2", &gloss(0.2)),
-        ("0.5", &gloss(0.5)),
-        ("blind", &blind),
-    ] {
+    for (name, truth) in
+        [("cosine", &cosine as &dyn Fn(_, _) -> _), ("0.2", &gloss(0.2)), ("0.5", &gloss(0.5)), ("blind", &blind)]
+    {
         for outliers in [false, true] {
             let mut data = spiral(truth, &ELEVATIONS, 0.01, 21);
             let mut random = Random(3);
@@ -283,7 +289,11 @@ fn the_fitted_function_is_the_lobe_and_has_its_derivatives() {
             let value = shape.prepared().at(sample);
             let (wi, wo) = plan.directions[sample.row as usize];
             let expected = lobe.shape(Direction::from_unit(wi), Direction::from_unit(wo)).ln();
-            assert!((value.log - expected).abs() < 1e-3 * (1.0 + expected.abs()), "{centre:?} {} {expected}", value.log);
+            assert!(
+                (value.log - expected).abs() < 1e-3 * (1.0 + expected.abs()),
+                "{centre:?} {} {expected}",
+                value.log
+            );
             for i in 0..NUMBERS {
                 if centre != LobeCentre::HalfVector && i > 4 {
                     continue;
@@ -294,7 +304,11 @@ fn the_fitted_function_is_the_lobe_and_has_its_derivatives() {
                     Shape { centre, numbers }.prepared().at(sample).log
                 };
                 let slope = (moved(1e-5) - moved(-1e-5)) / 2e-5;
-                assert!((slope - value.slopes[i]).abs() < 0.02 * (1.0 + slope.abs()), "{centre:?} {i}: {slope} {:?}", value.slopes);
+                assert!(
+                    (slope - value.slopes[i]).abs() < 0.02 * (1.0 + slope.abs()),
+                    "{centre:?} {i}: {slope} {:?}",
+                    value.slopes
+                );
             }
         }
     }
