@@ -2,7 +2,12 @@
 
 use super::bands::Colours;
 use super::scan::Scan;
-use crate::domain::{Direction, Domain, Lobe};
+use crate::domain::{Direction, Domain, Lobe, LobeUnder};
+use crate::projection::scattered::incidences::Incidence;
+use std::f64::consts::PI;
+
+/// An albedo that is found without the areas of samples, below which none is above 1.
+const SAFE: f64 = 0.7;
 
 /// The factor, at most 1, by which a lobe may be as bright as it is: with it no albedo is above 1 that is not without the lobe.
 ///
@@ -12,8 +17,11 @@ pub(super) fn factor(scan: &Scan<'_>, lobe: &Lobe, colours: &Colours, left: &[f3
     let mut least = 1.0_f64;
     for incidence in scan.incidences {
         let Some(&first) = incidence.rows().first() else { continue };
-        let (weights, are_areas) = incidence.weights(&scan.plan.directions, Domain::Hemisphere, true);
         let Some(under) = lobe.under(Direction::from_unit(scan.plan.directions[first as usize].0)) else { continue };
+        if rough(scan, incidence, &under, colours, left) < SAFE {
+            continue;
+        }
+        let (weights, are_areas) = incidence.weights(&scan.plan.directions, Domain::Hemisphere, true);
         if !are_areas {
             // Without areas the base is as bright as nothing.
             least = least.min(limited(under.light(), &colours.lobe, &vec![0.0; width]));
@@ -31,6 +39,23 @@ pub(super) fn factor(scan: &Scan<'_>, lobe: &Lobe, colours: &Colours, left: &[f3
         least = least.min(limited(under.light(), &colours.lobe, &base));
     }
     least
+}
+
+/// The largest albedo of a band, about: of the mean of the values by cosines. It needs no areas.
+fn rough(scan: &Scan<'_>, incidence: &Incidence, under: &LobeUnder, colours: &Colours, left: &[f32]) -> f64 {
+    let width = scan.rows.width;
+    let (mut sums, mut cosines) = (vec![0.0; width], vec![1e-9; width]);
+    for &row in incidence.rows() {
+        let cosine = scan.plan.directions[row as usize].1[2].max(0.0);
+        let values = &left[row as usize * width..][..width];
+        for ((sum, total), &value) in sums.iter_mut().zip(&mut cosines).zip(values).filter(|of| !of.1.is_nan()) {
+            *sum += cosine * f64::from(value);
+            *total += cosine;
+        }
+    }
+    let light = under.light();
+    let bands = sums.iter().zip(&cosines).zip(&colours.lobe);
+    bands.map(|((sum, total), colour)| PI * sum / total + light * colour).fold(0.0, f64::max)
 }
 
 /// The factor with which light of these colours fits beside a base.

@@ -13,15 +13,15 @@ use crate::domain::vector::norm;
 
 /// Samples nearer to the centre than this, in distances between samples, are looked at.
 const INNER: f64 = 2.0;
-/// Those between these tell the noise, at most so many of them.
-const RING: f64 = 4.0;
+/// Those nearer than this are fitted at first.
 const OUTER: f64 = 6.0;
+/// Samples of all directions that tell the noise.
 const JUDGES: usize = 300;
 /// Standard deviations, and difference of logarithms, by which a sample must lie above its neighbours.
 const HIGH: f64 = 4.0;
 const LEAST: f64 = 0.05;
-/// Samples that must lie high.
-pub(super) const FEWEST: usize = 3;
+/// Samples that must lie high: neighbours hide one of three.
+const FEWEST: usize = 2;
 /// Least noise: smaller than any instrument has, and than a base is smooth.
 const LEAST_NOISE: f64 = 1e-3;
 /// Ratio of the standard deviation of normal deviates to the median of their magnitudes.
@@ -61,24 +61,24 @@ fn noise_if_high(scan: &Scan<'_>, near: &Near, spacing: f64) -> Option<f64> {
         let [x, y, _] = scan.plan.directions[row as usize].0;
         near.centre != LobeCentre::Source || 2.0 * norm([x, y, 0.0]) > near.radius
     };
-    let rows = |from: f64, to: f64| -> Vec<u32> {
-        let of = near.all().filter(|sample| sample.distance >= from * spacing && sample.distance < to * spacing);
-        let mut rows: Vec<u32> = of.map(|sample| sample.row).filter(|&row| is_apart(row)).collect();
-        rows.sort_unstable();
-        rows
-    };
     let few = scan.plan.few(scan.rows);
     let above = |rows: &[u32]| -> Vec<f64> {
         let points: Vec<_> = points(scan.plan, rows).into_iter().map(|point| point.0).collect();
         let logs = made(scan.plan, few, &points).into_iter().flatten().map(|[found, own]| libm::log(own / found));
         logs.filter(|log| log.is_finite()).collect()
     };
-    let ring = rows(RING, OUTER);
-    let step = ring.len().div_ceil(JUDGES).max(1);
-    let ring: Vec<u32> = ring.into_iter().step_by(step).collect();
-    let noise = deviation(above(&ring).into_iter().map(f64::abs).collect(), 0);
+    let inner = near.all().filter(|sample| sample.distance < INNER * spacing);
+    let mut inner: Vec<u32> = inner.map(|sample| sample.row).filter(|&row| is_apart(row)).collect();
+    inner.sort_unstable();
+    // All rows, at no regular distance.
+    let count: usize = scan.incidences.iter().map(|incidence| incidence.rows().len()).sum();
+    let step = (count / JUDGES).max(1) | 1;
+    let mut judges: Vec<u32> =
+        scan.incidences.iter().flat_map(|incidence| incidence.rows()).copied().step_by(step).collect();
+    judges.sort_unstable();
+    let noise = deviation(above(&judges).into_iter().map(f64::abs).collect(), 0);
     let limit = (HIGH * noise).max(LEAST);
-    let high = above(&rows(0.0, INNER)).into_iter().filter(|above| *above > limit).count();
+    let high = above(&inner).into_iter().filter(|above| *above > limit).count();
     (high >= FEWEST).then_some(noise)
 }
 

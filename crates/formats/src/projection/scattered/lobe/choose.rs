@@ -1,6 +1,6 @@
 //! Which lobe the samples show: about which centre, how wide, with which tail; or none.
 
-use super::candidates::{Candidate, FEWEST, deviation, noise_of};
+use super::candidates::{Candidate, deviation, noise_of};
 use super::near::{FOLDS, Near, Sample, TERMS};
 use super::scan::Scan;
 use super::shape::{ANGLE, LEAST_TAIL, NUMBERS, STRETCH, Shape, TAIL, WIDTH, of_outgoing};
@@ -14,9 +14,11 @@ const NARROWEST_START: f64 = 0.1;
 const WIDER: f64 = 1.6;
 const WIDTHS: usize = 7;
 const TAILS: [f64; 3] = [LEAST_TAIL, 0.2, 0.5];
-/// Rounds that starts compete after, and how many go on.
-const FIRST_ROUNDS: usize = 6;
-const BEST: usize = 3;
+/// Rounds that starts compete after, and how many of them go on.
+const ROUNDS: [(usize, usize); 3] = [(1, 8), (5, 2), (30, 1)];
+/// A coordinate whose first fit costs so many times as much as the best, and this much, goes no further.
+const WORSE: f64 = 1.5;
+const MUCH_WORSE: f64 = 100.0;
 /// Bounds of half-widths in distances between samples.
 const NARROWEST: f64 = 0.04;
 const WIDEST: f64 = 4.0;
@@ -38,6 +40,8 @@ const MISFIT: f64 = 1.5;
 const THIN: usize = 160;
 /// Half-widths, and distances between samples, within which all are kept.
 const ALL_WITHIN: f64 = 3.0;
+/// Samples that must lie above the base.
+const FEWEST: usize = 3;
 /// A sample is of the lobe if this part of it is; those of them that lie above the base must be as many as `MOST` says.
 const SHARE: f64 = 0.1;
 const MOST: f64 = 0.7;
@@ -96,7 +100,9 @@ pub(super) fn best(scan: &Scan<'_>, candidate: &Candidate) -> Option<Found> {
     } else {
         &[LobeCentre::Mirror, LobeCentre::HalfVector]
     };
-    let first: Vec<(Near, Fit)> = centres.iter().filter_map(|&centre| started(scan, candidate, centre)).collect();
+    let mut first: Vec<(Near, Fit)> = centres.iter().filter_map(|&centre| started(scan, candidate, centre)).collect();
+    let least = first.iter().map(|(_, fit)| fit.cost).fold(f64::INFINITY, f64::min);
+    first.retain(|(_, fit)| fit.cost <= WORSE * least + MUCH_WORSE);
     // All coordinates with the same samples, as far as the widest lobe reaches.
     let widths = first.iter().map(|(_, fit)| fit.shape.map_or(0.0, |shape| shape.width()));
     let width = widths.fold(0.0, f64::max);
@@ -115,7 +121,7 @@ pub(super) fn best(scan: &Scan<'_>, candidate: &Candidate) -> Option<Found> {
     // Samples are as certain as the best of the lobes says.
     fitted.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let first = doubted(fitted.first()?.clone());
-    let none = withheld(&first.problem(), None);
+    let none = withheld(&first.problem(), Fit { shape: None, ..first.fit() });
     let certainties = first.near.clone();
     let mut best: Option<Found> = None;
     for (number, mut found) in fitted.into_iter().enumerate() {
@@ -127,7 +133,7 @@ pub(super) fn best(scan: &Scan<'_>, candidate: &Candidate) -> Option<Found> {
             }
             found = refitted(found);
         }
-        found.gain = none - withheld(&found.problem(), Some(found.fit()));
+        found.gain = none - withheld(&found.problem(), found.fit());
         if best.as_ref().is_none_or(|best| found.gain > best.gain + OTHER_GAIN) {
             best = Some(found);
         }
@@ -155,17 +161,15 @@ fn started(scan: &Scan<'_>, candidate: &Candidate, centre: LobeCentre) -> Option
         starts.extend(TAILS.map(|tail| (narrowest, tail)));
         narrowest *= WIDER;
     }
-    let begun = |&(width, tail): &(f64, f64)| {
-        let start = start(&near, &candidate.bases, (centre, width, tail), candidate.noise)?;
-        Some(problem.fit(start, FIRST_ROUNDS))
-    };
-    let begun: Vec<Option<Fit>> = starts.par_iter().map(begun).collect();
-    let mut begun: Vec<Fit> = begun.into_iter().flatten().collect();
-    begun.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    begun.truncate(BEST);
-    let ended: Vec<Fit> = begun.into_par_iter().map(|fit| problem.fit(fit, 40)).collect();
-    let best = ended.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-    Some((near, best))
+    let of = |&(width, tail): &(f64, f64)| start(&near, &candidate.bases, (centre, width, tail), candidate.noise);
+    let mut fits: Vec<Fit> = starts.iter().filter_map(of).collect();
+    // The best of all go on, for longer and longer.
+    for (rounds, left) in ROUNDS {
+        fits = fits.into_par_iter().map(|fit| problem.fit(fit, rounds)).collect();
+        fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        fits.truncate(left);
+    }
+    fits.into_iter().next().map(|best| (near, best))
 }
 
 /// A lobe of this width and tail, as high as the samples that lie above the base make it in their middle.
@@ -273,15 +277,11 @@ fn doubted(mut found: Found) -> Found {
     refitted(found)
 }
 
-/// The robust cost of all samples, each predicted by a fit without its fold: of a lobe that starts from `with`, or of none.
-pub(super) fn withheld(problem: &Problem<'_>, with: Option<Fit>) -> f64 {
+/// The robust cost of all samples, each predicted by a fit without its fold, which begins with `start`.
+fn withheld(problem: &Problem<'_>, start: Fit) -> f64 {
     let of = |fold: u32| {
         let problem = Problem { without: Some(fold), ..*problem };
-        let fit = match &with {
-            Some(fit) => problem.fit(fit.clone(), FOLD_ROUNDS),
-            None => problem.base(),
-        };
-        problem.cost_of(&fit, fold)
+        problem.cost_of(&problem.fit(start.clone(), FOLD_ROUNDS), fold)
     };
     let costs: Vec<f64> = (0..FOLDS).into_par_iter().map(of).collect();
     costs.iter().sum()
@@ -321,7 +321,7 @@ fn stretched(found: Found) -> Found {
     if !best.free[STRETCH] {
         return found;
     }
-    let [one, two] = [&found, &best].map(|found| withheld(&found.problem(), Some(found.fit())));
+    let [one, two] = [&found, &best].map(|found| withheld(&found.problem(), found.fit()));
     if two + 3.0 * OTHER_GAIN < one { best } else { found }
 }
 

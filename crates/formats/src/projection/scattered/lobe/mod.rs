@@ -42,7 +42,7 @@ use scan::Scan;
 /// Samples within half the maximum under one incidence with which cells hold a lobe.
 const ENOUGH: f64 = 16.0;
 /// Samples of all incidences within half the maximum that tell the light of a lobe so well that no range of it is given.
-const CERTAIN: u64 = 30;
+const CERTAIN: u64 = 12;
 /// The least factor of a lobe that is too bright.
 const DARKEST: f64 = 1e-3;
 
@@ -86,25 +86,28 @@ pub(super) fn split(
         return None;
     }
     drop(left_rows);
-    let factor = bound::factor(&scan, &lobe, &colours, &left);
+    let factor = bound::factor(&scan, &lobe, &colours, &left).max(DARKEST);
     if factor < 1.0 {
         let LobeParameters { peak: [p0, p1, p2], .. } = lobe.parameters();
-        let peak = [p0 + libm::log(factor.max(DARKEST)), p1, p2];
+        let peak = [p0 + libm::log(factor), p1, p2];
         lobe = Lobe::new(LobeParameters { peak, ..lobe.parameters() }).ok()?;
         left = residual::residual(&scan, &found, &lobe, &colours).0;
     }
     let (lobe, scale) = coloured(&lobe, channels, &colours.lobe)?;
     let elevations = elevations(&scan, &found);
     let samples_within_half = choose::within_half(&found);
-    let range = (samples_within_half < CERTAIN).then(|| range::range(&found, &elevations).map(|light| light * scale));
+    let light = range::light(&lobe, &elevations);
+    let whole = light / (scale * factor);
+    let range = || range::range(&found, &elevations, whole).map(|light| light * scale);
+    let light_range = (samples_within_half < CERTAIN).then(range);
     let carried = CarriedLobe {
         full_width: lobe.full_widths(),
         samples_within_half,
         is_resolved: samples_within_half >= RESOLVED,
-        light_range: range,
-        light: range::light(&lobe, &elevations),
+        light_range,
+        light,
         incidences: elevations,
-        reduced: (factor < 1.0).then(|| 1.0 - factor.max(DARKEST)),
+        reduced: (factor < 1.0).then(|| 1.0 - factor),
         unseen_bands: colours.unseen,
         lobe,
     };

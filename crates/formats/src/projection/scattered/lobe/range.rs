@@ -18,6 +18,8 @@ const ROUNDS: usize = 12;
 /// that is fitted.
 const DEVIATIONS: f64 = 2.0;
 const LEAST: f64 = 0.01;
+/// Incidences at which the light of each lobe is found, about.
+const FEW: usize = 3;
 /// Change of a number that the change of the light is measured by.
 const SMALL: f64 = 1e-3;
 
@@ -27,11 +29,13 @@ pub(super) fn light(lobe: &Lobe, incidences: &[f64]) -> f64 {
     incidences.iter().map(under).sum::<f64>() / incidences.len().max(1) as f64
 }
 
-/// The least and the largest light of lobes with which the samples agree.
-pub(super) fn range(found: &Found, incidences: &[f64]) -> [f64; 2] {
+/// The least and the largest light of lobes with which the samples agree; that of the one found is `whole`.
+pub(super) fn range(found: &Found, incidences: &[f64], whole: f64) -> [f64; 2] {
+    // A few of the incidences tell how the light changes.
+    let few: Vec<f64> = incidences.iter().copied().step_by(incidences.len().div_ceil(FEW).max(1)).collect();
     let of = |shape: Shape| {
         let parameters = shape.parameters(found.near.mean_t, found.near.range());
-        let light = light(&Lobe::new(parameters).ok()?, incidences);
+        let light = light(&Lobe::new(parameters).ok()?, &few);
         (light.is_finite() && light > 0.0).then_some(light)
     };
     let mut free = found.free;
@@ -68,7 +72,8 @@ pub(super) fn range(found: &Found, incidences: &[f64]) -> [f64; 2] {
     }
     let deviation = deviation(&problem, &best, own, &of).max(LEAST);
     let factor = libm::exp(DEVIATIONS * deviation.min(2.0));
-    [ends[0] / factor, (ends[1] * factor).min(1.0)]
+    let of_all = whole / own;
+    [of_all * ends[0] / factor, (of_all * ends[1] * factor).min(1.0)]
 }
 
 /// Standard deviation of the logarithm of the light of lobes of one width.

@@ -9,7 +9,7 @@ use crate::numeric::cholesky::{backward, factor_clamped, forward};
 
 /// Rounds at most.
 const ROUNDS: usize = 40;
-/// A fit has ended where a round lessens the cost by less than this part and this much.
+/// A fit has ended where a round lessens the cost by less than this part or this much.
 const ENOUGH: f64 = 1e-5;
 const LITTLE: f64 = 1e-2;
 /// Damping at first, and its factors after steps that fail and that succeed.
@@ -108,7 +108,7 @@ impl Problem<'_> {
                 let gain = best.cost - next.cost;
                 (best, blocks) = (next, found);
                 damping = (damping * SOFTER).max(1e-9);
-                if gain < ENOUGH * best.cost && gain < LITTLE {
+                if gain < ENOUGH * best.cost || gain < LITTLE {
                     break;
                 }
             } else {

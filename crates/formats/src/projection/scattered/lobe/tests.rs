@@ -122,7 +122,7 @@ fn the_light_of_a_lobe_is_kept_in_its_coordinate() {
 fn cells_and_lobe_have_all_light() {
     let lobe = truth(LobeCentre::Mirror, 3.0, 0.0);
     let gaussian = move |wi: Direction, wo: Direction| BASE + lobe(wi, wo);
-    let gloss = microfacets(1.5, 0.4);
+    let gloss = microfacets(3.0, 0.4);
     for (truth, elevations) in [(&gaussian as &dyn Fn(_, _) -> _, &ELEVATIONS[2..6]), (&gloss, &ELEVATIONS[..4])] {
         let projected = projected(spiral(truth, elevations, 0.01, 5));
         let carried = projected.lobe.as_ref().unwrap();
