@@ -192,7 +192,7 @@ fn random_figures() {
             .fold(0.0, |m: f64, o| if o.abs() > m.abs() { o } else { m });
         let mean = kept.iter().sum::<f64>() / expected.iter().sum::<f64>() - 1.0;
         let true_light = expected.iter().map(|e| e - BASE * std::f64::consts::PI).sum::<f64>() / expected.len() as f64;
-        let warning = projected.lobe.as_ref().and_then(|lobe| lobe.warning());
+        let warning = projected.lobe.as_ref().and_then(super::carried::CarriedLobe::warning);
         let is_lost = off.abs() > 0.03 && warning.is_none();
         lost += u32::from(is_lost);
         let range = projected.lobe.as_ref().and_then(|lobe| lobe.light_range);
