@@ -16,6 +16,8 @@ mod bound;
 mod candidates;
 mod carried;
 mod choose;
+#[cfg(test)]
+mod drawn;
 mod near;
 #[cfg(test)]
 mod random_scans;

@@ -2,7 +2,7 @@
 
 use super::super::super::{AxesRequest, Projected, project};
 use super::super::tests::acquisition;
-use super::tests::{BASE, Random};
+use super::drawn::{BASE, Random, spiral};
 use crate::domain::vector::{Vector, add, cross, scale, unit};
 use crate::domain::{Axis, Direction, Quantity};
 use crate::formats::{Acquisition, Scattered};
@@ -119,9 +119,8 @@ pub(super) fn random_scan(seed: u64, has_lobe: bool, outliers: f64) -> Case {
             continue;
         }
         let what = if has_lobe {
-            format!(
-                "{seed}: {way:?}, kind {kind}, {width:.2}°, albedo {albedo:.2}, noise {noise:.4}, {count} incidences, {seen} seen"
-            )
+            let of = format!("{seed}: {way:?}, kind {kind}, {width:.2}°, albedo {albedo:.2}, noise {noise:.4}");
+            format!("{of}, {count} incidences, {seen} seen")
         } else {
             format!("{seed}: {way:?}, kind {kind}, rough {rough:.2}, noise {noise:.4}, {count} incidences")
         };
@@ -258,7 +257,7 @@ fn odd_figures() {
     ];
     for (name, truth) in list {
         let elevations = [0.0, 15.0, 30.0, 45.0, 60.0];
-        let data = super::tests::spiral(&*truth, &elevations, 0.01, 91);
+        let data = spiral(&*truth, &elevations, 0.01, 91);
         let start = std::time::Instant::now();
         let projected = project(&acquisition(Quantity::Brdf, data), &AxesRequest::default()).unwrap();
         let took = start.elapsed();
@@ -285,7 +284,7 @@ fn times() {
     for _ in 0..2 {
         for (name, truth) in list {
             let elevations = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0];
-            let data = super::tests::spiral(truth, &elevations, 0.01, 91);
+            let data = spiral(truth, &elevations, 0.01, 91);
             let acquired = acquisition(Quantity::Brdf, data.clone());
             let start = std::time::Instant::now();
             let projected = project(&acquired, &AxesRequest::default()).unwrap();
