@@ -13,7 +13,7 @@ use crate::compress::{self, Between, Numbers, Settings, Target};
 use crate::domain::{Axis, Progress, Silent};
 use crate::evaluate::{Material, interpolation_between, state_levels, straight_lines_for_flux};
 use crate::formats::{Acquisition, Note, NoteKind};
-use crate::projection::{self, Projected};
+use crate::projection::{self, CarriedLobe, Projected};
 
 /// A material and its report.
 ///
@@ -62,24 +62,26 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
     let mut next = refined(acquisition, request)?;
     loop {
         let Refined { projected, tried } = next;
+        let unresolved = projected.lobe.as_ref().and_then(CarriedLobe::warning);
         let outcome = compressed(source, request, with_reciprocity(projected, request)?, progress)?;
         let is_kept = outcome.report.fit.is_none_or(|fit| fit.is_kept());
         let finer = if is_kept { None } else { tried.finer(acquisition, request)? };
         match finer {
             Some(finer) => next = finer,
-            None => return judged(outcome, request),
+            None => return judged(outcome, request, unresolved),
         }
     }
 }
 
-/// Refuses a material that breaks the promise at scattered samples or has another light than they, where that was asked for;
-/// warns of it else.
-fn judged(mut outcome: Outcome, request: &Request) -> Result<Outcome, PipelineError> {
+/// Refuses a material that breaks the promise at scattered samples, has another light than they, or a lobe that they do not
+/// resolve, where that was asked for; warns of it else.
+fn judged(mut outcome: Outcome, request: &Request, unresolved: Option<String>) -> Result<Outcome, PipelineError> {
     let axes = compress::inspect(&outcome.bytes).map(|summary| summary.axes).unwrap_or_default();
     let is_named = request.outgoing_level.is_some();
     let warnings = [
         outcome.report.fit.and_then(|fit| warning(&fit, &axes, is_named)),
         sample_light::warning(&outcome.report.light_at_samples, outcome.report.fit.map_or(0, |fit| fit.lobe)),
+        unresolved,
     ];
     let warnings: Vec<String> = warnings.into_iter().flatten().collect();
     if request.strict && !warnings.is_empty() {
