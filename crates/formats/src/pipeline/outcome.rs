@@ -74,8 +74,8 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
     }
 }
 
-/// Refuses a material that breaks the promise at scattered samples or has another light than they, where that was asked for;
-/// warns of it else.
+/// Refuses a material that breaks the promise at scattered samples, has another light than they, or a lobe that they do not
+/// resolve, where that was asked for; warns of it else.
 fn judged(mut outcome: Outcome, request: &Request) -> Result<Outcome, PipelineError> {
     let axes = compress::inspect(&outcome.bytes).map(|summary| summary.axes).unwrap_or_default();
     let is_named = request.outgoing_level.is_some();

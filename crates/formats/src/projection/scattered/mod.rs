@@ -1,20 +1,21 @@
-//! Samples at directions of their own → averages over triangles of a local fit, holes filled by declared rules and marked.
+//! Samples at directions of their own → averages over triangles of a local fit, holes filled by declared rules and
+//! marked.
 //!
-//! 1. Samples are grouped by incoming direction ([`cloud`]); isotropic data keep their elevations. How far and how densely
-//!    they lie ([`extent`]) chooses levels and axes ([`plan`]).
-//! 2. Withheld samples choose how many neighbours a value is fitted to, and tell whether the data are symmetric ([`withheld`],
-//!    [`trials`]).
-//! 3. Each triangle is the mean of fits within it ([`cells`]): in slopes of the half vector for reflection, of logarithms
-//!    where all samples around are positive. Samples around a block of triangles are looked up once ([`nearby`], in a
-//!    [`tree`]); a fit ([`fit`]) takes its own from them as columns ([`gathering`]), solves for them ([`system`]) and weighs their
-//!    rows of bands ([`rows`]).
+//! 1. Samples are grouped by incoming direction ([`cloud`]); isotropic data keep their elevations. How far and how
+//!    densely they lie ([`extent`]) chooses levels and axes ([`plan`]).
+//! 2. Withheld samples choose how many neighbours a value is fitted to, and tell whether the data are symmetric
+//!    ([`withheld`], [`trials`]).
+//! 3. Each triangle is the mean of fits within it ([`cells`]): in slopes of the half vector for reflection, of
+//!    logarithms where all samples around are positive. Samples around a block of triangles are looked up once
+//!    ([`nearby`], in a [`tree`]); a fit ([`fit`]) takes its own from them as columns ([`gathering`]), solves for them
+//!    ([`system`]) and weighs their rows of bands ([`rows`]).
 //! 4. Holes are continued, or taken from mirror images or reciprocal directions where these hold ([`fill`]).
-//! 5. A lobe that is narrower than cells is fitted to all samples together and carried beside the cells, which are made of
-//!    what it leaves of them ([`lobe`]).
-//! 6. Differences between neighbouring samples tell their noise, and which of them are rejected ([`noise`]). A material is
-//!    compared with the others at their own directions ([`at_samples`]). Samples of a narrow lobe lie off, too, but together
-//!    ([`together`], in the coordinates of [`relative`]). Under each incoming direction ([`incidences`]) the light of the
-//!    samples is their sum by the areas that they stand for ([`areas`]).
+//! 5. A lobe that is narrower than cells is fitted to all samples together and carried beside the cells, which are made
+//!    of what it leaves of them ([`lobe`]).
+//! 6. Differences between neighbouring samples tell their noise, and which of them are rejected ([`noise`]). A material
+//!    is compared with the others at their own directions ([`at_samples`]). Samples of a narrow lobe lie off, too, but
+//!    together ([`together`], in the coordinates of [`relative`]). Under each incoming direction ([`incidences`]) the
+//!    light of the samples is their sum by the areas that they stand for ([`areas`]).
 
 mod areas;
 mod around;

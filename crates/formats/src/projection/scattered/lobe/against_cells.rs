@@ -14,7 +14,8 @@ const WITHIN: f64 = 4.0;
 const BETTER: f64 = 0.85;
 const LEAST_GAIN: f64 = 10.0;
 
-/// Whether a lobe beside cells of what it leaves (`left`) predicts the samples about it clearly better than cells of them.
+/// Whether a lobe beside cells of what it leaves (`left`) predicts the samples about it clearly better than cells of
+/// them.
 pub(super) fn is_better(scan: &Scan<'_>, found: &Found, left: &Rows<'_>) -> bool {
     let prepared = found.shape.prepared();
     let within = (WITHIN * found.shape.width()).max(2.0 * found.spacing);

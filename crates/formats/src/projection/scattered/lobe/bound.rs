@@ -9,7 +9,8 @@ use std::f64::consts::PI;
 /// An albedo that is found without the areas of samples, below which none is above 1.
 const SAFE: f64 = 0.7;
 
-/// The factor, at most 1, by which a lobe may be as bright as it is: with it no albedo is above 1 that is not without the lobe.
+/// The factor, at most 1, by which a lobe may be as bright as it is: with it no albedo is above 1 that is not without
+/// the lobe.
 ///
 /// `left` are the values without the lobe, `[row, band]`.
 pub(super) fn factor(scan: &Scan<'_>, lobe: &Lobe, colours: &Colours, left: &[f32]) -> f64 {
@@ -34,7 +35,9 @@ pub(super) fn factor(scan: &Scan<'_>, lobe: &Lobe, colours: &Colours, left: &[f3
             }
         }
         if scan.plan.unfolded {
-            base.iter_mut().for_each(|sum| *sum *= 2.0);
+            for sum in &mut base {
+                *sum *= 2.0;
+            }
         }
         least = least.min(limited(under.light(), &colours.lobe, &base));
     }

@@ -1,7 +1,7 @@
 //! Whether samples lie high about a centre: most scans end here.
 //!
-//! Each sample near the centre is predicted from its neighbours, as cells are made of them. Where too few lie clearly above
-//! that, there is no lobe that cells could not hold.
+//! Each sample near the centre is predicted from its neighbours, as cells are made of them. Where too few lie clearly
+//! above that, there is no lobe that cells could not hold.
 
 use super::beside::{points, predicted as made};
 use super::near::{Near, TERMS};
@@ -10,6 +10,7 @@ use super::shape::NUMBERS;
 use super::solve::{Problem, predicted};
 use crate::domain::LobeCentre;
 use crate::domain::vector::norm;
+use crate::projection::scattered::incidences::Incidence;
 
 /// Samples nearer to the centre than this, in distances between samples, are looked at.
 const INNER: f64 = 2.0;
@@ -51,7 +52,7 @@ pub(super) fn candidate(scan: &Scan<'_>, centre: LobeCentre) -> Option<Candidate
     let (free, widths) = ([false; NUMBERS], [0.0; 2]);
     let problem = Problem { near: &near, noise: FIRST_NOISE.max(noise), free, without: None, beyond, widths };
     let bases = Problem { noise, ..problem }.fit(problem.base(), ROUNDS).bases;
-    Some(Candidate { spacing, noise, bases, near })
+    Some(Candidate { near, spacing, noise, bases })
 }
 
 /// The noise of samples about what their neighbours make, if enough near the centre lie above that by more.
@@ -73,8 +74,7 @@ fn noise_if_high(scan: &Scan<'_>, near: &Near, spacing: f64) -> Option<f64> {
     // All rows, at no regular distance.
     let count: usize = scan.incidences.iter().map(|incidence| incidence.rows().len()).sum();
     let step = (count / JUDGES).max(1) | 1;
-    let mut judges: Vec<u32> =
-        scan.incidences.iter().flat_map(|incidence| incidence.rows()).copied().step_by(step).collect();
+    let mut judges: Vec<u32> = scan.incidences.iter().flat_map(Incidence::rows).copied().step_by(step).collect();
     judges.sort_unstable();
     let noise = deviation(above(&judges).into_iter().map(f64::abs).collect(), 0);
     let limit = (HIGH * noise).max(LEAST);

@@ -17,8 +17,8 @@ pub struct CarriedLobe {
     pub samples_within_half: u64,
     /// Whether these are enough to tell the width of the lobe and its light.
     pub is_resolved: bool,
-    /// The least and the largest mean of its albedo over the measured incidences, for a colour of 1, with which the samples
-    /// agree; `None` where many samples tell it.
+    /// The least and the largest mean of its albedo over the measured incidences, for a colour of 1, with which the
+    /// samples agree; `None` where many samples tell it.
     pub light_range: Option<[f64; 2]>,
     /// The same of the lobe itself.
     pub light: f64,
@@ -35,21 +35,18 @@ impl CarriedLobe {
     pub fn note(&self) -> String {
         let count = self.samples_within_half;
         let lie = if count == 1 { "sample lies" } else { "samples lie" };
-        let mut note = format!(
-            "a lobe narrower than the cells is carried beside them: {}; {count} {lie} within half its maximum",
-            self.lobe
-        );
-        if let Some(part) = self.reduced {
-            note += &format!(
-                "; its light was reduced by {:.1} %, as more light than comes in would have been reflected",
-                100.0 * part
-            );
-        }
-        if self.unseen_bands > 0 {
-            note +=
-                &format!("; {} bands without a sample of it have the colour of their neighbours", self.unseen_bands);
-        }
-        note
+        let reduced = self.reduced.map_or_else(String::new, |part| {
+            let part = 100.0 * part;
+            format!("; its light was reduced by {part:.1} %, as more light than comes in would have been reflected")
+        });
+        let unseen = match self.unseen_bands {
+            0 => String::new(),
+            bands => format!("; {bands} bands without a sample of it have the colour of their neighbours"),
+        };
+        format!(
+            "a lobe narrower than the cells is carried beside them: {}; {count} {lie} within half its maximum{}{}",
+            self.lobe, reduced, unseen
+        )
     }
 
     /// A warning of a lobe that the scan does not resolve.

@@ -31,8 +31,8 @@ const FOLD_ROUNDS: usize = 10;
 const LEAST_GAIN: f64 = 15.0;
 /// What another centre, or a second width, must gain above that.
 const OTHER_GAIN: f64 = 3.0;
-/// A sample with this part of the lobe tells how well that fits, if there are so many; misfits of so many times the noise are
-/// none.
+/// A sample with this part of the lobe tells how well that fits, if there are so many; misfits of so many times the
+/// noise are none.
 const OF_LOBE: f64 = 0.2;
 const ENOUGH_OF_LOBE: usize = 8;
 const MISFIT: f64 = 1.5;
@@ -121,7 +121,7 @@ pub(super) fn best(scan: &Scan<'_>, candidate: &Candidate) -> Option<Found> {
     // Samples are as certain as the best of the lobes says.
     fitted.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let first = doubted(fitted.first()?.clone());
-    let none = withheld(&first.problem(), Fit { shape: None, ..first.fit() });
+    let none = withheld(&first.problem(), &Fit { shape: None, ..first.fit() });
     let certainties = first.near.clone();
     let mut best: Option<Found> = None;
     for (number, mut found) in fitted.into_iter().enumerate() {
@@ -133,7 +133,7 @@ pub(super) fn best(scan: &Scan<'_>, candidate: &Candidate) -> Option<Found> {
             }
             found = refitted(found);
         }
-        found.gain = none - withheld(&found.problem(), found.fit());
+        found.gain = none - withheld(&found.problem(), &found.fit());
         if best.as_ref().is_none_or(|best| found.gain > best.gain + OTHER_GAIN) {
             best = Some(found);
         }
@@ -248,8 +248,8 @@ pub(super) fn refitted(found: Found) -> Found {
     Found { shape: fit.shape.unwrap_or(found.shape), bases: fit.bases, cost: fit.cost, ..found }
 }
 
-/// Counts samples of the lobe as less certain by as much as they depart from it beyond noise, where they do: no lobe is quite of the
-/// form that is fitted.
+/// Counts samples of the lobe as less certain by as much as they depart from it beyond noise, where they do: no lobe is
+/// quite of the form that is fitted.
 fn doubted(mut found: Found) -> Found {
     let prepared = found.shape.prepared();
     let mut residuals = Vec::new();
@@ -278,7 +278,7 @@ fn doubted(mut found: Found) -> Found {
 }
 
 /// The robust cost of all samples, each predicted by a fit without its fold, which begins with `start`.
-fn withheld(problem: &Problem<'_>, start: Fit) -> f64 {
+fn withheld(problem: &Problem<'_>, start: &Fit) -> f64 {
     let of = |fold: u32| {
         let problem = Problem { without: Some(fold), ..*problem };
         problem.cost_of(&problem.fit(start.clone(), FOLD_ROUNDS), fold)
@@ -321,7 +321,7 @@ fn stretched(found: Found) -> Found {
     if !best.free[STRETCH] {
         return found;
     }
-    let [one, two] = [&found, &best].map(|found| withheld(&found.problem(), found.fit()));
+    let [one, two] = [&found, &best].map(|found| withheld(&found.problem(), &found.fit()));
     if two + 3.0 * OTHER_GAIN < one { best } else { found }
 }
 

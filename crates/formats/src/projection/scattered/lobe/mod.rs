@@ -1,13 +1,13 @@
 //! A lobe that cells cannot hold: found in the samples of all incidences together, and carried beside the cells.
 //!
-//! 1. Samples about a centre ([`near`]) of a [`scan`] are compared with what their neighbours make there ([`beside`]): a scan
-//!    without high samples there has no lobe ([`candidates`]).
-//! 2. A lobe ([`shape`]) and a base under each incidence are fitted together ([`solve`]), about each centre; withheld samples
-//!    choose between these, and against no lobe ([`choose`]).
-//! 3. Each band has its own factor ([`bands`]). Cells are fitted to what the lobe leaves of the samples ([`residual`]), if
-//!    that predicts samples better than cells alone do ([`against_cells`]).
-//! 4. No more light is reflected than comes in ([`bound`]); where few samples see the lobe, the light that it may have is
-//!    told ([`range`]). That is the lobe which is [`carried`].
+//! 1. Samples about a centre ([`near`]) of a [`scan`] are compared with what their neighbours make there ([`beside`]):
+//!    a scan without high samples there has no lobe ([`candidates`]).
+//! 2. A lobe ([`shape`]) and a base under each incidence are fitted together ([`solve`]), about each centre; withheld
+//!    samples choose between these, and against no lobe ([`choose`]).
+//! 3. Each band has its own factor ([`bands`]). Cells are fitted to what the lobe leaves of the samples ([`residual`]),
+//!    if that predicts samples better than cells alone do ([`against_cells`]).
+//! 4. No more light is reflected than comes in ([`bound`]); where few samples see the lobe, the light that it may have
+//!    is told ([`range`]). That is the lobe which is [`carried`].
 
 mod against_cells;
 mod bands;
@@ -16,6 +16,8 @@ mod bound;
 mod candidates;
 mod carried;
 mod choose;
+#[cfg(test)]
+mod drawn;
 mod near;
 #[cfg(test)]
 mod random_scans;
@@ -41,7 +43,8 @@ use scan::Scan;
 
 /// Samples within half the maximum under one incidence with which cells hold a lobe.
 const ENOUGH: f64 = 16.0;
-/// Samples of all incidences within half the maximum that tell the light of a lobe so well that no range of it is given.
+/// Samples of all incidences within half the maximum that tell the light of a lobe so well that no range of it is
+/// given.
 const CERTAIN: u64 = 12;
 /// The least factor of a lobe that is too bright.
 const DARKEST: f64 = 1e-3;
@@ -98,7 +101,11 @@ pub(super) fn split(
     let samples_within_half = choose::within_half(&found);
     let light = range::light(&lobe, &elevations);
     let whole = light / (scale * factor);
-    let range = || range::range(&found, &elevations, whole).map(|light| light * scale);
+    let range = || {
+        let [low, high] = range::range(&found, &elevations, whole).map(|light| light * scale);
+        // A lobe that was too bright by its samples has less light now.
+        [low.min(light), high.max(light)]
+    };
     let light_range = (samples_within_half < CERTAIN).then(range);
     let carried = CarriedLobe {
         full_width: lobe.full_widths(),
@@ -107,14 +114,15 @@ pub(super) fn split(
         light_range,
         light,
         incidences: elevations,
-        reduced: (factor < 1.0).then(|| 1.0 - factor),
+        reduced: (factor < 1.0).then_some(1.0 - factor),
         unseen_bands: colours.unseen,
         lobe,
     };
     Some(Split { carried, left, values })
 }
 
-/// The lobe with a colour for each wavelength of the tensor, their mean 1, and the factor by which its grey value has grown.
+/// The lobe with a colour for each wavelength of the tensor, their mean 1, and the factor by which its grey value has
+/// grown.
 fn coloured(lobe: &Lobe, channels: &Channels, colours: &[f64]) -> Option<(Lobe, f64)> {
     let mut on_axis = vec![0.0_f32; channels.to()];
     channels.write(colours, &mut on_axis);

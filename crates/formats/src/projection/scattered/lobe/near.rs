@@ -1,4 +1,5 @@
-//! Samples about the centre of a lobe: their logarithms, and where they lie in the coordinates of the lobe and of the base.
+//! Samples about the centre of a lobe: their logarithms, and where they lie in the coordinates of the lobe and of the
+//! base.
 
 use super::scan::Scan;
 use crate::domain::LobeCentre;
@@ -6,8 +7,8 @@ use crate::domain::vector::{Vector, norm, sub};
 use crate::projection::scattered::cloud::slope;
 use crate::projection::scattered::relative::{ORIGINS, places};
 
-/// Terms of the logarithm of the base under one incidence: a quadratic of the place about the centre, and a slope in t where
-/// samples of many incidences are taken together.
+/// Terms of the logarithm of the base under one incidence: a quadratic of the place about the centre, and a slope in t
+/// where samples of many incidences are taken together.
 pub(super) const TERMS: usize = 7;
 /// Parts into which samples are divided so that each part is predicted from the others.
 pub(super) const FOLDS: u32 = 5;
@@ -49,7 +50,8 @@ pub(super) struct Near {
 }
 
 impl Near {
-    /// The samples of `scan` within `radius` of `centre`; those about the mirror direction and in half vectors are the same.
+    /// The samples of `scan` within `radius` of `centre`; those about the mirror direction and in half vectors are the
+    /// same.
     pub(super) fn new(scan: &Scan<'_>, centre: LobeCentre, radius: f64) -> Self {
         let mut groups: Vec<Vec<Sample>> = Vec::new();
         for incidence in scan.incidences {
@@ -63,9 +65,13 @@ impl Near {
         let means = groups.iter().map(|group| group.iter().map(|sample| sample.t).sum::<f64>() / group.len() as f64);
         let mean_t = means.sum::<f64>() / groups.len().max(1) as f64;
         for group in &mut groups {
-            group.iter_mut().for_each(|sample| sample.t -= mean_t);
+            for sample in group.iter_mut() {
+                sample.t -= mean_t;
+            }
             let middle = group.iter().map(|sample| sample.t).sum::<f64>() / group.len() as f64;
-            group.iter_mut().for_each(|sample| sample.terms[TERMS - 1] = sample.t - middle);
+            for sample in group.iter_mut() {
+                sample.terms[TERMS - 1] = sample.t - middle;
+            }
         }
         let mut near = Self { centre, radius, groups, mean_t };
         near.divide();

@@ -2,7 +2,8 @@
 
 use super::super::super::{AxesRequest, Projected, project};
 use super::super::tests::acquisition;
-use super::tests::{BASE, Random};
+use super::carried::CarriedLobe;
+use super::drawn::{BASE, Random, spiral};
 use crate::domain::vector::{Vector, add, cross, scale, unit};
 use crate::domain::{Axis, Direction, Quantity};
 use crate::formats::{Acquisition, Scattered};
@@ -119,9 +120,8 @@ pub(super) fn random_scan(seed: u64, has_lobe: bool, outliers: f64) -> Case {
             continue;
         }
         let what = if has_lobe {
-            format!(
-                "{seed}: {way:?}, kind {kind}, {width:.2}°, albedo {albedo:.2}, noise {noise:.4}, {count} incidences, {seen} seen"
-            )
+            let of = format!("{seed}: {way:?}, kind {kind}, {width:.2}°, albedo {albedo:.2}, noise {noise:.4}");
+            format!("{of}, {count} incidences, {seen} seen")
         } else {
             format!("{seed}: {way:?}, kind {kind}, rough {rough:.2}, noise {noise:.4}, {count} incidences")
         };
@@ -192,7 +192,7 @@ fn random_figures() {
             .fold(0.0, |m: f64, o| if o.abs() > m.abs() { o } else { m });
         let mean = kept.iter().sum::<f64>() / expected.iter().sum::<f64>() - 1.0;
         let true_light = expected.iter().map(|e| e - BASE * std::f64::consts::PI).sum::<f64>() / expected.len() as f64;
-        let warning = projected.lobe.as_ref().and_then(|lobe| lobe.warning());
+        let warning = projected.lobe.as_ref().and_then(CarriedLobe::warning);
         let is_lost = off.abs() > 0.03 && warning.is_none();
         lost += u32::from(is_lost);
         let range = projected.lobe.as_ref().and_then(|lobe| lobe.light_range);
@@ -232,6 +232,40 @@ fn random_figures() {
     );
 }
 
+/// The light of cells and lobe less the base, in parts of the lobe's, of lobes of many widths.
+#[test]
+#[ignore = "figures"]
+fn width_figures() {
+    let elevations = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0];
+    let base = BASE * std::f64::consts::PI;
+    for (name, is_gaussian) in [("Gaussian", true), ("GGX", false)] {
+        for width in [0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0] {
+            let (mut worst, mut means, mut albedo, mut warned) = (0.0_f64, Vec::new(), 0.0_f64, 0);
+            for seed in 700..704 {
+                let truth: Box<Truth> =
+                    if is_gaussian { Box::new(gaussian(width, 0.3)) } else { Box::new(microfacets(width, 0.3)) };
+                let data = spiral(&*truth, &elevations, 0.01, seed);
+                let projected = project(&acquisition(Quantity::Brdf, data), &AxesRequest::default()).unwrap();
+                warned += usize::from(projected.lobe.as_ref().and_then(CarriedLobe::warning).is_some());
+                let mut sum = 0.0;
+                for (kept, theta) in kept(&projected, &elevations).into_iter().zip(elevations) {
+                    let expected = light(&*truth, theta);
+                    let off = (kept - base) / (expected - base) - 1.0;
+                    worst = worst.max(off.abs());
+                    albedo = albedo.max((kept / expected - 1.0).abs());
+                    sum += off / 8.0;
+                }
+                means.push(100.0 * sum);
+            }
+            eprintln!(
+                "{name} {width}: worst of the lobe {:.2} %, of the albedo {:.2} %, means {means:.2?} %, warned {warned} of 4",
+                100.0 * worst,
+                100.0 * albedo
+            );
+        }
+    }
+}
+
 /// Projections of single scans that no random one is like.
 #[test]
 #[ignore = "figures"]
@@ -258,7 +292,7 @@ fn odd_figures() {
     ];
     for (name, truth) in list {
         let elevations = [0.0, 15.0, 30.0, 45.0, 60.0];
-        let data = super::tests::spiral(&*truth, &elevations, 0.01, 91);
+        let data = spiral(&*truth, &elevations, 0.01, 91);
         let start = std::time::Instant::now();
         let projected = project(&acquisition(Quantity::Brdf, data), &AxesRequest::default()).unwrap();
         let took = start.elapsed();
@@ -285,7 +319,7 @@ fn times() {
     for _ in 0..2 {
         for (name, truth) in list {
             let elevations = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0];
-            let data = super::tests::spiral(truth, &elevations, 0.01, 91);
+            let data = spiral(truth, &elevations, 0.01, 91);
             let acquired = acquisition(Quantity::Brdf, data.clone());
             let start = std::time::Instant::now();
             let projected = project(&acquired, &AxesRequest::default()).unwrap();

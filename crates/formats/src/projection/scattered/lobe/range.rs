@@ -14,8 +14,8 @@ const STEPS: usize = 12;
 const HALVINGS: usize = 3;
 /// Rounds of each fit.
 const ROUNDS: usize = 12;
-/// Standard deviations of the light of lobes of one width, and their least: that of a lobe which is not quite of the form
-/// that is fitted.
+/// Standard deviations of the light of lobes of one width, and their least: that of a lobe which is not quite of the
+/// form that is fitted.
 const DEVIATIONS: f64 = 2.0;
 const LEAST: f64 = 0.01;
 /// Incidences at which the light of each lobe is found, about.

@@ -16,8 +16,8 @@ const OFF: f64 = 0.3;
 
 /// The values less the lobe, `[row, band]`, and how many of them lie off their neighbours by its light.
 ///
-/// Where the lobe is brighter than the base beneath it, only that part of the difference from their sum is left that the
-/// base has in it: noise in parts of the value stays what it is, and an error of the lobe does not grow.
+/// Where the lobe is brighter than the base beneath it, only that part of the difference from their sum is left that
+/// the base has in it: noise in parts of the value stays what it is, and an error of the lobe does not grow.
 pub(super) fn residual(scan: &Scan<'_>, found: &Found, lobe: &Lobe, colours: &Colours) -> (Vec<f32>, u64) {
     let width = scan.rows.width;
     let prepared = found.shape.prepared();

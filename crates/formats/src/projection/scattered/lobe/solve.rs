@@ -1,10 +1,11 @@
 //! The fit of a lobe and of the base beneath it: Levenberg and Marquardt's steps, with a robust loss.
 //!
-//! Each incidence has a base of its own, so that the normal equations are those of the lobe bordered by a small block for each
-//! incidence, which is eliminated.
+//! Each incidence has a base of its own, so that the normal equations are those of the lobe bordered by a small block
+//! for each incidence, which is eliminated.
 
 use super::near::{Near, Sample, TERMS};
 use super::shape::{ANGLE, LEAST_TAIL, NUMBERS, Prepared, STRETCH, Shape, TAIL, WIDTH};
+use crate::domain::LobeCentre;
 use crate::numeric::cholesky::{backward, factor_clamped, forward};
 
 /// Rounds at most.
@@ -25,7 +26,9 @@ const LONGEST_OF_BASE: f64 = 3.0;
 /// Logarithms of a base are expected within this over the radius: where too few samples tell.
 const BASE_DEVIATION: f64 = 1.5;
 /// What p₁ and p₂ are expected to be, as (mean, standard deviation): peaks rise with the angle of incidence.
-const RISE: [(f64, f64); 2] = [(1.0, 2.0), (0.0, 1.0)];
+const RISE: [(f64, f64); 2] = [(0.5, 1.0), (0.0, 0.5)];
+/// The same of p₁ in half vectors, where a lobe of constant light rises with 1/cos²θi.
+const RISE_OF_HALF_VECTORS: (f64, f64) = (2.0, 1.0);
 /// Standard deviation of the logarithm of the ratio of a width to the mean of both.
 const STRETCH_DEVIATION: f64 = 1.0;
 
@@ -132,7 +135,11 @@ impl Problem<'_> {
     /// How far each number is above what is expected, and the certainty of that.
     fn expected(&self, shape: &Shape) -> [(f64, f64); NUMBERS] {
         let mut expected = [(0.0, 0.0); NUMBERS];
-        for (i, (mean, deviation)) in RISE.into_iter().enumerate() {
+        let mut rise = RISE;
+        if shape.centre == LobeCentre::HalfVector {
+            rise[0] = RISE_OF_HALF_VECTORS;
+        }
+        for (i, (mean, deviation)) in rise.into_iter().enumerate() {
             expected[i + 1] = (shape.numbers[i + 1] - mean, 1.0 / (deviation * deviation));
         }
         expected[STRETCH] = (shape.numbers[STRETCH], 1.0 / (STRETCH_DEVIATION * STRETCH_DEVIATION));
@@ -208,7 +215,7 @@ impl Problem<'_> {
             step.iter_mut().zip(scales).for_each(|(step, scale)| *step *= scale);
             let longest = step[WIDTH].abs().max(step[STRETCH].abs()).max(0.3 * step[0].abs());
             if longest > LONGEST {
-                step.iter_mut().for_each(|step| *step *= LONGEST / longest);
+                step = step.map(|step| step * LONGEST / longest);
             }
             let mut numbers = shape.numbers;
             numbers.iter_mut().zip(step).for_each(|(number, step)| *number += step);
@@ -262,8 +269,9 @@ impl Problem<'_> {
             right[i] -= certainty * off;
         }
         for i in (0..NUMBERS).filter(|&i| !self.free[i]) {
-            for j in 0..NUMBERS {
-                (matrix[i][j], matrix[j][i]) = (0.0, 0.0);
+            matrix[i] = [0.0; NUMBERS];
+            for row in &mut matrix {
+                row[i] = 0.0;
             }
             (matrix[i][i], right[i]) = (1.0, 0.0);
         }
