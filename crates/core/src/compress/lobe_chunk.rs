@@ -51,7 +51,9 @@ pub(crate) fn write(lobe: &Lobe) -> Vec<u8> {
     };
     let mut w = Writer::default();
     w.u8(code | if lobe.is_anisotropic() { TWO_WIDTHS } else { 0 });
-    peak.into_iter().chain(range).for_each(|number| w.f32(number as f32));
+    for number in peak.into_iter().chain(range) {
+        w.f32(number as f32);
+    }
     w.f32(widths[0] as f32);
     if lobe.is_anisotropic() {
         w.f32(widths[1] as f32);
@@ -59,7 +61,9 @@ pub(crate) fn write(lobe: &Lobe) -> Vec<u8> {
     }
     w.f32(tail as f32);
     if colours.len() > 1 {
-        colours.iter().for_each(|colour| w.low_bytes(colour.to_bits() >> 8, 3));
+        for colour in colours {
+            w.low_bytes(colour.to_bits() >> 8, 3);
+        }
     }
     w.into_bytes()
 }

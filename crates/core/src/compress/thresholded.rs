@@ -362,7 +362,7 @@ impl<'a> Work<'a> {
         parts.header.straight_lines = self.settings.straight_lines;
         parts.header.between = self.settings.between.stated();
         parts.header.has_lobe = self.settings.lobe.is_some();
-        parts.header.lobe = self.settings.lobe.clone();
+        parts.header.lobe.clone_from(&self.settings.lobe);
         parts
     }
 }

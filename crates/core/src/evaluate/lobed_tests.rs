@@ -146,9 +146,7 @@ fn what_is_drawn_has_its_density_and_its_weights_have_the_albedo_as_their_mean()
             for u in points(count) {
                 let Some(sample) = whole.sample(&[], Some(wi), u, options).unwrap() else { continue };
                 sum += sample.weight;
-                if sum.is_nan() {
-                    panic!("{sample:?}");
-                }
+                assert!(!sum.is_nan(), "{sample:?}");
             }
             for u in points(200) {
                 let Some(sample) = whole.sample(&[], Some(wi), u, options).unwrap() else { continue };
