@@ -466,7 +466,7 @@ fn nacre() -> Golden {
         tail: 0.0,
         colours: vec![0.7, 0.9, 1.1, 1.3],
     };
-    beside("nacre", axes, &lobe)
+    beside("nacre", &axes, &lobe)
 }
 
 /// A lobe in half vectors that turns with the surface, with a tail like that of GGX.
@@ -481,7 +481,7 @@ fn silk() -> Golden {
         tail: 0.5,
         colours: vec![1.0, 0.5, 0.25],
     };
-    beside("silk", axes, &lobe)
+    beside("silk", &axes, &lobe)
 }
 
 /// A lobe about the direction back to the source, of one colour, beside samples that are kept as they are.
@@ -496,14 +496,14 @@ fn reflector() -> Golden {
         tail: 0.3,
         colours: vec![1.0],
     };
-    let mut golden = beside("reflector", axes, &lobe);
+    let mut golden = beside("reflector", &axes, &lobe);
     (golden.settings.target, golden.settings.policy) = (Target::Lossless, Policy::Lossless);
     golden
 }
 
 /// A coloured ground with a lobe beside its cells.
-fn beside(name: &'static str, axes: Vec<Axis>, lobe: &LobeParameters) -> Golden {
-    let data = tensor(axes.clone(), |i, at| {
+fn beside(name: &'static str, axes: &[Axis], lobe: &LobeParameters) -> Golden {
+    let data = tensor(axes.to_vec(), |i, at| {
         let colour = at.get(2).map_or(1.0, |&k| 0.4 + 0.1 * k as f64);
         (0.1 + 0.05 * direction(&axes[1], at[1])[2]) * colour * (1.0 + 0.01 * noise(i))
     });
