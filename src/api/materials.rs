@@ -160,6 +160,15 @@ struct Manifest {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
     scattered: Option<Value>,
+    /// Lobe of a scan that is narrower than its cells and stands beside them: `lobe`, its numbers as the container's text
+    /// (section 18) has them; `full_width` at half its maximum, in degrees, along both axes; `samples_within_half`, the number of
+    /// samples of all incidences within half its maximum; `is_resolved`, whether these are three or more; `light`, the mean of its
+    /// albedo over the `incidences` (degrees) that it was fitted to, and `light_range`, its limits where few samples tell it;
+    /// `reduced`, the part of its light that was taken from it so that no albedo exceeds 1; `unseen_bands`, the number of bands
+    /// that have the colour of their neighbours. Absent where the cells hold everything.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Object>)]
+    lobe: Option<Value>,
     /// Light of the material less that of scattered samples, in parts of the latter, by incidence (`theta_i` and `phi_i` in
     /// degrees) and group of bands (first and last of `wavelengths` in nm and of `channels`): `kept` at the samples that were
     /// not rejected, `together` with the rejected ones that lie together, `all` with all; null where there is no sample. Each is a
