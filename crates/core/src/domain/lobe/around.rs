@@ -1,6 +1,6 @@
 //! Coordinates of outgoing directions in a plane whose origin is the centre of a lobe.
 
-use super::LobeCentre;
+use super::centre::LobeCentre;
 use crate::domain::vector::{Vector, add, dot, norm, scale, sub};
 
 /// Plane of a lobe under one incoming direction.
@@ -111,7 +111,7 @@ impl Around {
 
 #[cfg(test)]
 mod tests {
-    use super::super::CENTRES;
+    use super::super::centre::CENTRES;
     use super::*;
     use crate::domain::Direction;
 

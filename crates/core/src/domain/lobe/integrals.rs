@@ -1,6 +1,6 @@
 //! Integrals of a lobe: its light, and its mean over a triangle of directions.
 
-use super::LobeUnder;
+use super::under::LobeUnder;
 use crate::domain::vector::{Vector, norm, sub};
 use crate::domain::{Vertices, centroid, child, solid_angle};
 
@@ -46,8 +46,10 @@ impl LobeUnder {
     fn add_over(&self, vertices: Vertices, depth: u32, sum: &mut [f64; 2]) {
         let middle = centroid(vertices).xyz();
         let radius = vertices.iter().map(|&vertex| norm(sub(vertex, middle))).fold(0.0, f64::max);
-        let distance = norm(sub(self.around.centre(), middle));
-        let reach = ((distance - radius) * self.roundness()).max(self.width());
+        let distance = norm(sub(self.centre(), middle));
+        let (width, roundness) = self.least_width();
+        // Along a long lobe it stays narrow far from its centre.
+        let reach = ((distance - radius) * roundness.max(LEAST_ROUNDNESS)).max(width);
         if depth > 0 && radius > COARSE * reach {
             (0..4).for_each(|which| self.add_over(child(vertices, which), depth - 1, sum));
             return;
@@ -57,18 +59,5 @@ impl LobeUnder {
         let area = solid_angle(vertices);
         sum[0] += area * (0.75 * at(middle) + corners / 12.0);
         sum[1] += area;
-    }
-
-    /// The least over the largest half-width in outgoing directions: along a long lobe it stays narrow far from its centre.
-    fn roundness(&self) -> f64 {
-        let [a, b] = self.widths;
-        let foreshortened = if self.roughness.is_some() { self.cos_i } else { 1.0 };
-        (a.min(b) / a.max(b) * foreshortened).max(LEAST_ROUNDNESS)
-    }
-
-    /// The least half-width in outgoing directions, in radians.
-    fn width(&self) -> f64 {
-        let least = self.widths[0].min(self.widths[1]);
-        if self.roughness.is_some() { 2.0 * least * self.cos_i } else { least }
     }
 }

@@ -1,5 +1,7 @@
-use super::*;
-use crate::domain::{Domain, TriangleMesh};
+//! Properties of lobes: values, densities, what is drawn, light and means.
+
+use super::{CENTRES, Lobe, LobeCentre, LobeParameters};
+use crate::domain::{Direction, Domain, TriangleMesh};
 
 /// A lobe about `centre`, `width` degrees wide at half its maximum in outgoing directions.
 fn lobe(centre: LobeCentre, width: f64, tail: f64) -> Lobe {

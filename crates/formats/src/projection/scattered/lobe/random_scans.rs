@@ -180,9 +180,7 @@ fn random_figures() {
     let (mut lost, mut carried_of_smooth, mut warned_of_smooth, mut outside) = (0, 0, 0, 0);
     for seed in from..to {
         let case = random_scan(1000 + seed, true, 0.0);
-        let start = std::time::Instant::now();
         let projected = project(&case.acquired, &AxesRequest::default()).unwrap();
-        let took = start.elapsed();
         let expected: Vec<f64> = case.elevations.iter().map(|&theta| light(&*case.truth, theta)).collect();
         let kept = kept(&projected, &case.elevations);
         let off = kept
@@ -199,7 +197,7 @@ fn random_figures() {
         let is_outside = range.is_some_and(|[low, high]| !(low..=high).contains(&true_light));
         outside += u32::from(is_outside);
         eprintln!(
-            "{}{}{} [{took:.2?}]: worst {:+.2} %, mean {:+.2} %, lobe's {:.4}; {}",
+            "{}{}{}: worst {:+.2} %, mean {:+.2} %, lobe's {:.4}; {}",
             if is_lost { "LOST " } else { "" },
             if is_outside { "OUTSIDE " } else { "" },
             case.what,
@@ -217,12 +215,11 @@ fn random_figures() {
         );
         for outliers in [0.0, 0.005] {
             let case = random_scan(5000 + seed + if outliers > 0.0 { 4000 } else { 0 }, false, outliers);
-            let start = std::time::Instant::now();
             let projected = project(&case.acquired, &AxesRequest::default()).unwrap();
             if let Some(lobe) = &projected.lobe {
                 carried_of_smooth += 1;
                 warned_of_smooth += u32::from(lobe.warning().is_some());
-                eprintln!("FALSE outliers {outliers} {} [{:.2?}] {}", case.what, start.elapsed(), lobe.note());
+                eprintln!("FALSE outliers {outliers} {} {}", case.what, lobe.note());
             }
         }
     }
@@ -293,54 +290,12 @@ fn odd_figures() {
     for (name, truth) in list {
         let elevations = [0.0, 15.0, 30.0, 45.0, 60.0];
         let data = spiral(&*truth, &elevations, 0.01, 91);
-        let start = std::time::Instant::now();
         let projected = project(&acquisition(Quantity::Brdf, data), &AxesRequest::default()).unwrap();
-        let took = start.elapsed();
         let kept = kept(&projected, &elevations);
         let off: Vec<f64> =
             kept.iter().zip(elevations).map(|(kept, theta)| 100.0 * (kept / light(&*truth, theta) - 1.0)).collect();
         let note =
             projected.lobe.as_ref().map_or("none".to_owned(), |lobe| format!("{} {:?}", lobe.note(), lobe.warning()));
-        eprintln!("{name} [{took:.2?}]: {off:.2?} %; {note}");
-    }
-}
-
-/// Time of the parts of a projection with a lobe and without.
-#[test]
-#[ignore = "figures"]
-fn times() {
-    use super::super::incidences::incidences;
-    use super::super::noise::scatter;
-    use super::super::plan::Plan;
-    use super::super::rows::Rows;
-    let lobe = gaussian(2.0, 0.3);
-    let list: [(&str, &Truth); 4] =
-        [("cosine", &|_, _| BASE), ("gloss", &gloss(0.2)), ("gauss 2", &lobe), ("ggx 2", &microfacets(2.0, 0.3))];
-    for _ in 0..2 {
-        for (name, truth) in list {
-            let elevations = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0];
-            let data = spiral(truth, &elevations, 0.01, 91);
-            let acquired = acquisition(Quantity::Brdf, data.clone());
-            let start = std::time::Instant::now();
-            let projected = project(&acquired, &AxesRequest::default()).unwrap();
-            let whole = start.elapsed();
-            let rows = Rows::new(std::borrow::Cow::Borrowed(&data.values), None, 1);
-            let start = std::time::Instant::now();
-            let plan = Plan::new(Quantity::Brdf, &data, &rows, &AxesRequest::default(), 1).unwrap();
-            let planned = start.elapsed();
-            let channels = crate::projection::resampling::Channels::Kept(1);
-            let start = std::time::Instant::now();
-            let _ = scatter(Quantity::Brdf, &plan, &rows, &channels);
-            let noise = start.elapsed();
-            let incidences = incidences(Quantity::Brdf, &plan, true);
-            let start = std::time::Instant::now();
-            let split = super::split(&plan, &rows, None, &channels, &incidences);
-            eprintln!(
-                "{name}: {whole:.2?}; plan {planned:.2?}, noise {noise:.2?}, lobe {:.2?}, {} {}",
-                start.elapsed(),
-                split.is_some(),
-                projected.lobe.is_some()
-            );
-        }
+        eprintln!("{name}: {off:.2?} %; {note}");
     }
 }

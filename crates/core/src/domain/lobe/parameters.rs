@@ -1,6 +1,7 @@
-//! Bounds of the numbers of a lobe.
+//! Numbers that a lobe is made of, and their bounds.
 
-use super::LobeParameters;
+use super::centre::LobeCentre;
+use serde::Serialize;
 
 /// The largest logarithm of a peak in sr⁻¹: more than any surface reflects, less than overflows with a colour.
 pub(super) const LARGEST_LOG: f64 = 40.0;
@@ -16,6 +17,25 @@ const LARGEST_COEFFICIENT: f64 = 1024.0;
 const LARGEST_ANGLE: f64 = 3.2;
 /// The largest factor of a sample of a spectrum.
 const LARGEST_COLOUR: f32 = 65_536.0;
+
+/// Numbers that a lobe is made of, as [`Lobe`] names them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LobeParameters {
+    /// What it stays with.
+    pub centre: LobeCentre,
+    /// p₀, p₁, p₂ of the logarithm of the peak.
+    pub peak: [f64; 3],
+    /// The least and the largest −ln cos θi that were measured.
+    pub range: [f64; 2],
+    /// Half-widths at half the maximum: radians for a direction, slopes for half vectors.
+    pub widths: [f64; 2],
+    /// Angle from the surface's x to the axis of the first width, in radians.
+    pub angle: f64,
+    /// 0 for a Gaussian … 1/2 for GGX.
+    pub tail: f64,
+    /// One factor for each sample of a spectrum.
+    pub colours: Vec<f32>,
+}
 
 /// A number of a lobe that is out of its bounds.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

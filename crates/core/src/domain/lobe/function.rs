@@ -1,0 +1,101 @@
+//! A lobe: its function, and how it is described.
+
+use super::centre::LobeCentre;
+use super::parameters::{LobeError, LobeParameters, check, short_colour};
+use super::under::LobeUnder;
+use crate::domain::direction::Direction;
+use serde::Serialize;
+
+/// A lobe of a BRDF, in sr⁻¹ without the cosine:
+///
+/// f(wi, wo, λ) = colour(λ) · exp(p₀ + p₁·t + p₂·t²) · k(x) · G, with t = −ln cos θi held within the measured range.
+///
+/// x is the squared distance of wo from the centre in half-widths, along two axes of the surface where they differ, and k
+/// falls from 1 to 1/2 at x = 1 and further as its tail says: 2^(−x) with tail 0, as the distribution of GGX with tail 1/2.
+/// G is 1 but in half vectors, where it is m(cos θi) / (m(cos θo)·hz⁴) with m(c) = c + √(a² + (1 − a²)·c²) and
+/// a = 1.5538 × the half-width, as on a surface of microfacets (Walter et al. 2007, equations 20, 33, 34): 1 at the mirror
+/// direction. Below the horizon, on either side, the lobe is 0.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(transparent)]
+pub struct Lobe(LobeParameters);
+
+impl Lobe {
+    /// The lobe of these numbers, each rounded as a file holds it; refused where one is out of its bounds.
+    pub fn new(parameters: LobeParameters) -> Result<Self, LobeError> {
+        check(&parameters)?;
+        let LobeParameters { centre, peak, range, widths, angle, tail, colours } = parameters;
+        let short = |x: f64| f64::from(x as f32);
+        Ok(Self(LobeParameters {
+            centre,
+            peak: peak.map(short),
+            range: range.map(short),
+            widths: widths.map(short),
+            angle: if widths[0] == widths[1] { 0.0 } else { short(angle) },
+            tail: short(tail),
+            colours: colours.into_iter().map(short_colour).collect(),
+        }))
+    }
+
+    /// The numbers that it is made of.
+    pub fn parameters(&self) -> LobeParameters {
+        self.0.clone()
+    }
+
+    /// The factor of each sample of a spectrum.
+    pub fn colours(&self) -> &[f32] {
+        &self.0.colours
+    }
+
+    /// What the lobe stays with.
+    pub fn centre(&self) -> LobeCentre {
+        self.0.centre
+    }
+
+    /// Returns true for a lobe that turns with the surface, as its two widths differ.
+    pub fn is_anisotropic(&self) -> bool {
+        self.0.widths[0] != self.0.widths[1]
+    }
+
+    /// Full widths at half the maximum under normal incidence, in degrees of outgoing directions.
+    pub fn full_widths(&self) -> [f64; 2] {
+        self.0.widths.map(|width| match self.0.centre {
+            LobeCentre::HalfVector => 4.0 * libm::atan(width).to_degrees(),
+            LobeCentre::Mirror | LobeCentre::Source => 4.0 * libm::asin(0.5 * width).to_degrees(),
+        })
+    }
+
+    /// The lobe under `wi`; `None` where light does not come from above.
+    #[inline]
+    pub fn under(&self, wi: Direction) -> Option<LobeUnder> {
+        LobeUnder::new(&self.0, wi.xyz())
+    }
+
+    /// The value at a pair of directions for a colour of 1, in sr⁻¹; 0 below the horizon.
+    pub fn shape(&self, wi: Direction, wo: Direction) -> f64 {
+        self.under(wi).map_or(0.0, |lobe| lobe.shape(wo))
+    }
+
+    /// Memory in bytes, without the size of the type.
+    pub fn memory(&self) -> usize {
+        size_of_val(&*self.0.colours)
+    }
+}
+
+impl std::fmt::Display for Lobe {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let about = match self.0.centre {
+            LobeCentre::Mirror => "the mirror direction",
+            LobeCentre::HalfVector => "the mirror direction, in half vectors",
+            LobeCentre::Source => "the direction back to the source",
+        };
+        let [first, second] = self.full_widths();
+        let widths =
+            if self.is_anisotropic() { format!("{first:.2}° × {second:.2}°") } else { format!("{first:.2}°") };
+        let tail = match self.0.tail {
+            tail if tail < 0.05 => "a Gaussian",
+            tail if tail > 0.45 => "with the tail of GGX",
+            _ => "with a tail between a Gaussian and GGX",
+        };
+        write!(f, "{widths} wide at half its maximum, about {about}, {tail}")
+    }
+}
