@@ -18,7 +18,7 @@ const LARGEST_ANGLE: f64 = 3.2;
 /// The largest factor of a sample of a spectrum.
 const LARGEST_COLOUR: f32 = 65_536.0;
 
-/// Numbers that a lobe is made of, as [`Lobe`] names them.
+/// Numbers that a lobe is made of, as [`Lobe`](super::Lobe) names them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LobeParameters {
     /// What it stays with.
