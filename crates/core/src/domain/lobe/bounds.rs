@@ -1,37 +1,38 @@
-//! Bounds of the numbers of a lobe.
+//! Bounds on the parameters of a lobe.
 
 use super::LobeParameters;
 
-/// The largest logarithm of a peak in sr⁻¹: more than any surface reflects, less than overflows with a colour.
+/// Largest natural logarithm of a peak in sr⁻¹: larger than any real surface, small enough not to overflow when
+/// multiplied by a colour.
 pub(super) const LARGEST_LOG: f64 = 40.0;
-/// The largest value in sr⁻¹; times the largest colour it moves no sample to infinity.
+/// Largest value in sr⁻¹; multiplied by the largest colour it stays finite in f32.
 pub(super) const LARGEST_VALUE: f64 = 1e25;
-/// Half-widths: from a hundredth of the sun's disc to a radian.
+/// Smallest and largest half-width: from a hundredth of the sun's disc to one radian.
 const WIDTHS: [f64; 2] = [1e-5, 1.0];
-/// The largest −ln cos θi: an incidence of 89.98 degrees.
+/// Largest −ln cos θi: an incidence of 89.98 degrees.
 const LARGEST_T: f64 = 8.0;
-/// The largest coefficient of the logarithm of a peak.
+/// Largest magnitude of the coefficients of the logarithm of a peak.
 const LARGEST_COEFFICIENT: f64 = 1024.0;
-/// Half a turn.
+/// Largest magnitude of the angle of the axes in radians, just over half a turn.
 const LARGEST_ANGLE: f64 = 3.2;
-/// The largest factor of a sample of a spectrum.
+/// Largest colour factor of a spectral sample.
 const LARGEST_COLOUR: f32 = 65_536.0;
 
-/// A number of a lobe that is out of its bounds.
+/// Error for a lobe parameter that is out of bounds.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("the {number} of a lobe is {found}, expected {low} to {high}")]
 pub struct LobeError {
-    /// The number, by its name.
+    /// Name of the parameter.
     pub number: &'static str,
-    /// Its value.
+    /// Value of the parameter.
     pub found: f64,
-    /// The least that is taken.
+    /// Smallest value accepted.
     pub low: f64,
-    /// The largest that is taken.
+    /// Largest value accepted.
     pub high: f64,
 }
 
-/// Refuses a number out of its bounds.
+/// Checks that all parameters are within their bounds.
 pub(super) fn check(parameters: &LobeParameters) -> Result<(), LobeError> {
     let LobeParameters { peak, range, widths, angle, tail, colours, .. } = parameters;
     for &coefficient in peak {
@@ -54,7 +55,7 @@ fn held(number: &'static str, found: f64, [low, high]: [f64; 2]) -> Result<(), L
     if (low..=high).contains(&found) { Ok(()) } else { Err(LobeError { number, found, low, high }) }
 }
 
-/// A factor with the 24 high bits of an f32.
+/// Rounds a colour factor to the 24 high bits of an f32.
 pub(super) fn short_colour(colour: f32) -> f32 {
     f32::from_bits(colour.to_bits().wrapping_add(0x7F) & 0xFFFF_FF00)
 }

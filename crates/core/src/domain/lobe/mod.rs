@@ -1,4 +1,4 @@
-//! A lobe of reflected light that is narrower than cells can hold: its function, what is drawn from it, and its integrals.
+//! Lobe of reflected light that is too narrow for cells: its function, importance sampling and integrals.
 
 mod around;
 mod bounds;
@@ -16,89 +16,91 @@ use profile::Profile;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// Roughness of a GGX surface over the half-width of its lobe in slopes of half vectors: (1 + tan²/α²)² is 2 at
-/// tan = 0.6436 α.
+/// Ratio of the roughness α of a GGX surface to the half-width of its lobe in slopes of half vectors: (1 + tan²/α²)² is
+/// 2 at tan = 0.6436 α.
 const ROUGHNESS_OF_WIDTH: f64 = 1.553_773_974_030_037_3;
 
-/// The direction that a lobe stays with, as the incoming direction moves.
+/// Direction about which a lobe is centred, relative to the incoming direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LobeCentre {
-    /// The mirror direction; distances are angles from it.
+    /// Mirror direction; distances are angles from it.
     Mirror,
-    /// The mirror direction; distances are slopes of the half vector, as on surfaces of microfacets.
+    /// Mirror direction; distances are slopes of the half vector, as for microfacet surfaces.
     HalfVector,
-    /// The direction back to the source; distances are angles from it.
+    /// Direction back to the source; distances are angles from it.
     Source,
 }
 
 /// All centres.
 pub const CENTRES: [LobeCentre; 3] = [LobeCentre::Mirror, LobeCentre::HalfVector, LobeCentre::Source];
 
-/// A lobe of a BRDF, in sr⁻¹ without the cosine:
+/// Lobe of a BRDF, in sr⁻¹ without the cosine:
 ///
-/// f(wi, wo, λ) = colour(λ) · exp(p₀ + p₁·t + p₂·t²) · k(x) · G, with t = −ln cos θi held within the measured range.
+/// f(wi, wo, λ) = colour(λ) · exp(p₀ + p₁·t + p₂·t²) · k(x) · G, with t = −ln cos θi clamped to the measured range.
 ///
-/// x is the squared distance of wo from the centre in half-widths, along two axes of the surface where they differ, and k
-/// falls from 1 to 1/2 at x = 1 and further as its tail says: 2^(−x) with tail 0, as the distribution of GGX with tail 1/2.
-/// G is 1 but in half vectors, where it is m(cos θi) / (m(cos θo)·hz⁴) with m(c) = c + √(a² + (1 − a²)·c²) and
-/// a = 1.5538 × the half-width, as on a surface of microfacets (Walter et al. 2007, equations 20, 33, 34): 1 at the mirror
-/// direction. Below the horizon, on either side, the lobe is 0.
+/// x is the squared distance of wo from the centre in half-widths, along two axes of the surface if the widths differ.
+/// k falls from 1 at x = 0 to 1/2 at x = 1; the tail parameter determines the rest: 2^(−x) for tail 0, the GGX
+/// distribution for tail 1/2.
+///
+/// G is 1 except for half vectors, where it is m(cos θi) / (m(cos θo)·hz⁴) with m(c) = c + √(a² + (1 − a²)·c²) and a =
+/// 1.5538 × the half-width, as for a microfacet surface (Walter et al. 2007, equations 20, 33, 34). It is 1 at the
+/// mirror direction. The lobe is 0 if wi or wo is below the horizon.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Lobe {
-    /// What it stays with.
+    /// Centre of the lobe.
     centre: LobeCentre,
-    /// p₀, p₁, p₂.
+    /// Coefficients p₀, p₁, p₂ of the logarithm of the peak.
     peak: [f64; 3],
-    /// The least and the largest t that were measured.
+    /// Smallest and largest t measured.
     range: [f64; 2],
     /// Half-widths at half the maximum: radians for a direction, slopes for half vectors.
     widths: [f64; 2],
     /// Angle from the surface's x to the axis of the first width, in radians.
     angle: f64,
-    /// 0 … 1/2.
+    /// Tail parameter, 0 … 1/2.
     tail: f64,
-    /// One factor for each sample of a spectrum, their mean about 1.
+    /// Colour factors, one per sample of a spectrum, with a mean of about 1.
     colours: Vec<f32>,
 }
 
-/// Numbers that a lobe is made of, as [`Lobe`] names them.
+/// Parameters of a lobe, as defined by [`Lobe`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct LobeParameters {
-    /// What it stays with.
+    /// Centre of the lobe.
     pub centre: LobeCentre,
-    /// p₀, p₁, p₂ of the logarithm of the peak.
+    /// Coefficients p₀, p₁, p₂ of the logarithm of the peak.
     pub peak: [f64; 3],
-    /// The least and the largest −ln cos θi that were measured.
+    /// Smallest and largest −ln cos θi measured.
     pub range: [f64; 2],
     /// Half-widths at half the maximum: radians for a direction, slopes for half vectors.
     pub widths: [f64; 2],
     /// Angle from the surface's x to the axis of the first width, in radians.
     pub angle: f64,
-    /// 0 for a Gaussian … 1/2 for GGX.
+    /// Tail parameter, from 0 (Gaussian) to 1/2 (GGX).
     pub tail: f64,
-    /// One factor for each sample of a spectrum.
+    /// Colour factors, one per sample of a spectrum.
     pub colours: Vec<f32>,
 }
 
-/// A lobe under one incoming direction: what does not depend on the outgoing one.
+/// Lobe under one incoming direction, with all values precomputed that do not depend on the outgoing one.
 #[derive(Clone, Copy, Debug)]
 pub struct LobeUnder {
     around: Around,
     profile: Profile,
     peak: f64,
-    /// Rows of the matrix that takes a place to half-widths along both axes.
+    /// Rows of the matrix that maps plane coordinates to half-widths along both axes.
     to_widths: [[f64; 2]; 2],
     widths: [f64; 2],
     /// Cosine and sine of the angle of the axes.
     turn: [f64; 2],
-    /// a of the masking; `None` where G is 1.
+    /// Roughness a in G; `None` if G is 1.
     roughness: Option<f64>,
     cos_i: f64,
 }
 
 impl Lobe {
-    /// The lobe of these numbers, each rounded as a file holds it; refused where one is out of its bounds.
+    /// Creates a lobe, with each parameter rounded as in files. Fails if a parameter is out of bounds.
     pub fn new(parameters: LobeParameters) -> Result<Self, LobeError> {
         bounds::check(&parameters)?;
         let LobeParameters { centre, peak, range, widths, angle, tail, colours } = parameters;
@@ -114,7 +116,7 @@ impl Lobe {
         })
     }
 
-    /// The numbers that it is made of.
+    /// Returns the parameters of the lobe.
     pub fn parameters(&self) -> LobeParameters {
         LobeParameters {
             centre: self.centre,
@@ -127,22 +129,22 @@ impl Lobe {
         }
     }
 
-    /// The factor of each sample of a spectrum.
+    /// Returns the colour factor of each sample of a spectrum.
     pub fn colours(&self) -> &[f32] {
         &self.colours
     }
 
-    /// What the lobe stays with.
+    /// Returns the centre of the lobe.
     pub fn centre(&self) -> LobeCentre {
         self.centre
     }
 
-    /// Returns true for a lobe that turns with the surface, as its two widths differ.
+    /// Returns true if the two widths differ, so that the lobe rotates with the surface.
     pub fn is_anisotropic(&self) -> bool {
         self.widths[0] != self.widths[1]
     }
 
-    /// Full widths at half the maximum under normal incidence, in degrees of outgoing directions.
+    /// Returns the full widths at half maximum under normal incidence, in degrees of outgoing directions.
     pub fn full_widths(&self) -> [f64; 2] {
         self.widths.map(|width| match self.centre {
             LobeCentre::HalfVector => 4.0 * libm::atan(width).to_degrees(),
@@ -150,7 +152,7 @@ impl Lobe {
         })
     }
 
-    /// The lobe under `wi`; `None` where light does not come from above.
+    /// Returns the lobe under `wi`; `None` if `wi` is not above the horizon.
     #[inline]
     pub fn under(&self, wi: Direction) -> Option<LobeUnder> {
         let wi = wi.xyz();
@@ -175,24 +177,24 @@ impl Lobe {
         })
     }
 
-    /// The value at a pair of directions for a colour of 1, in sr⁻¹; 0 below the horizon.
+    /// Returns the value at a pair of directions for a colour of 1, in sr⁻¹; 0 below the horizon.
     pub fn shape(&self, wi: Direction, wo: Direction) -> f64 {
         self.under(wi).map_or(0.0, |lobe| lobe.shape(wo))
     }
 
-    /// Memory in bytes, without the size of the type.
+    /// Returns the heap memory in bytes, without the size of the type.
     pub fn memory(&self) -> usize {
         size_of_val(&*self.colours)
     }
 }
 
 impl LobeUnder {
-    /// The value at the centre.
+    /// Returns the value at the centre, in sr⁻¹.
     pub fn peak(&self) -> f64 {
         self.peak
     }
 
-    /// The value at an outgoing direction for a colour of 1, in sr⁻¹; 0 below the horizon.
+    /// Returns the value at an outgoing direction for a colour of 1, in sr⁻¹; 0 below the horizon.
     #[inline]
     pub fn shape(&self, wo: Direction) -> f64 {
         self.shape_at(wo.xyz())
@@ -200,25 +202,25 @@ impl LobeUnder {
 
     #[inline]
     fn shape_at(&self, wo: Vector) -> f64 {
-        // Written so that what is no number is 0, too.
+        // Written so that NaN gives 0, too.
         if wo[2] >= 0.0 {
             let place = self.around.place(wo);
             let value = self.peak * self.profile.at(self.distance(place)) * self.factor(place, wo[2]);
-            // Where both directions are at the horizon, the tail is 0 and the factor has no bound.
+            // With both directions at the horizon, the tail is 0 and the factor unbounded.
             if value.is_nan() { 0.0 } else { value.min(bounds::LARGEST_VALUE) }
         } else {
             0.0
         }
     }
 
-    /// The squared distance of a place from the centre, in half-widths.
+    /// Returns the squared distance from the centre, in half-widths, at plane coordinates.
     #[inline]
     fn distance(&self, place: [f64; 2]) -> f64 {
         let [a, b] = self.to_widths.map(|[x, y]| x * place[0] + y * place[1]);
         a * a + b * b
     }
 
-    /// G.
+    /// Returns the factor G of the lobe.
     #[inline]
     fn factor(&self, [x, y]: [f64; 2], cos_o: f64) -> f64 {
         let Some(a) = self.roughness else { return 1.0 };
@@ -227,14 +229,14 @@ impl LobeUnder {
         m(self.cos_i) / m(cos_o) * squared * squared
     }
 
-    /// The place at half-widths times (cos, sin) of an angle.
+    /// Converts half-widths along both axes to plane coordinates.
     #[inline]
     fn spread(&self, [a, b]: [f64; 2]) -> [f64; 2] {
         let ([a, b], [cos, sin]) = ([a * self.widths[0], b * self.widths[1]], self.turn);
         [cos * a - sin * b, sin * a + cos * b]
     }
 
-    /// Distance to the horizon in half-widths, squared, towards an angle's cosine and sine.
+    /// Returns the squared distance to the horizon, in half-widths, in the direction given by cosine and sine.
     #[inline]
     fn reach(&self, towards: [f64; 2]) -> f64 {
         let [x, y] = self.spread(towards);
@@ -243,8 +245,8 @@ impl LobeUnder {
         reach * reach
     }
 
-    /// Draws a direction above the horizon from a point of the unit square: the first coordinate is the share of the lobe that lies
-    /// nearer to its centre, the second the part of a turn about it.
+    /// Samples a direction above the horizon from a point of the unit square. The first coordinate is the share of the
+    /// lobe nearer to its centre, the second the fraction of a turn about it.
     pub fn draw(&self, [share, turn]: [f64; 2]) -> Direction {
         let (sin, cos) = libm::sincos(TAU * turn);
         let towards = [cos, sin];
@@ -254,8 +256,8 @@ impl LobeUnder {
         Direction::new(x, y, z.max(0.0)).unwrap_or_else(|| Direction::from_unit(self.around.centre()))
     }
 
-    /// The density in sr⁻¹ with which [`LobeUnder::draw`] draws a direction; 0 below the horizon. Over all above it the
-    /// integral is 1.
+    /// Returns the probability density, in sr⁻¹, with which [`LobeUnder::draw`] samples a direction; 0 below the
+    /// horizon. It integrates to 1 above the horizon.
     pub fn density(&self, wo: Direction) -> f64 {
         let wo = wo.xyz();
         if wo[2] >= 0.0 {
@@ -271,7 +273,7 @@ impl LobeUnder {
         }
     }
 
-    /// The point of the unit square that [`LobeUnder::draw`] takes to a direction.
+    /// Returns the point of the unit square that [`LobeUnder::draw`] maps to a direction.
     pub fn point_of(&self, wo: Direction) -> [f64; 2] {
         let place = self.around.place(wo.xyz());
         let [a, b] = self.to_widths.map(|[x, y]| x * place[0] + y * place[1]);
@@ -282,10 +284,10 @@ impl LobeUnder {
     }
 }
 
-/// The largest share of a lobe that is drawn from: beyond, a Gaussian has its last 1e-15.
+/// Largest share of a lobe used for sampling; a Gaussian has only 1e-15 beyond it.
 const LARGEST_SHARE: f64 = 1.0 - 1e-15;
 
-/// A unit vector of the plane; any at the origin.
+/// Returns the unit vector in direction (a, b) of the plane; an arbitrary one for the origin.
 #[inline]
 fn towards(a: f64, b: f64) -> [f64; 2] {
     let length = (a * a + b * b).sqrt();
